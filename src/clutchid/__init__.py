@@ -1,0 +1,1 @@
+"""clutchid: from a recording of an electropneumatic clutch actuator to its load."""

@@ -1,0 +1,76 @@
+"""Generated modules on disk, so that a warm process neither derives, prints nor compiles."""
+
+from __future__ import annotations
+
+import getpass
+import hashlib
+import importlib.util
+import os
+import platform
+import tempfile
+from collections.abc import Callable, Iterable
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+
+_LIBRARIES = ("numba", "sympy", "numpy")
+
+
+def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) -> ModuleType:
+    """The generated module `name`, built by `build` unless a cached one fits.
+
+    The cache folder is keyed by the contents of `sources`, the versions of the libraries and the processor type; Numba
+    keeps the machine code beside the module and checks the processor's features itself. The file appears under a
+    temporary name and is renamed, so processes that build at the same time do not disturb each other. Where the
+    user's cache folder cannot be written, a temporary folder serves.
+
+    Raises
+    ------
+    OSError
+        If not even a temporary folder can be written.
+    """
+    key = _key(sources)
+    path = _folder(key) / f"{name}.py"
+    if not path.exists():
+        _write(path, build())
+    spec = importlib.util.spec_from_file_location(f"clutchid_generated_{name}_{key}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _key(sources: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(sources):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    for library in _LIBRARIES:
+        digest.update(f"{library} {version(library)}".encode())
+    digest.update(f"{platform.python_version()} {platform.machine()}".encode())
+    return digest.hexdigest()[:16]
+
+
+def _folder(key: str) -> Path:
+    from platformdirs import user_cache_path
+
+    chosen = os.environ.get("CLUTCHID_CACHE")
+    preferred = Path(chosen) if chosen else user_cache_path("clutchid", appauthor=False)
+    fallback = Path(tempfile.gettempdir()) / f"clutchid-{getpass.getuser()}"
+    for base in (preferred, fallback):
+        folder = base / key
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                return folder
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="clutchid-"))
+
+
+def _write(path: Path, text: str) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+    Path(temporary).replace(path)

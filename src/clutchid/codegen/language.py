@@ -1,0 +1,105 @@
+"""Printing expressions: one small recursive printer, one record a language.
+
+Divisions are printed as products with reciprocals, so that a compiler shares one division among all uses of a volume
+or a pressure; powers are printed as products.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import sympy as sp
+
+from clutchid.codegen.system import Expr
+
+_RELATIONS = {sp.Gt: ">", sp.Ge: ">=", sp.Lt: "<", sp.Le: "<=", sp.Eq: "==", sp.Ne: "!="}
+
+
+@dataclass(frozen=True, slots=True)
+class Language:
+    """How a programming language spells numbers, logic and functions."""
+
+    number: str
+    both: str
+    either: str
+    negation: str
+    true: str
+    false: str
+    functions: Mapping[str, str]
+
+    def print(self, value: Expr) -> str:
+        """`value` as source text.
+
+        Raises
+        ------
+        NotImplementedError
+            For a function that the language record does not know.
+        """
+        return self._visit(sp.sympify(value))
+
+    def _visit(self, value: Expr) -> str:
+        if value is sp.true or value is sp.false:
+            return self.true if value is sp.true else self.false
+        if value.is_Symbol:
+            return str(value)
+        if value.is_number:
+            return self._number(value)
+        if value.is_Add:
+            return self._sum(value)
+        if value.is_Mul:
+            return self._product(value)
+        if value.is_Pow:
+            return self._power(value.base, value.exp)
+        if type(value) in _RELATIONS:
+            return f"{self._visit(value.lhs)} {_RELATIONS[type(value)]} {self._visit(value.rhs)}"
+        if isinstance(value, (sp.And, sp.Or)):
+            word = self.both if isinstance(value, sp.And) else self.either
+            return f" {word} ".join(f"({self._visit(a)})" for a in sorted(value.args, key=str))
+        if isinstance(value, sp.Not):
+            return f"{self.negation}({self._visit(value.args[0])})"
+        return self._call(value.func.__name__, *value.args)
+
+    def _number(self, value: Expr) -> str:
+        return self.number.format(repr(float(value)))
+
+    def _call(self, name: str, *arguments: Expr) -> str:
+        if name not in self.functions:
+            raise NotImplementedError(f"no {name}() in this language; known are {', '.join(self.functions)}.")
+        return f"{self.functions[name]}({', '.join(self._visit(a) for a in arguments)})"
+
+    def _sum(self, value: Expr) -> str:
+        text = ""
+        for term in value.as_ordered_terms():
+            negative = term.could_extract_minus_sign()
+            part = self._visit(-term if negative else term)
+            text += (" - " if negative else " + ") + (f"({part})" if (-term if negative else term).is_Add else part)
+        return text[3:] if text.startswith(" + ") else "-" + text[3:]
+
+    def _product(self, value: Expr) -> str:
+        coefficient, rest = value.as_coeff_Mul()
+        if coefficient == -1:
+            return f"-{self._factor(rest)}" if not rest.is_Mul else f"-{self._visit(rest)}"
+        return "*".join(self._factor(a) for a in value.as_ordered_factors())
+
+    def _factor(self, value: Expr) -> str:
+        text = self._visit(value)
+        return f"({text})" if value.is_Add or (value.is_number and value < 0) else text
+
+    def _power(self, base: Expr, exponent: Expr) -> str:
+        if exponent.is_Integer and abs(exponent) <= 6:
+            one = self._factor(base) if base.is_Symbol or base.is_number else f"({self._visit(base)})"
+            if exponent < 0:
+                one = f"({self._number(sp.Integer(1))}/{one})"
+            return "*".join([one] * abs(int(exponent)))
+        if abs(exponent) == sp.Rational(1, 2):
+            root = self._call("sqrt", base)
+            return root if exponent > 0 else f"({self._number(sp.Integer(1))}/{root})"
+        return self._call("pow", base, exponent)
+
+
+_FUNCTIONS = ("sqrt", "pow", "exp", "log", "sin", "cos", "tan", "tanh", "sinh", "cosh", "asin", "acos", "atan")
+
+PYTHON = Language("{}", "and", "or", "not ", "True", "False", {name: f"math.{name}" for name in _FUNCTIONS})
+C_DOUBLE = Language("{}", "&&", "||", "!", "1", "0", {name: name for name in _FUNCTIONS})
+C_FLOAT = Language("{}F", "&&", "||", "!", "1", "0", {name: f"{name}f" for name in _FUNCTIONS})

@@ -1,0 +1,119 @@
+"""What every printer needs of a `System`: its program, differentiated and staged, and the sparse layout of derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from clutchid.codegen.program import Derivatives, Staged, Statement, differentiate, live, lower, right_hand_side, staged
+from clutchid.codegen.system import Expr, Jump, System
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One structurally non-zero derivative: of row `row` to column `column`, computed as `value`."""
+
+    row: int
+    column: int
+    value: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class JumpProgram:
+    """A jump: statements, the new states, and their derivatives to states and parameter slots."""
+
+    statements: tuple[Statement, ...]
+    states: tuple[Expr, ...]
+    jacobian: tuple[Entry, ...]
+    slots: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The differentiated program of a system; `slots` are the non-zero (state, parameter) pairs of all derivatives."""
+
+    system: System
+    plain: Staged
+    with_jacobian: Staged
+    with_parameters: Staged
+    rates: tuple[Expr, ...]
+    jacobian: tuple[Entry, ...]
+    table_entries: tuple[Entry, ...]
+    slots: tuple[tuple[int, int], ...]
+    slot_values: tuple[Expr, ...]
+    jumps: tuple[JumpProgram, ...]
+
+
+def layout(system: System) -> Layout:
+    """Differentiate and stage `system` once, for all printers.
+
+    Raises
+    ------
+    ValueError
+        If a piecewise expression does not cover every case.
+    """
+    statements, rates = right_hand_side(system)
+    seeds = [*system.states, *system.parameters, *([system.table.value] if system.table else [])]
+    extended, by = differentiate(statements, seeds)
+    jacobian = _entries(by, rates, system.states)
+    table_entries = _entries(by, rates, [system.table.value]) if system.table else ()
+    jumps = [_differentiated(system, jump) for jump in system.jumps]
+    slots = {(e.row, e.column) for e in _entries(by, rates, system.parameters)}
+    for _, outputs, jump_by in jumps:
+        slots |= {(e.row, e.column) for e in _entries(jump_by, outputs, system.parameters)}
+    ordered = tuple(sorted(slots))
+    slot_values = _slot_values(system, by, rates, ordered)
+
+    def stage(needed: Iterable[Expr]) -> Staged:
+        symbols = [symbol for value in needed for symbol in sp.sympify(value).free_symbols]
+        return staged(live(extended, symbols), system.parameters, system.inputs)
+
+    state_values = [*rates, *(e.value for e in jacobian), *(e.value for e in table_entries)]
+    return Layout(
+        system=system,
+        plain=stage(rates),
+        with_jacobian=stage(state_values),
+        with_parameters=stage([*state_values, *slot_values]),
+        rates=rates,
+        jacobian=jacobian,
+        table_entries=table_entries,
+        slots=ordered,
+        slot_values=slot_values,
+        jumps=tuple(
+            JumpProgram(
+                tuple(statements),
+                outputs,
+                _entries(jump_by, outputs, system.states),
+                _slot_values(system, jump_by, outputs, ordered),
+            )
+            for statements, outputs, jump_by in jumps
+        ),
+    )
+
+
+def _entries(by: Derivatives, rows: Sequence[Expr], columns: Sequence[Expr]) -> tuple[Entry, ...]:
+    return tuple(
+        Entry(i, j, by[row][column])
+        for i, row in enumerate(rows)
+        for j, column in enumerate(columns)
+        if column in by.get(row, {})
+    )
+
+
+def _slot_values(
+    system: System, by: Derivatives, rows: Sequence[Expr], slots: Iterable[tuple[int, int]]
+) -> tuple[Expr, ...]:
+    return tuple(by.get(rows[i], {}).get(system.parameters[j], sp.Integer(0)) for i, j in slots)
+
+
+def _differentiated(system: System, jump: Jump) -> tuple[list[Statement], tuple[Expr, ...], Derivatives]:
+    outputs = tuple(sp.Symbol(f"new_{state}", real=True) for state in system.states)
+    statements: list[Statement] = []
+    for output, value in zip(outputs, jump.states, strict=True):
+        statements += lower(output, value)
+    extended, by = differentiate(statements, [*system.states, *system.parameters])
+    return extended, outputs, by
+
+

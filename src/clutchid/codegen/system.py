@@ -1,0 +1,72 @@
+"""A `System`: what codegen takes. States, inputs, parameters and expressions; it knows no clutch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+#: A SymPy expression, a number, or (for plain arithmetic) an array.
+Expr: TypeAlias = Any
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    r"""A function known only when the kernel runs: ``value = sum_i theta_i phi_i(argument)``.
+
+    The phi_i are piecewise cubics, held as breakpoints and coefficients. In the equations `value` stands for the
+    function; its derivative to `argument` and to every weight is exact.
+    """
+
+    value: Expr
+    argument: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """New states at a sample, as expressions in the states before, the measured values and the parameters."""
+
+    name: str
+    states: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """Ordinary differential equations with held inputs, from which kernels, C and LaTeX are made.
+
+    `definitions` are named intermediate expressions in the order in which they are computed; they may use states,
+    inputs, parameters, the table's value and definitions before them. `derivatives` are the right-hand sides.
+    """
+
+    name: str
+    states: tuple[Expr, ...]
+    inputs: tuple[Expr, ...]
+    parameters: tuple[Expr, ...]
+    definitions: tuple[tuple[Expr, Expr], ...]
+    derivatives: tuple[Expr, ...]
+    table: Table | None = None
+    measured: tuple[Expr, ...] = ()
+    jumps: tuple[Jump, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.states) != len(self.derivatives):
+            raise ValueError(f"{self.name}: {len(self.states)} states but {len(self.derivatives)} derivatives.")
+        names = [str(s) for s in (*self.states, *self.inputs, *self.parameters, *(d for d, _ in self.definitions))]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"{self.name}: {', '.join(twice)} named twice.")
+        known = {*self.states, *self.inputs, *self.parameters, *([self.table.value] if self.table else [])}
+        for symbol, expression in (*self.definitions, *zip(self.states, self.derivatives, strict=True)):
+            unknown = sorted(str(s) for s in getattr(expression, "free_symbols", set()) - known)
+            if unknown:
+                raise ValueError(f"{self.name}: {symbol} uses {', '.join(unknown)} before it is defined.")
+            known.add(symbol)
+
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of the kernels' parameter array."""
+        return tuple(str(symbol) for symbol in self.parameters)
+
+
+def index_of(symbols: Sequence[Expr]) -> dict[str, int]:
+    """Position of each symbol by name."""
+    return {str(symbol): position for position, symbol in enumerate(symbols)}

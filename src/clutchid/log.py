@@ -1,0 +1,99 @@
+"""A `Log`: everything that has a time axis, recorded, simulated or observed.
+
+Columns are in SI under the names of `COLUMNS`; a missing sample is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+
+FloatArray = NDArray[np.float64]
+
+#: Column names of a recording or a simulation and their SI units.
+COLUMNS: Mapping[str, str] = MappingProxyType(
+    {
+        "position": "m",
+        "duty_supply": "1",
+        "duty_exhaust": "1",
+        "pressure_a": "Pa",
+        "velocity": "m/s",
+        "pressure_b": "Pa",
+        "deflection": "m",
+        "temperature_a": "K",
+        "pressure_a low": "Pa",
+        "pressure_a high": "Pa",
+    }
+)
+
+INPUTS = ("duty_supply", "duty_exhaust")
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A recording: time in s, columns in SI by name, and where it comes from.
+
+    Arrays are set read-only, so a `Log` can be shared between threads and results.
+
+    Raises
+    ------
+    DataError
+        If the columns differ in length, a name is unknown, or time is not finite and strictly increasing.
+    """
+
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+    name: str = "log"
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        time = _frozen(self.time)
+        columns = {name: _frozen(values) for name, values in self.columns.items()}
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "columns", MappingProxyType(columns))
+        object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
+        problems = [f"column '{name}' is not known; known are {', '.join(COLUMNS)}." for name in columns.keys() - COLUMNS]
+        problems += [
+            f"column '{name}' has {values.size} samples, time has {time.size}."
+            for name, values in columns.items()
+            if values.shape != time.shape
+        ]
+        if time.ndim != 1 or not np.all(np.isfinite(time)) or not np.all(np.diff(time) > 0):
+            problems.append("time must be one finite, strictly increasing column.")
+        if problems:
+            raise DataError.of(self.name, problems)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """The column `name`, in SI."""
+        try:
+            return self.columns[name]
+        except KeyError:
+            raise DataError(f"{self.name}: no column '{name}'; it has {', '.join(self.columns) or 'none'}.") from None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    def slice(self, start: int, stop: int) -> Log:
+        """Samples `start` to `stop` (exclusive), as a view."""
+        columns = {name: values[start:stop] for name, values in self.columns.items()}
+        return replace(self, time=self.time[start:stop], columns=columns)
+
+    def with_columns(self, **columns: FloatArray) -> Log:
+        """The same log with columns added or replaced."""
+        return replace(self, columns={**self.columns, **columns})
+
+
+def _frozen(values: FloatArray) -> FloatArray:
+    array = np.ascontiguousarray(values, dtype=np.float64).view()
+    array.flags.writeable = False
+    return array

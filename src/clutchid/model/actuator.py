@@ -1,0 +1,172 @@
+"""`Load`, weights with the basis they belong to, and `Actuator` = model variant + parameters + load."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.parameters import Parameters, unknown_name
+
+FloatArray = NDArray[np.float64]
+
+#: Knots of the paper in m, Section 2.5.
+PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
+
+
+@dataclass(frozen=True)
+class Load:
+    r"""The clutch load over the piston position, Eq. (14): ``f_l(y) = theta_1 phi_1(y) + theta_2 phi_2(y) + theta_3 phi_3(y)``.
+
+    Parameters
+    ----------
+    theta : N/m
+        Three weights. A weight means nothing without its basis, so knots and slope are kept with it.
+    knots : m
+        Four strictly increasing positions t_1 ... t_4.
+    phi2_slope : 1
+        1 by the paper's stated conditions, 0.001 as published; see `clutchid.model.load.xi_2`.
+
+    Raises
+    ------
+    ParameterError
+        If knots do not increase or a weight is not finite.
+
+    Examples
+    --------
+    The paper's ballistic estimate peaks at 5.0 kN, 4 bar on the piston:
+
+    >>> load = Load((9.3850e5, -0.5817e5, 0.3909e5), phi2_slope=0.001)
+    >>> f"{load.force(np.array([8.5e-3]))[0]:.0f} N"
+    '4957 N'
+    """
+
+    theta: tuple[float, ...] = (9e5, 0.0, 0.0)
+    knots: tuple[float, ...] = PAPER_KNOTS
+    phi2_slope: float = 1.0
+    basis: str = field(default="paper", init=False)
+
+    def __post_init__(self) -> None:
+        problems = []
+        if len(self.theta) != 3 or not all(math.isfinite(value) for value in self.theta):
+            problems.append(f"theta = {self.theta}: three finite weights in N/m are needed.")
+        if len(self.knots) != 4 or not all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False)):
+            problems.append(f"knots = {self.knots} m: four strictly increasing positions are needed, the paper has {PAPER_KNOTS}.")
+        if not math.isfinite(self.phi2_slope):
+            problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")
+        if problems:
+            raise ParameterError("\n".join(problems))
+        object.__setattr__(self, "theta", tuple(float(value) for value in self.theta))
+        object.__setattr__(self, "knots", tuple(float(value) for value in self.knots))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the weights: theta_1, theta_2, ..."""
+        return tuple(f"theta_{i + 1}" for i in range(len(self.theta)))
+
+    @cached_property
+    def breakpoints(self) -> FloatArray:
+        """Positions in m where the polynomials change, shape (s - 1,)."""
+        return _paper_table(self.knots, self.phi2_slope)[0]
+
+    @cached_property
+    def coefficients(self) -> FloatArray:
+        """Coefficients of every basis function, shape (n_theta, s, 4), in powers of y - left breakpoint."""
+        return _paper_table(self.knots, self.phi2_slope)[1]
+
+    def combined(self, theta: FloatArray | None = None) -> FloatArray:
+        """Coefficients of the load itself, shape (s, 4), with the weights `theta` in place of the own ones."""
+        weights = np.asarray(self.theta if theta is None else theta, dtype=np.float64)
+        result: FloatArray = np.tensordot(weights, self.coefficients, axes=1)
+        return result
+
+    def phi(self, y: FloatArray) -> FloatArray:
+        """Basis functions in m at the positions `y` in m, shape (n, n_theta)."""
+        y = np.asarray(y, dtype=np.float64)
+        segment = np.searchsorted(self.breakpoints, y, side="right")
+        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
+        c = self.coefficients[:, segment]
+        result: FloatArray = (c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))).T
+        return result
+
+    def force(self, y: FloatArray) -> FloatArray:
+        """Load in N at the positions `y` in m, shape (n,)."""
+        result: FloatArray = self.phi(y) @ np.asarray(self.theta)
+        return result
+
+
+@cache
+def _paper_table(knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
+    breakpoints, coefficients = kernels("isothermal").paper_table(*knots, phi2_slope)
+    table = np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64)
+    for array in table:
+        array.flags.writeable = False
+    return table
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """An actuator: model variant, parameters and load.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+
+    Examples
+    --------
+    >>> Actuator().value("C_vs")
+    1.9e-08
+    """
+
+    parameters: Parameters = field(default_factory=Parameters)
+    load: Load = field(default_factory=Load)
+    model: str = "isothermal"
+
+    def __post_init__(self) -> None:
+        if self.model not in VARIANTS:
+            raise ParameterError(unknown_name(self.model, VARIANTS, "model"))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names that `value` and `replace` know: the parameters, then the load weights."""
+        return (*Parameters.names(), *self.load.names)
+
+    def value(self, name: str) -> float:
+        """Value of a parameter or load weight, in SI.
+
+        Raises
+        ------
+        ParameterError
+            For an unknown name; the text has the nearest known one.
+        """
+        if name in self.load.names:
+            return self.load.theta[self.load.names.index(name)]
+        if name not in Parameters.names():
+            raise ParameterError(unknown_name(name, self.names))
+        result: float = getattr(self.parameters, name)
+        return result
+
+    def unit(self, name: str) -> str:
+        """Unit of a parameter or load weight."""
+        return "N/m" if name in self.load.names else Parameters.row(name).unit
+
+    def replace(self, changes: dict[str, float]) -> Actuator:
+        """A copy with other parameter values or load weights, checked again.
+
+        Raises
+        ------
+        ParameterError
+            For an unknown name or a value outside its range.
+        """
+        theta = tuple(changes.get(name, value) for name, value in zip(self.load.names, self.load.theta, strict=True))
+        others = {name: value for name, value in changes.items() if name not in self.load.names}
+        unknown = [unknown_name(name, self.names) for name in others if name not in Parameters.names()]
+        if unknown:
+            raise ParameterError("\n".join(unknown))
+        return replace(self, parameters=self.parameters.replace(others), load=replace(self.load, theta=theta))

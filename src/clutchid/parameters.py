@@ -1,0 +1,193 @@
+"""`Parameters`: the Appendix of the paper as code, one row a number.
+
+Each row holds value, unit, meaning, admissible range and source; documentation tables, parameter files and exports read
+the same rows. The load weights theta are not here: they belong to a `clutchid.model.Load`, because a weight means
+nothing without its basis.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import Field, dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+
+_APPENDIX = "Appendix A"
+_ERRATA = "deviation from the paper, see ERRATA"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What is known of one parameter besides its value."""
+
+    unit: str
+    meaning: str
+    low: float
+    high: float
+    low_included: bool
+    source: str
+
+    def admits(self, value: float) -> bool:
+        """Whether `value` lies in the admissible range."""
+        above = value >= self.low if self.low_included else value > self.low
+        return math.isfinite(value) and above and value <= self.high
+
+    @property
+    def allowed(self) -> str:
+        """The admissible range in words."""
+        lower = f"{'at least' if self.low_included else 'above'} {self.low:g}" if math.isfinite(self.low) else ""
+        upper = f"at most {self.high:g}" if math.isfinite(self.high) else ""
+        return " and ".join(part for part in (lower, upper) if part) or "any finite number"
+
+
+def _row(
+    value: float,
+    unit: str,
+    meaning: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float = math.inf,
+    source: str = _APPENDIX,
+) -> Any:
+    low = above if above is not None else at_least if at_least is not None else -math.inf
+    return field(default=value, metadata={"row": Row(unit, meaning, low, at_most, above is None, source)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameters:
+    """Parameters of the actuator in SI; the defaults are the paper's Appendix A.
+
+    Raises
+    ------
+    ParameterError
+        If a value is outside its admissible range; all of them are named.
+
+    Examples
+    --------
+    The supply pressure holds against 9.7 kN on the piston of chamber A:
+
+    >>> p = Parameters()
+    >>> f"{p.A_A * (p.P_S - p.P_0):.0f} N"
+    '9723 N'
+    """
+
+    A_A: float = _row(12.3e-3, "m²", "area of the piston in chamber A", above=0)
+    A_B: float = _row(11.848e-3, "m²", "area of the piston in chamber B", above=0)
+    V_0A: float = _row(0.148e-3, "m³", "volume of chamber A at y = 0", above=0)
+    V_0B: float = _row(1.2e-4, "m³", "dead volume of chamber B at y = y_max", above=0)
+    P_0: float = _row(1.095e5, "Pa", "ambient pressure", above=0)
+    T_0: float = _row(293.0, "K", "temperature", above=0)
+    R: float = _row(288.0, "J/(kg·K)", "gas constant of air", above=0)
+    M: float = _row(10.0, "kg", "mass of the piston", above=0)
+    P_S: float = _row(9e5, "Pa", "supply pressure, absolute", above=0)
+    D_v: float = _row(5000.0, "N·s/m", "viscous friction", at_least=0)
+    K_z: float = _row(1e6, "N/m", "stiffness of the seal deflection", above=0)
+    D_zdot: float = _row(5000.0, "N·s/m", "damping of the seal deflection", at_least=0)
+    F_C: float = _row(200.0, "N", "Coulomb friction", above=0)
+    R_0vs: float = _row(0.07, "1", "duty cycle where the supply valve starts to open", at_least=0, at_most=1)
+    R_0ve: float = _row(0.07, "1", "duty cycle where the exhaust valve starts to open", at_least=0, at_most=1)
+    R_1vs: float = _row(0.93, "1", "duty cycle where the supply valve is fully open", above=0, at_most=2)
+    R_1ve: float = _row(0.93, "1", "duty cycle where the exhaust valve is fully open", above=0, at_most=2)
+    B_vs: float = _row(0.1, "1", "flow shape of the supply valve", at_least=-1, at_most=1)
+    B_ve: float = _row(-0.7, "1", "flow shape of the exhaust valve", at_least=-1, at_most=1)
+    C_vs: float = _row(19e-9, "m³/(Pa·s)", "conductance of the supply valve", at_least=0)
+    C_ve: float = _row(21.4e-9, "m³/(Pa·s)", "conductance of the exhaust valve", at_least=0)
+    C_r: float = _row(5e-8, "m³/(Pa·s)", "conductance of the orifice of chamber B", at_least=0)
+    B_0: float = _row(0.582, "1", "critical pressure ratio of air", above=0, at_most=0.99)
+    B_in: float = _row(0.5, "1", "flow shape of the orifice of chamber B, inwards", at_least=-1, at_most=1)
+    B_out: float = _row(0.5, "1", "flow shape of the orifice of chamber B, outwards", at_least=-1, at_most=1)
+    rho_0: float = _row(1.185, "kg/m³", "reference density of air", above=0, source=f"ISO 6358; {_ERRATA}")
+    y_max: float = _row(0.025, "m", "stroke of the piston", above=0, source="Section 3.1, operation range [0, 25] mm")
+    r_lam: float = _row(
+        0.999, "1", "pressure ratio above which the flow is laminar", above=0.5, at_most=0.99999, source=_ERRATA
+    )
+    K_stop: float = _row(3e7, "N/m", "stiffness of the end stops", above=0, source=_ERRATA)
+    D_stop: float = _row(1e4, "N·s/m", "damping of the end stops", at_least=0, source=_ERRATA)
+    d_stop: float = _row(1e-4, "m", "penetration over which an end stop takes hold", above=0, source=_ERRATA)
+
+    def __post_init__(self) -> None:
+        problems = []
+        for item in fields(self):
+            row, value = item.metadata["row"], getattr(self, item.name)
+            if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+                problems.append(f"{item.name} = {value!r}: a number in {row.unit} is needed.")
+            elif not row.admits(float(value)):
+                problems.append(f"{_shown(item.name, value, row)}: {_advice(item, row)}")
+            else:
+                object.__setattr__(self, item.name, float(value))
+        if not problems:
+            for valve, low, high in (("vs", self.R_0vs, self.R_1vs), ("ve", self.R_0ve, self.R_1ve)):
+                if low >= high:
+                    problems.append(f"R_0{valve} = {low:g} must be below R_1{valve} = {high:g}: a valve opens with its duty cycle.")
+            if self.A_B > self.A_A:
+                problems.append(f"A_B = {self.A_B:g} m² must not exceed A_A = {self.A_A:g} m²: the rod takes area from chamber B.")
+        if problems:
+            raise ParameterError("\n".join(problems))
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names in the order of the paper's Appendix; the order of `array`."""
+        return tuple(item.name for item in fields(cls))
+
+    @classmethod
+    def row(cls, name: str) -> Row:
+        """The row of the parameter `name`.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such parameter; the text names the nearest known one.
+        """
+        for item in fields(cls):
+            if item.name == name:
+                row: Row = item.metadata["row"]
+                return row
+        raise ParameterError(unknown_name(name, cls.names()))
+
+    def array(self) -> NDArray[np.float64]:
+        """Values in the order of `names`, shape (n_parameters,)."""
+        return np.array([getattr(self, name) for name in self.names()], dtype=np.float64)
+
+    def replace(self, changes: Mapping[str, float]) -> Parameters:
+        """A copy with other values, checked again.
+
+        Raises
+        ------
+        ParameterError
+            For an unknown name or a value outside its range.
+        """
+        known = self.names()
+        unknown = [unknown_name(name, known) for name in changes if name not in known]
+        if unknown:
+            raise ParameterError("\n".join(unknown))
+        return replace(self, **changes)
+
+
+def unknown_name(name: str, known: Iterable[str], kind: str = "parameter") -> str:
+    """The sentence for a name that is not among `known`, with the nearest one.
+
+    Examples
+    --------
+    >>> unknown_name("C_sv", ["C_vs", "C_ve"])
+    "no parameter 'C_sv'; did you mean 'C_vs'? Known are C_vs, C_ve."
+    """
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+    hint = f" did you mean '{near[0]}'?" if near else ""
+    return f"no {kind} '{name}';{hint} Known are {', '.join(names)}."
+
+
+def _shown(name: str, value: float, row: Row) -> str:
+    return f"{name} = {value:g}" + ("" if row.unit == "1" else f" {row.unit}")
+
+
+def _advice(item: Field[float], row: Row) -> str:
+    noun = "a conductance" if item.name.startswith("C_") else "it"
+    return f"{noun} is {row.allowed}. {row.source.split(';')[0].split(',')[0]} has {item.default:g}."

@@ -1,0 +1,73 @@
+"""Units of the columns of a recording, and their conversion to SI.
+
+An own table rather than a unit library: ``kPa(g)`` must mean gauge pressure, not kilopascal times gram.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit as an affine map to SI: ``si = scale * value + offset``, plus the ambient pressure where `gauge`."""
+
+    si: str
+    scale: float
+    offset: float = 0.0
+    gauge: bool = False
+
+
+_PRESSURES = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": 1e5, "psi": 6894.757293168361}
+
+UNITS: dict[str, Unit] = {
+    "s": Unit("s", 1.0),
+    "ms": Unit("s", 1e-3),
+    "us": Unit("s", 1e-6),
+    "µs": Unit("s", 1e-6),
+    "min": Unit("s", 60.0),
+    "h": Unit("s", 3600.0),
+    "m": Unit("m", 1.0),
+    "cm": Unit("m", 1e-2),
+    "mm": Unit("m", 1e-3),
+    "um": Unit("m", 1e-6),
+    "µm": Unit("m", 1e-6),
+    "1": Unit("1", 1.0),
+    "%": Unit("1", 1e-2),
+    "m/s": Unit("m/s", 1.0),
+    "mm/s": Unit("m/s", 1e-3),
+    "K": Unit("K", 1.0),
+    "degC": Unit("K", 1.0, 273.15),
+    "°C": Unit("K", 1.0, 273.15),
+    **{name: Unit("Pa", scale) for name, scale in _PRESSURES.items()},
+    **{f"{name}(g)": Unit("Pa", scale, gauge=True) for name, scale in _PRESSURES.items()},
+}
+
+
+def known_units(si: str) -> list[str]:
+    """Names of all units of the quantity whose SI unit is `si`."""
+    return [name for name, unit in UNITS.items() if unit.si == si]
+
+
+def to_si(values: NDArray[np.float64], name: str, si: str, ambient: float) -> NDArray[np.float64]:
+    """`values` given in the unit `name`, in the SI unit `si`; gauge pressures are raised by `ambient` in Pa.
+
+    Raises
+    ------
+    DataError
+        If `name` is not a unit of that quantity; the text lists the known ones.
+
+    Examples
+    --------
+    >>> to_si(np.array([7.905]), "bar(g)", "Pa", 1.095e5)
+    array([900000.])
+    """
+    unit = UNITS.get(name)
+    if unit is None or unit.si != si:
+        raise DataError(f"unit [{name}] is not known here; use one of {', '.join(known_units(si))}.")
+    return values * unit.scale + (unit.offset + (ambient if unit.gauge else 0.0))
