@@ -59,13 +59,14 @@ class Log:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
         object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
-        problems = [f"column '{name}' is not known; known are {', '.join(COLUMNS)}." for name in columns.keys() - COLUMNS]
+        unknown = [name for name in columns if name not in COLUMNS]
+        problems = [f"column '{name}' is not known; known are {', '.join(COLUMNS)}." for name in unknown]
         problems += [
             f"column '{name}' has {values.size} samples, time has {time.size}."
             for name, values in columns.items()
             if values.shape != time.shape
         ]
-        if time.ndim != 1 or not np.all(np.isfinite(time)) or not np.all(np.diff(time) > 0):
+        if time.ndim != 1 or not np.all(np.isfinite(time)) or not np.all(time[1:] > time[:-1]):
             problems.append("time must be one finite, strictly increasing column.")
         if problems:
             raise DataError.of(self.name, problems)

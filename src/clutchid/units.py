@@ -57,6 +57,8 @@ def known_units(si: str) -> list[str]:
 def to_si(values: NDArray[np.float64], name: str, si: str, ambient: float) -> NDArray[np.float64]:
     """`values` given in the unit `name`, in the SI unit `si`; gauge pressures are raised by `ambient` in Pa.
 
+    Values that are in SI already are returned as they are, not copied.
+
     Raises
     ------
     DataError
@@ -70,4 +72,5 @@ def to_si(values: NDArray[np.float64], name: str, si: str, ambient: float) -> ND
     unit = UNITS.get(name)
     if unit is None or unit.si != si:
         raise DataError(f"unit [{name}] is not known here; use one of {', '.join(known_units(si))}.")
-    return values * unit.scale + (unit.offset + (ambient if unit.gauge else 0.0))
+    offset = unit.offset + (ambient if unit.gauge else 0.0)
+    return values if (unit.scale, offset) == (1.0, 0.0) else values * unit.scale + offset

@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import os
 import platform
+import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from importlib.metadata import version
@@ -37,6 +38,7 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # Numba's cache finds a kernel's globals by the module's name
     spec.loader.exec_module(module)
     return module
 

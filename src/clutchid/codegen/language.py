@@ -6,6 +6,7 @@ or a pressure; powers are printed as products.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -34,7 +35,7 @@ class Language:
         Raises
         ------
         NotImplementedError
-            For a function that the language record does not know.
+            For a function that the language record does not know, or an infinite number.
         """
         return self._visit(sp.sympify(value))
 
@@ -61,6 +62,8 @@ class Language:
         return self._call(value.func.__name__, *value.args)
 
     def _number(self, value: Expr) -> str:
+        if not math.isfinite(float(value)):
+            raise NotImplementedError(f"no number {value} in this language; numbers are finite.")
         return self.number.format(repr(float(value)))
 
     def _call(self, name: str, *arguments: Expr) -> str:
@@ -98,8 +101,8 @@ class Language:
         return self._call("pow", base, exponent)
 
 
-_FUNCTIONS = ("sqrt", "pow", "exp", "log", "sin", "cos", "tan", "tanh", "sinh", "cosh", "asin", "acos", "atan")
+FUNCTIONS = ("sqrt", "pow", "exp", "log", "sin", "cos", "tan", "tanh", "sinh", "cosh", "asin", "acos", "atan")
 
-PYTHON = Language("{}", "and", "or", "not ", "True", "False", {name: f"math.{name}" for name in _FUNCTIONS})
-C_DOUBLE = Language("{}", "&&", "||", "!", "1", "0", {name: name for name in _FUNCTIONS})
-C_FLOAT = Language("{}F", "&&", "||", "!", "1", "0", {name: f"{name}f" for name in _FUNCTIONS})
+PYTHON = Language("{}", "and", "or", "not ", "True", "False", {name: f"math.{name}" for name in FUNCTIONS})
+C_DOUBLE = Language("{}", "&&", "||", "!", "1", "0", {name: name for name in FUNCTIONS})
+C_FLOAT = Language("{}F", "&&", "||", "!", "1", "0", {name: f"{name}f" for name in FUNCTIONS})

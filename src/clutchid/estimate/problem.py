@@ -1,0 +1,184 @@
+"""A fit as a problem: which numbers are free, which samples are compared, residuals and their exact Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+from clutchid.estimate.least_squares import Failure, Linearisation, compress
+from clutchid.model.actuator import Actuator
+from clutchid.simulate.plan import Plan, Segment
+from clutchid.simulate.run import (
+    POSITION_START,
+    PRESSURE_START,
+    STATES,
+    Numbers,
+    columns,
+    guessed_pressure,
+    run,
+    run_with_sensitivities,
+    start_state,
+)
+from clutchid.simulate.simulation import failure_message
+
+FloatArray = NDArray[np.float64]
+
+#: State that a measured column is compared with.
+MEASURED = {"position": "y", "pressure_a": "p_A"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """One segment of one recording in the problem; `start` is the place of its free start in x, if it has one."""
+
+    log: int
+    segment: Segment
+    start: tuple[int, ...]
+    start_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """Free numbers ``x`` = shared parameters `names`, then the free starts of segments.
+
+    `measure` names the measured columns that are compared; `low` and `high` bound x.
+    """
+
+    actuator: Actuator
+    plans: tuple[Plan, ...]
+    names: tuple[str, ...]
+    measure: tuple[str, ...]
+    parts: tuple[Part, ...]
+    x0: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    def actuator_at(self, x: FloatArray) -> Actuator:
+        """The actuator with the free parameters of `x`; ParameterError where they contradict each other."""
+        return self.actuator.replace(dict(zip(self.names, (float(value) for value in x), strict=False)))
+
+    def starts_at(self, x: FloatArray, log: int, actuator: Actuator) -> list[tuple[float, float]]:
+        """Position and pressure at the start of every segment of a recording."""
+        return [self._start(part, x, actuator) for part in self.parts if part.log == log]
+
+    def _start(self, part: Part, x: FloatArray, actuator: Actuator) -> tuple[float, float]:
+        values = dict(zip(part.start_names, (float(x[i]) for i in part.start), strict=True))
+        position = values.get(POSITION_START, part.segment.position_start)
+        return position, values.get(PRESSURE_START, guessed_pressure(part.segment, actuator))
+
+
+def problem(
+    actuator: Actuator,
+    plans: Sequence[Plan],
+    names: Sequence[str],
+    measure: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]],
+) -> Problem:
+    """Set up a fit of `names` to the recordings `plans`, starting at the values of `actuator`."""
+    x0 = [actuator.value(name) for name in names]
+    low, high = [bounds[name][0] for name in names], [bounds[name][1] for name in names]
+    parts = []
+    for number, prepared in enumerate(plans):
+        for segment in prepared.segments:
+            free = _free_start(segment, actuator)
+            place = tuple(range(len(x0), len(x0) + len(free)))
+            parts.append(Part(number, segment, place, tuple(name for name, *_ in free)))
+            for _, value, lowest, highest in free:
+                x0.append(value)
+                low.append(lowest)
+                high.append(highest)
+    return Problem(
+        actuator, tuple(plans), tuple(names), tuple(measure), tuple(parts),
+        np.clip(np.array(x0), low, high), np.array(low), np.array(high),
+    )  # fmt: skip
+
+
+def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, float, float]]:
+    """Name, value and bounds of the unknown start of a segment; nothing where Eq. (24) holds."""
+    if segment.vented:
+        return []
+    p, y = actuator.parameters, segment.position_start
+    free = [(POSITION_START, y, y - 2e-3, y + 2e-3)]
+    if not np.isfinite(segment.pressure_start):
+        free.append((PRESSURE_START, guessed_pressure(segment, actuator), 0.5 * p.P_0, max(2 * p.P_S, 2 * p.P_0)))
+    return free
+
+
+def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Linearisation | Failure:
+    """Compressed residuals and Jacobian at `x`; a failed simulation or contradicting parameters are an answer."""
+    width = x.size
+    factor = np.zeros((0, width + 1))
+    count, cost = 0, 0.0
+    for answer in residuals(task, x, scales):
+        if isinstance(answer, Failure):
+            return answer
+        part, r, J = answer
+        count += r.size
+        cost += 0.5 * float(r @ r)
+        local = compress(J, r)
+        rows = np.zeros((local.shape[0], width + 1))
+        rows[:, [*range(len(task.names)), *part.start, width]] = local
+        factor = np.vstack([factor, rows])
+    if count == 0:
+        return Failure("no measured sample can be compared with the simulation")
+    R = np.zeros((width + 1, width + 1))
+    reduced = np.linalg.qr(factor, mode="r")
+    R[: reduced.shape[0]] = reduced
+    return Linearisation(R[:width, :width], R[:width, width], cost, count)
+
+
+def residuals(
+    task: Problem, x: FloatArray, scales: Mapping[str, float]
+) -> Iterator[tuple[Part, FloatArray, FloatArray] | Failure]:
+    """For each segment: scaled residuals (m,), missing samples left out, and their Jacobian (m, k_local)."""
+    try:
+        actuator = task.actuator_at(x)
+    except ParameterError as error:
+        yield Failure(str(error))
+        return
+    numbers = Numbers.of(actuator)
+    watched = [STATES.index(MEASURED[name]) for name in task.measure]
+    for part in task.parts:
+        log, segment = task.plans[part.log].log, part.segment
+        which = columns(actuator, [*task.names, *part.start_names])
+        x0 = start_state(segment, actuator, task._start(part, x, actuator))
+        states, sens, failed = run_with_sensitivities(segment, numbers, x0, which, watched)
+        if failed >= 0:
+            yield Failure(failure_message(log, segment, states, failed))
+            return
+        yield part, *_compared(task, part, states, sens, scales)
+
+
+def _compared(
+    task: Problem, part: Part, states: FloatArray, sens: FloatArray, scales: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    log, segment = task.plans[part.log].log, part.segment
+    r_parts, J_parts = [], []
+    for i, name in enumerate(task.measure):
+        difference = states[:, STATES.index(MEASURED[name])] - log[name][segment.start : segment.stop]
+        known = np.isfinite(difference)
+        if known.all():
+            r_parts.append(difference / scales[name])
+            J_parts.append(sens[:, i] / scales[name])
+        else:
+            r_parts.append(difference[known] / scales[name])
+            J_parts.append(sens[known, i] / scales[name])
+    if len(r_parts) == 1:
+        return r_parts[0], J_parts[0]
+    return np.concatenate(r_parts), np.concatenate(J_parts)
+
+
+def simulated_states(task: Problem, x: FloatArray, log: int) -> FloatArray:
+    """States of recording `log` at `x`, shape (n, 5); NaN outside segments and after a failure."""
+    actuator = task.actuator_at(x)
+    numbers = Numbers.of(actuator)
+    states = np.full((len(task.plans[log].log), len(STATES)), np.nan)
+    for part in task.parts:
+        if part.log == log:
+            x0 = start_state(part.segment, actuator, task._start(part, x, actuator))
+            states[part.segment.start : part.segment.stop] = run(part.segment, numbers, x0)[0]
+    return states

@@ -1,0 +1,125 @@
+"""What a fit returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+
+FloatArray = NDArray[np.float64]
+
+Status = Literal["ok", "warning", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """An estimated number in SI with its standard error and 95 % interval; infinite where the data say nothing."""
+
+    value: float
+    unit: str
+    std: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadCurve:
+    """The load in N over the position in m with its pointwise 95 % band, 101 points from 0 to the full stroke."""
+
+    position: FloatArray
+    force: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Errors of a simulation against the measured samples: rms and sum of squares, in m and Pa.
+
+    The paper's Table 2 prints sums of squares. Pressure is None where it was not measured.
+    """
+
+    position_rms: float
+    position_sse: float
+    pressure_a_rms: float | None
+    pressure_a_sse: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """One recording of a fit: simulation, errors, and the starts of its segments (position in m, pressure in Pa)."""
+
+    measured: Log
+    simulated: Log
+    errors: Errors
+    starts: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The result of `clutchid.fit`.
+
+    `actuator` is the fitted one, `parameters` its free numbers with intervals, `covariance` theirs in the same order.
+    `recordings` are the fitted ones by name, `verification` those that were simulated only. `scales` are the noise
+    scales by which position (m) and pressure (Pa) residuals were divided.
+    """
+
+    status: Status
+    message: str
+    actuator: Actuator
+    parameters: Mapping[str, Estimate]
+    covariance: FloatArray
+    load_curve: LoadCurve
+    recordings: Mapping[str, Recording]
+    errors: Errors
+    scales: Mapping[str, float]
+    evaluations: int
+    warnings: tuple[str, ...] = ()
+    verification: Mapping[str, Recording] = field(default_factory=dict)
+
+
+def errors_between(measured: Log, simulated: Log) -> Errors:
+    """Errors of `simulated` against the samples that `measured` has."""
+    sums = {}
+    for name in ("position", "pressure_a"):
+        if name not in measured:
+            continue
+        difference = simulated[name] - measured[name]
+        known = difference[np.isfinite(difference)]
+        sums[name] = (float(known @ known), known.size)
+    return _errors(sums)
+
+
+def combined_errors(pairs: Mapping[str, Recording]) -> Errors:
+    """Errors over all recordings together."""
+    sums: dict[str, tuple[float, int]] = {}
+    for recording in pairs.values():
+        for name in ("position", "pressure_a"):
+            if name in recording.measured:
+                known = np.isfinite(recording.simulated[name] - recording.measured[name])
+                difference = (recording.simulated[name] - recording.measured[name])[known]
+                total, count = sums.get(name, (0.0, 0))
+                sums[name] = (total + float(difference @ difference), count + difference.size)
+    return _errors(sums)
+
+
+def _errors(sums: Mapping[str, tuple[float, int]]) -> Errors:
+    def rms(name: str) -> float:
+        total, count = sums[name]
+        return float(np.sqrt(total / count)) if count else float("nan")
+
+    if "position" not in sums:
+        sums = {**sums, "position": (float("nan"), 1)}
+    pressure = "pressure_a" in sums and sums["pressure_a"][1] > 0
+    return Errors(
+        rms("position"),
+        sums["position"][0],
+        rms("pressure_a") if pressure else None,
+        sums["pressure_a"][0] if pressure else None,
+    )

@@ -1,0 +1,57 @@
+"""Partitioned ballistic simulation: where the measured position is taken again, in the paper's two readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+
+
+@dataclass(frozen=True, slots=True)
+class Partition:
+    """When the simulation takes the measured position, and what goes on across the reset.
+
+    Parameters
+    ----------
+    every : int, optional
+        Re-initialise after every n-th sample ("after each N-th simulation step", Section 3.1).
+    parts : int, optional
+        Re-initialise at the starts of N equal parts ("the number of partitions of the data set", Section 3.2).
+    carry : 'p' or 'q'
+        Carry the pressures (the paper) or the masses of air, q = p V.
+
+    Raises
+    ------
+    ParameterError
+        If both or neither of `every` and `parts` are given, or a number is below 1.
+
+    Examples
+    --------
+    >>> Partition(parts=4).resets(1000)
+    array([250, 500, 750])
+    """
+
+    every: int | None = None
+    parts: int | None = None
+    carry: Literal["p", "q"] = "p"
+
+    def __post_init__(self) -> None:
+        if (self.every is None) == (self.parts is None):
+            raise ParameterError(f"every = {self.every}, parts = {self.parts}: give exactly one of the two.")
+        for name, value in (("every", self.every), ("parts", self.parts)):
+            if value is not None and value < 1:
+                raise ParameterError(f"{name} = {value}: a number of {'samples' if name == 'every' else 'parts'} is at least 1.")
+        if self.carry not in ("p", "q"):
+            raise ParameterError(f"carry = {self.carry!r}: 'p' carries the pressures, 'q' the masses of air.")
+
+    def resets(self, n: int) -> NDArray[np.int64]:
+        """Samples of a recording of `n` samples at which a new part starts; the first sample is not one."""
+        if self.every is not None:
+            return np.arange(self.every, n, self.every, dtype=np.int64)
+        assert self.parts is not None
+        starts = np.round(np.arange(1, self.parts) * (n / self.parts)).astype(np.int64)
+        return np.unique(starts[(starts > 0) & (starts < n)])

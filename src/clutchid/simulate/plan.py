@@ -1,0 +1,179 @@
+"""What a simulation needs of a recording, fixed once: segments, steps, resets and starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+from clutchid.log import INPUTS, Log
+from clutchid.model.actuator import Actuator
+from clutchid.simulate.partition import Partition
+from clutchid.simulate.stiffness import substeps
+
+FloatArray = NDArray[np.float64]
+
+#: An interval this many times longer than the median is a hole.
+HOLE = 5.0
+
+#: A recording starts vented and at rest when it stays this near to zero, in m, and this still, for `REST_TIME` s.
+VENTED_POSITION, REST_RANGE, REST_TIME = 5e-4, 3e-4, 0.02
+
+_JUMPS = {("p", False): 1, ("q", False): 2, ("p", True): 3, ("q", True): 4}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segment:
+    """A stretch of a recording without holes in its inputs.
+
+    `start` and `stop` are sample numbers in the recording; `jump` and `measured` say where and with what the state is
+    re-initialised. `vented`: Eq. (24) gives the start; else position and pressure there are unknown, unless
+    `pressure_start` is measured.
+    """
+
+    start: int
+    stop: int
+    inputs: FloatArray
+    dt: FloatArray
+    substeps: NDArray[np.int32]
+    jump: NDArray[np.uint8]
+    measured: FloatArray
+    position_start: float
+    pressure_start: float
+    vented: bool
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A recording prepared for simulation."""
+
+    log: Log
+    segments: tuple[Segment, ...]
+    warnings: tuple[str, ...]
+
+
+def plan(
+    log: Log, actuator: Actuator, rate: float, partition: Partition | None = None, use_pressure: bool = False
+) -> Plan:
+    """Cut `log` into segments and fix steps, resets and starts.
+
+    Parameters
+    ----------
+    log : Log
+        With both duty cycles; resets and starts need the position, `use_pressure` the pressure.
+    actuator : Actuator
+        Ambient pressure and closing of the valves, to tell a vented start.
+    rate : 1/s
+        Stiffness that the integration steps must follow, see `clutchid.simulate.stiffness`.
+    partition : Partition, optional
+        Where the measured position is taken again; ballistic without.
+    use_pressure : bool
+        Whether the measured pressure of chamber A is in use: then starts and resets take it.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks an input, or no stretch has two samples with known inputs.
+    """
+    missing = [name for name in INPUTS if name not in log]
+    if missing:
+        raise DataError(f"{log.name}: no column '{missing[0]}'; a simulation needs both duty cycles.")
+    bounds = _stretches(log)
+    if not bounds:
+        raise DataError(f"{log.name}: no two neighbouring samples have both duty cycles; nothing can be simulated.")
+    jump, measured = _resets(log, partition, use_pressure)
+    segments = tuple(
+        _segment(log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure)
+        for start, stop in bounds
+    )
+    warnings = []
+    if len(segments) > 1:
+        cuts = ", ".join(f"{log.time[s.start]:.3f} s" for s in segments[1:6]) + (", ..." if len(segments) > 6 else "")
+        warnings.append(
+            f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
+            f"position and pressure start anew at {cuts}."
+        )
+    return Plan(log, segments, tuple(warnings))
+
+
+def _stretches(log: Log) -> list[tuple[int, int]]:
+    """Sample ranges with known inputs and without holes in time, at least two samples each."""
+    known = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
+    dt = np.diff(log.time)
+    if dt.size == 0:
+        return []
+    joined = known[:-1] & known[1:] & (dt <= HOLE * np.median(dt))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
+    return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _resets(log: Log, partition: Partition | None, use_pressure: bool) -> tuple[NDArray[np.uint8], FloatArray]:
+    """Kind of reset per sample and the measured position and pressure that it takes.
+
+    Where the position is missing at a reset, the reset waits for the next finite one.
+    """
+    n = len(log)
+    jump = np.zeros(n, dtype=np.uint8)
+    measured = np.zeros((n, 2))
+    if partition is None:
+        return jump, measured
+    measured[:, 0] = log["position"]
+    measured[:, 1] = log["pressure_a"] if use_pressure else np.nan
+    finite = np.flatnonzero(np.isfinite(measured[:, 0]))
+    at = np.searchsorted(finite, partition.resets(n))
+    taken = np.unique(finite[at[at < finite.size]])
+    pressure = np.isfinite(measured[taken, 1])
+    jump[taken] = np.where(pressure, _JUMPS[partition.carry, True], _JUMPS[partition.carry, False])
+    return jump, measured
+
+
+def _segment(
+    log: Log,
+    actuator: Actuator,
+    rate: float,
+    start: int,
+    stop: int,
+    jump: NDArray[np.uint8],
+    measured: FloatArray,
+    use_pressure: bool,
+) -> Segment:
+    dt = np.diff(log.time[start:stop])
+    inputs = np.column_stack([log[name][start:stop] for name in INPUTS])
+    position = log["position"][start:stop] if "position" in log else np.full(stop - start, np.nan)
+    pressure = log["pressure_a"][start:stop] if use_pressure else np.full(stop - start, np.nan)
+    jump = jump.copy()
+    jump[0] = 0
+    return Segment(
+        start=start,
+        stop=stop,
+        inputs=inputs,
+        dt=dt,
+        substeps=substeps(dt, rate),
+        jump=jump,
+        measured=np.ascontiguousarray(measured),
+        position_start=_first_finite(position, 0.0),
+        pressure_start=_first_finite(pressure[: max(2, int(REST_TIME / dt[0]))], np.nan),
+        vented=start == 0 and _vented(position, inputs[:, 0], dt, actuator),
+    )
+
+
+def _vented(position: FloatArray, duty_supply: FloatArray, dt: FloatArray, actuator: Actuator) -> bool:
+    """Whether a segment starts vented and at rest: still and near zero until the supply valve opens."""
+    window = max(2, int(np.searchsorted(np.cumsum(dt), REST_TIME)) + 1)
+    still = position[:window][duty_supply[:window] <= actuator.parameters.R_0vs]
+    still = still[np.isfinite(still)]
+    if not np.isfinite(position).any():
+        return True
+    if still.size == 0:
+        still = np.array([_first_finite(position, 0.0)])
+    return bool(abs(float(np.median(still))) <= VENTED_POSITION and float(np.ptp(still)) <= REST_RANGE)
+
+
+def _first_finite(values: FloatArray, otherwise: float) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite[0]) if finite.size else otherwise

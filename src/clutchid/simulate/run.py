@@ -1,0 +1,151 @@
+"""Running the compiled kernels over a plan: states, and exact forward sensitivities to any chosen parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.model.actuator import Actuator, Load
+from clutchid.model.compiled import kernels
+from clutchid.parameters import Parameters
+from clutchid.simulate.plan import Segment
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+STATES = ("y", "v", "p_A", "p_B", "z")
+#: Names of the unknown start of a segment, as sensitivities.
+POSITION_START, PRESSURE_START = "y_start", "p_A_start"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Which sensitivities a run carries: load weights, parameters and starts, by name."""
+
+    names: tuple[str, ...]
+    table_basis: IntArray
+    table_column: IntArray
+    fill_slot: IntArray
+    fill_row: IntArray
+    fill_column: IntArray
+
+    @property
+    def needs_parameters(self) -> bool:
+        """Whether a derivative to a parameter other than a load weight is asked for."""
+        return self.fill_slot.size > 0
+
+
+def columns(actuator: Actuator, names: Sequence[str]) -> Columns:
+    """The layout of the sensitivities to `names`: parameters, load weights, `POSITION_START`, `PRESSURE_START`."""
+    weights = [(actuator.load.names.index(name), c) for c, name in enumerate(names) if name in actuator.load.names]
+    position = {name: number for number, name in enumerate(Parameters.names())}
+    column_of = {position[name]: c for c, name in enumerate(names) if name in position}
+    slots = kernels(actuator.model).SLOTS
+    fill = [(slot, row, column_of[q]) for slot, (row, q) in enumerate(slots) if q in column_of]
+    table_basis, table_column = _integers(weights, 2)
+    return Columns(tuple(names), table_basis, table_column, *_integers(fill, 3))
+
+
+def _integers(rows: Sequence[tuple[int, ...]], width: int) -> list[IntArray]:
+    array = np.array(rows, dtype=np.int64).reshape(-1, width)
+    return [np.ascontiguousarray(column) for column in array.T]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """The numbers of an actuator as the kernels read them."""
+
+    parameters: FloatArray
+    breakpoints: FloatArray
+    basis: FloatArray
+    load: FloatArray
+    model: str
+
+    @classmethod
+    def of(cls, actuator: Actuator) -> Numbers:
+        """The numbers of `actuator`."""
+        load = actuator.load
+        return cls(actuator.parameters.array(), load.breakpoints, load.coefficients, load.combined(), actuator.model)
+
+
+def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float] | None = None) -> FloatArray:
+    """State (y, v, p_A, p_B, z) at the start of `segment`: Eq. (24), or what is known of a start under pressure.
+
+    Parameters
+    ----------
+    start : (m, Pa), optional
+        Position and pressure in chamber A, where they have been estimated.
+    """
+    P_0 = actuator.parameters.P_0
+    if start is not None:
+        y, p_A = start
+    else:
+        y = segment.position_start
+        p_A = guessed_pressure(segment, actuator)
+    return np.array([y, 0.0, p_A, P_0, 0.0])
+
+
+def guessed_pressure(segment: Segment, actuator: Actuator) -> float:
+    """Pressure in chamber A at the start: measured, P_0 where vented, else at rest against the load, Eq. (26)."""
+    p = actuator.parameters
+    if np.isfinite(segment.pressure_start):
+        return segment.pressure_start
+    if segment.vented:
+        return p.P_0
+    return p.P_0 + max(0.0, _force(actuator.load, segment.position_start)) / p.A_A
+
+
+def _force(load: Load, y: float) -> float:
+    return float(load.force(np.array([y]))[0])
+
+
+def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray, int]:
+    """States at every sample, shape (n, 5), and the first sample that is not finite, or -1.
+
+    Samples after a failure are NaN.
+    """
+    out = np.empty((len(segment), len(STATES)))
+    failed = kernels(numbers.model).run(
+        x0.copy(), segment.inputs, numbers.parameters, segment.dt, segment.substeps, segment.jump, segment.measured,
+        numbers.breakpoints, numbers.load, out,
+    )  # fmt: skip
+    if failed >= 0:
+        out[failed + 1 :] = np.nan
+    return out, int(failed)
+
+
+def run_with_sensitivities(
+    segment: Segment, numbers: Numbers, x0: FloatArray, which: Columns, watched: Sequence[int]
+) -> tuple[FloatArray, FloatArray, int]:
+    """As `run`, with the sensitivities of the states `watched`, shape (n, len(watched), n_columns)."""
+    out = np.empty((len(segment), len(STATES)))
+    sens = np.empty((len(segment), len(watched), len(which.names)))
+    module = kernels(numbers.model)
+    kernel = module.run_all if which.needs_parameters else module.run_table
+    failed = kernel(
+        x0.copy(), _start_sensitivities(segment, which), segment.inputs, numbers.parameters, segment.dt,
+        segment.substeps, segment.jump, segment.measured, numbers.breakpoints, numbers.load, numbers.basis,
+        which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,
+        np.array(watched, dtype=np.int64), out, sens,
+    )  # fmt: skip
+    if failed >= 0:
+        out[failed + 1 :] = np.nan
+        sens[failed:] = np.nan
+    return out, sens, int(failed)
+
+
+def _start_sensitivities(segment: Segment, which: Columns) -> FloatArray:
+    S = np.zeros((len(STATES), len(which.names)))
+    for column, name in enumerate(which.names):
+        if name == POSITION_START:
+            S[0, column] = 1.0
+        elif name == PRESSURE_START:
+            S[2, column] = 1.0
+        elif name == "P_0":
+            S[3, column] = 1.0
+            if segment.vented and not np.isfinite(segment.pressure_start):
+                S[2, column] = 1.0
+    return S
