@@ -1,1 +1,62 @@
-"""clutchid: from a recording of an electropneumatic clutch actuator to its load."""
+"""clutchid: from a recording of an electropneumatic clutch actuator to the load that the clutch puts on its piston.
+
+>>> import clutchid
+>>> actuator = clutchid.Actuator()
+>>> actuator.value("A_A")
+0.0123
+
+Names are imported when they are first used, so that ``import clutchid`` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
+    from clutchid.estimate import Fit, fit
+    from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
+    from clutchid.io import look, read, write
+    from clutchid.log import Log
+    from clutchid.model import Actuator, Load
+    from clutchid.parameters import Parameters
+    from clutchid.simulate import Partition, Simulation, simulate
+    from clutchid.study import bundled_recording
+
+_HOME = {
+    "Actuator": "clutchid.model",
+    "ClutchidError": "clutchid.errors",
+    "DataError": "clutchid.errors",
+    "ExportError": "clutchid.errors",
+    "Fit": "clutchid.estimate",
+    "Load": "clutchid.model",
+    "Log": "clutchid.log",
+    "MissingExtra": "clutchid.errors",
+    "ParameterError": "clutchid.errors",
+    "Parameters": "clutchid.parameters",
+    "Partition": "clutchid.simulate",
+    "Simulation": "clutchid.simulate",
+    "SolveError": "clutchid.errors",
+    "bundled_recording": "clutchid.study",
+    "fit": "clutchid.estimate",
+    "look": "clutchid.io",
+    "parameter_file": "clutchid.estimate.parameter_file",
+    "read": "clutchid.io",
+    "read_parameters": "clutchid.estimate.parameter_file",
+    "simulate": "clutchid.simulate",
+    "write": "clutchid.io",
+    "write_parameters": "clutchid.estimate.parameter_file",
+}
+
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'clutchid' has no attribute '{name}'")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_HOME)

@@ -31,5 +31,5 @@ class ExportError(ClutchidError, OSError):
     """An output cannot be written; nothing was left half-written."""
 
 
-class MissingExtra(ClutchidError, ImportError):  # noqa: N818 - named by what is missing
+class MissingExtra(ClutchidError, ImportError):
     """An optional dependency is not installed."""

@@ -119,15 +119,19 @@ class Parameters:
             if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
                 problems.append(f"{item.name} = {value!r}: a number in {row.unit} is needed.")
             elif not row.admits(float(value)):
-                problems.append(f"{_shown(item.name, value, row)}: {_advice(item, row)}")
+                problems.append(f"{_shown(item.name, float(value), row)}: {_advice(item, row)}")
             else:
                 object.__setattr__(self, item.name, float(value))
         if not problems:
             for valve, low, high in (("vs", self.R_0vs, self.R_1vs), ("ve", self.R_0ve, self.R_1ve)):
                 if low >= high:
-                    problems.append(f"R_0{valve} = {low:g} must be below R_1{valve} = {high:g}: a valve opens with its duty cycle.")
+                    problems.append(
+                        f"R_0{valve} = {low:g} must be below R_1{valve} = {high:g}: a valve opens with its duty cycle."
+                    )
             if self.A_B > self.A_A:
-                problems.append(f"A_B = {self.A_B:g} m² must not exceed A_A = {self.A_A:g} m²: the rod takes area from chamber B.")
+                problems.append(
+                    f"A_B = {self.A_B:g} m² must not exceed A_A = {self.A_A:g} m²: the rod takes area from chamber B."
+                )
         if problems:
             raise ParameterError("\n".join(problems))
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import getpass
 import hashlib
 import importlib.util
 import os
 import platform
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
@@ -59,16 +59,33 @@ def _folder(key: str) -> Path:
 
     chosen = os.environ.get("CLUTCHID_CACHE")
     preferred = Path(chosen) if chosen else user_cache_path("clutchid", appauthor=False)
-    fallback = Path(tempfile.gettempdir()) / f"clutchid-{getpass.getuser()}"
+    fallback = Path(tempfile.gettempdir()) / f"clutchid-{_user()}"
     for base in (preferred, fallback):
         folder = base / key
         try:
+            if base is fallback:
+                base.mkdir(mode=0o700, parents=True, exist_ok=True)
+                if not _own(base):  # others may write to the temporary folder, and what lies there is executed
+                    continue
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
                 return folder
         except OSError:
             continue
     return Path(tempfile.mkdtemp(prefix="clutchid-"))
+
+
+def _user() -> str:
+    """A name for the user's own temporary folder; a container may know only the number."""
+    return str(os.getuid()) if hasattr(os, "getuid") else os.environ.get("USERNAME", "user")
+
+
+def _own(folder: Path) -> bool:
+    """Whether `folder` is the user's and nobody else can write to it."""
+    if not hasattr(os, "getuid"):
+        return True
+    status = folder.lstat()
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
 
 
 def _write(path: Path, text: str) -> None:

@@ -40,18 +40,21 @@ class Language:
         return self._visit(sp.sympify(value))
 
     def _visit(self, value: Expr) -> str:
-        if value is sp.true or value is sp.false:
-            return self.true if value is sp.true else self.false
         if value.is_Symbol:
             return str(value)
+        if isinstance(value, sp.logic.boolalg.Boolean):
+            return self._logic(value)
         if value.is_number:
             return self._number(value)
-        if value.is_Add:
-            return self._sum(value)
-        if value.is_Mul:
-            return self._product(value)
+        if value.is_Add or value.is_Mul:
+            return self._sum(value) if value.is_Add else self._product(value)
         if value.is_Pow:
             return self._power(value.base, value.exp)
+        return self._call(value.func.__name__, *value.args)
+
+    def _logic(self, value: Expr) -> str:
+        if value is sp.true or value is sp.false:
+            return self.true if value is sp.true else self.false
         if type(value) in _RELATIONS:
             return f"{self._visit(value.lhs)} {_RELATIONS[type(value)]} {self._visit(value.rhs)}"
         if isinstance(value, (sp.And, sp.Or)):
@@ -59,7 +62,13 @@ class Language:
             return f" {word} ".join(f"({self._visit(a)})" for a in sorted(value.args, key=str))
         if isinstance(value, sp.Not):
             return f"{self.negation}({self._visit(value.args[0])})"
-        return self._call(value.func.__name__, *value.args)
+        if isinstance(value, sp.ITE):
+            return self._logic(
+                sp.Or(sp.And(value.args[0], value.args[1]), sp.And(sp.Not(value.args[0]), value.args[2]))
+            )
+        raise NotImplementedError(
+            f"no {value.func.__name__} in this language; known are relations, And, Or, Not and ITE."
+        )
 
     def _number(self, value: Expr) -> str:
         if not math.isfinite(float(value)):

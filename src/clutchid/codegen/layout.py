@@ -1,4 +1,4 @@
-"""What every printer needs of a `System`: its program, differentiated and staged, and the sparse layout of derivatives."""
+"""What every printer needs of a `System`: its program, differentiated and staged, and where derivatives are not 0."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from clutchid.codegen.program import Derivatives, Staged, Statement, differentiate, live, lower, right_hand_side, staged
+from clutchid.codegen.differentiation import Derivatives, differentiate
+from clutchid.codegen.program import Statement, live, lower, right_hand_side
+from clutchid.codegen.staging import Staged, staged
 from clutchid.codegen.system import Expr, Jump, System
 
 
@@ -110,10 +112,9 @@ def _slot_values(
 
 def _differentiated(system: System, jump: Jump) -> tuple[list[Statement], tuple[Expr, ...], Derivatives]:
     outputs = tuple(sp.Symbol(f"new_{state}", real=True) for state in system.states)
+    taken = {str(symbol) for symbol in (*system.states, *system.parameters, *system.measured, *outputs)}
     statements: list[Statement] = []
     for output, value in zip(outputs, jump.states, strict=True):
-        statements += lower(output, value)
+        statements += lower(output, value, taken)
     extended, by = differentiate(statements, [*system.states, *system.parameters])
     return extended, outputs, by
-
-

@@ -12,21 +12,24 @@ import sympy as sp
 from clutchid.codegen.language import FUNCTIONS
 from clutchid.codegen.system import Expr, System, Table
 
-#: What the generated Python calls its arguments, locals and modules.
-PYTHON_WORDS = frozenset(
-    """math numba np run run_table run_all linearise x0 S u p dt substeps jump measured breakpoints load basis
-    table_basis table_column fill_slot fill_row fill_column watched out sens columns jac source slot k n i c q r phi h half
-    sixth seg offset stage reach weight rates jacobian x range max abs SLOTS JUMPS""".split()
-) | frozenset(keyword.kwlist)
-
-#: What the generated C calls its arguments, locals and functions, and the words of C99 and its mathematics.
-C_WORDS = frozenset(
-    """x u p c held table memory dx n h half sixth stage reach weight sum next i k s a offset argument segment rest
-    lookup rhs step constants hold increment out dt substeps x0 m
+_PYTHON = """
+    math numba np run run_table run_all linearise SLOTS JUMPS range max abs
+    x0 x S u p dt substeps jump measured breakpoints load basis table_basis table_column fill_slot fill_row fill_column
+    watched out sens rates jacobian columns jac source slot k n i c q phi h half sixth seg offset stage reach weight
+"""
+_C = """
+    x u p c held table memory dx n h half sixth stage reach weight sum at i k a offset argument segment
+    lookup rhs step constants hold run out dt substeps
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
-    isfinite fabs fabsf INFINITY NAN""".split()
-) | frozenset(name + suffix for name in FUNCTIONS for suffix in ("", "f"))
+    isfinite fabs fabsf INFINITY NAN
+"""
+
+#: What the generated Python calls its arguments, locals and modules.
+PYTHON_WORDS = frozenset(_PYTHON.split()) | frozenset(keyword.kwlist)
+
+#: What the generated C calls its arguments, locals and functions, and the words of C99 and its mathematics.
+C_WORDS = frozenset(_C.split()) | frozenset(name + suffix for name in FUNCTIONS for suffix in ("", "f"))
 
 _GENERATED = re.compile(r"(const|held)_\d+|_.*|.*__.*")
 

@@ -8,8 +8,11 @@ from typing import Any
 
 from clutchid.codegen.language import PYTHON
 from clutchid.codegen.layout import Entry, JumpProgram, Layout, layout
-from clutchid.codegen.program import Assign, Lookup, Staged, Statement
+from clutchid.codegen.names import PYTHON_WORDS, apart
+from clutchid.codegen.program import Assign, Lookup, Statement
+from clutchid.codegen.staging import Staged
 from clutchid.codegen.system import Expr, System
+from clutchid.codegen.templates import template
 
 _LOOKUP = """\
 while seg > 0 and {argument} < breakpoints[seg - 1]:
@@ -19,6 +22,10 @@ while seg < breakpoints.size and {argument} >= breakpoints[seg]:
 offset = {argument} - breakpoints[max(seg - 1, 0)]
 {value} = load[seg, 0] + offset * (load[seg, 1] + offset * (load[seg, 2] + offset * load[seg, 3]))
 {slope} = load[seg, 1] + offset * (2.0 * load[seg, 2] + offset * 3.0 * load[seg, 3])"""
+
+
+#: Sensitivity columns that are computed at once.
+WIDTH = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +48,7 @@ class _Term:
 
     def factor(self, stage: int) -> str:
         """The entry at an RK4 stage: a stored value, or the literal where it is constant."""
-        return self.text if self.number is None else f"jac[{stage}, {self.number}]"
+        return self.text if self.number is None else f"j{stage}_{self.number}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +58,14 @@ class _Row:
     name: str
     entries: tuple[_Term, ...]
     has_source: bool
+    states: int
 
     def text(self, stage: int, number: int) -> str:
         """The row at an RK4 stage."""
         prefix = f"z{stage}_" if stage else "s_"
         terms = [f"{term.factor(stage)} * {prefix}{term.of}" for term in self.entries]
-        return " + ".join([*terms, *([f"source[{stage}, {number}, c]"] if self.has_source else [])]) or "0.0"
+        source = f"work[c + {((stage + 1) * self.states + number) * WIDTH}]"
+        return " + ".join([*terms, *([source] if self.has_source else [])]) or "0.0"
 
 
 def numba_source(system: System) -> str:
@@ -72,6 +81,7 @@ def numba_source(system: System) -> str:
     NotImplementedError
         If an expression uses a function that is not printed, see `clutchid.codegen.language`.
     """
+    system = apart(system, PYTHON_WORDS)
     plan = layout(system)
     slots = tuple(PYTHON.print(value) for value in plan.slot_values)
     kernels = [
@@ -79,7 +89,7 @@ def numba_source(system: System) -> str:
         _Kernel("run_table", _staged(plan.with_jacobian), True, ()),
         _Kernel("run_all", _staged(plan.with_parameters), True, slots),
     ]
-    return _template("kernels.py.j2").render(
+    text: str = template("kernels.py.j2").render(
         name=system.name,
         states=[str(s) for s in system.states],
         inputs=[str(s) for s in system.inputs],
@@ -93,7 +103,10 @@ def numba_source(system: System) -> str:
         with_jacobian=_staged(plan.with_jacobian),
         kernels=kernels,
         slot_pairs=plan.slots,
+        width=WIDTH,
+        size=5 * len(system.states) * WIDTH,
     )
+    return text
 
 
 def function_source(name: str, arguments: Sequence[Expr], values: Any) -> str:
@@ -136,7 +149,16 @@ def _staged(program: Staged) -> dict[str, str]:
 
 
 def _texts(entries: Sequence[Entry]) -> list[dict[str, Any]]:
-    return [{"row": e.row, "column": e.column, "text": PYTHON.print(e.value)} for e in entries]
+    return [
+        {
+            "row": e.row,
+            "column": e.column,
+            "text": PYTHON.print(e.value),
+            "constant": e.value.is_number,
+            "number": number,
+        }
+        for number, e in enumerate(entries)
+    ]
 
 
 def _rows(plan: Layout) -> list[_Row]:
@@ -146,7 +168,7 @@ def _rows(plan: Layout) -> list[_Row]:
     for number, e in enumerate(plan.jacobian):
         constant = e.value.is_number
         terms[e.row].append(_Term(states[e.column], PYTHON.print(e.value), None if constant else number))
-    return [_Row(name, tuple(terms[i]), i in sourced) for i, name in enumerate(states)]
+    return [_Row(name, tuple(terms[i]), i in sourced, len(states)) for i, name in enumerate(states)]
 
 
 def _jump(system: System, name: str, jump: JumpProgram) -> dict[str, Any]:
@@ -158,14 +180,5 @@ def _jump(system: System, name: str, jump: JumpProgram) -> dict[str, Any]:
         "name": name,
         "statements": block(jump.statements),
         "rows": [" + ".join(f"{term.text} * s_{term.of}" for term in row) or "0.0" for row in terms],
-        "slots": [PYTHON.print(value) for value in jump.slots],
+        "slots": [(number, PYTHON.print(value)) for number, value in enumerate(jump.slots) if value != 0],
     }
-
-
-def _template(name: str) -> Any:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("clutchid.codegen"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return environment.get_template(name)

@@ -35,7 +35,13 @@ class System:
     """Ordinary differential equations with held inputs, from which kernels, C and LaTeX are made.
 
     `definitions` are named intermediate expressions in the order in which they are computed; they may use states,
-    inputs, parameters, the table's value and definitions before them. `derivatives` are the right-hand sides.
+    inputs, parameters, the table's value and definitions before them. `derivatives` are the right-hand sides. Jumps
+    may use states, parameters and measured values.
+
+    Raises
+    ------
+    ValueError
+        If a derivative or a jump's state is missing, a name stands twice, or a symbol is used before it is defined.
     """
 
     name: str
@@ -51,7 +57,8 @@ class System:
     def __post_init__(self) -> None:
         if len(self.states) != len(self.derivatives):
             raise ValueError(f"{self.name}: {len(self.states)} states but {len(self.derivatives)} derivatives.")
-        names = [str(s) for s in (*self.states, *self.inputs, *self.parameters, *(d for d, _ in self.definitions))]
+        defined = (*(symbol for symbol, _ in self.definitions), *([self.table.value] if self.table else []))
+        names = [str(s) for s in (*self.states, *self.inputs, *self.parameters, *self.measured, *defined)]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{self.name}: {', '.join(twice)} named twice.")
@@ -61,6 +68,19 @@ class System:
             if unknown:
                 raise ValueError(f"{self.name}: {symbol} uses {', '.join(unknown)} before it is defined.")
             known.add(symbol)
+        self._check_jumps()
+
+    def _check_jumps(self) -> None:
+        known = {*self.states, *self.parameters, *self.measured}
+        for jump in self.jumps:
+            if len(jump.states) != len(self.states):
+                raise ValueError(f"{self.name}, jump {jump.name}: {len(jump.states)} of {len(self.states)} states.")
+            used = {symbol for value in jump.states for symbol in getattr(value, "free_symbols", set())}
+            unknown = sorted(str(symbol) for symbol in used - known)
+            if unknown:
+                raise ValueError(
+                    f"{self.name}, jump {jump.name} uses {', '.join(unknown)}; jumps know states, parameters, measured."
+                )
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of the kernels' parameter array."""

@@ -68,9 +68,17 @@ def sandwich(R: FloatArray, scores: Sequence[FloatArray]) -> Covariance:
     bandwidth = _bandwidth(np.concatenate(blocks) @ inverse)
     middle = sum((_lag_sum(block, bandwidth) for block in blocks), np.zeros((known.sum(), known.sum())))
     count = sum(block.shape[0] for block in blocks)
-    inner = inverse @ middle @ inverse / np.outer(norms[known], norms[known])
+    root = (inverse / norms[known]).T @ _square_root(middle)
+    inner = root @ root.T
     matrix[np.ix_(known, known)] = inner * count / max(1.0, count - k)
     return Covariance(matrix, max(1.0, 1.5 * count / (bandwidth + 1) - k))
+
+
+def _square_root(matrix: FloatArray) -> FloatArray:
+    """L with ``L L^T = matrix``, so that rounding cannot make a variance negative."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    result: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return result
 
 
 def _pseudo_inverse(R: FloatArray) -> FloatArray:

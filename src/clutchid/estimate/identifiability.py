@@ -18,24 +18,22 @@ CORRELATION = 0.98
 SILENT = 1e-9
 
 
-def cannot_tell(R: FloatArray, names: Sequence[str], actuator: Actuator, reach: float) -> list[str]:
+def cannot_tell(
+    R: FloatArray, names: Sequence[str], actuator: Actuator, reach: float, with_pressure: bool
+) -> list[str]:
     """Warnings about parameters that the recording says nothing about, or cannot tell apart.
 
     Parameters
     ----------
     R : (k, k)
-        Triangular factor of the scaled Jacobian; its first ``len(names)`` columns belong to `names`.
+        Triangular factor of the Jacobian to dimensionless numbers, the first of which are `names`.
     reach : m
         Furthest position in the recording.
+    with_pressure : bool
+        Whether the measured pressure is in use already.
     """
     norms = np.sqrt(np.sum(R**2, axis=0))
-    relative = norms * np.array([*(max(abs(actuator.value(n)), 1e-30) for n in names), *[1.0] * (norms.size - len(names))])
-    weights = [i for i, name in enumerate(names) if name in actuator.load.names]
-    if weights:
-        largest = max(abs(actuator.value(names[i])) for i in weights)
-        relative[weights] = norms[weights] * max(largest, 1.0)
     silent = norms <= SILENT * max(float(norms.max(initial=0.0)), 1e-300)
-    silent |= relative <= SILENT * max(float(relative.max(initial=0.0)), 1e-300)
     warnings = _silence([name for i, name in enumerate(names) if silent[i]], reach)
     heard = np.flatnonzero(~silent)
     if heard.size > 1:
@@ -46,7 +44,7 @@ def cannot_tell(R: FloatArray, names: Sequence[str], actuator: Actuator, reach: 
             for j in range(i)
             if heard[i] < len(names) and heard[j] < len(names) and abs(correlation[i, j]) > CORRELATION
         ]
-        warnings += _alike(pairs, actuator, reach)
+        warnings += _alike(pairs, actuator, reach, with_pressure)
     return warnings
 
 
@@ -69,7 +67,7 @@ def _silence(names: list[str], reach: float) -> list[str]:
     return [f"{text}; kept at the start value, the interval is infinite."]
 
 
-def _alike(pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float) -> list[str]:
+def _alike(pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float, with_pressure: bool) -> list[str]:
     warnings = []
     for one, other, correlation in sorted(pairs, key=lambda pair: -abs(pair[2]))[:5]:
         text = f"{other} and {one} cannot be told apart by this recording (correlation {correlation:+.3f})"
@@ -80,7 +78,7 @@ def _alike(pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float
             else:
                 text += ": add slow strokes over the whole travel"
         else:
-            text += ": fix one of them, or measure the pressure and fit with it"
+            text += ": fix one of them" + ("" if with_pressure else ", or measure the pressure and fit with it")
         warnings.append(f"{text}; their intervals are wide for that reason, the load curve may still be well known.")
     if len(pairs) > 5:
         warnings.append(f"{len(pairs) - 5} more pairs of parameters correlate above {CORRELATION}.")

@@ -49,13 +49,19 @@ class Solution:
 Evaluate = Callable[[FloatArray], Linearisation | Failure]
 
 
+def triangular(matrix: FloatArray) -> FloatArray:
+    """Upper triangular factor R of `matrix` = Q R."""
+    factor: FloatArray = np.linalg.qr(matrix, mode="r")  # type: ignore[assignment]
+    return factor
+
+
 def compress(jacobian: FloatArray, residuals: FloatArray, rows: int = 1 << 16) -> FloatArray:
     """Upper triangular factor of ``[J r]``, shape (k + 1, k + 1), made in blocks of `rows`."""
     width = jacobian.shape[1] + 1
     factor = np.zeros((0, width))
     for start in range(0, residuals.size, rows):
         part = np.column_stack([jacobian[start : start + rows], residuals[start : start + rows]])
-        factor = np.linalg.qr(np.vstack([factor, part]), mode="r")
+        factor = triangular(np.vstack([factor, part]))
     full = np.zeros((width, width))
     full[: factor.shape[0]] = factor
     return full

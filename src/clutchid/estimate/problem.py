@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.least_squares import Failure, Linearisation, compress
+from clutchid.estimate.least_squares import Failure, Linearisation, compress, triangular
 from clutchid.model.actuator import Actuator
 from clutchid.simulate.plan import Plan, Segment
 from clutchid.simulate.run import (
@@ -30,6 +30,10 @@ FloatArray = NDArray[np.float64]
 #: State that a measured column is compared with.
 MEASURED = {"position": "y", "pressure_a": "p_A"}
 
+#: Natural size of a load weight in N/m, and of the start of a segment in m and Pa.
+WEIGHT_UNIT = 1e5
+_START_UNITS = {POSITION_START: 1e-3, PRESSURE_START: 1e5}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
@@ -43,9 +47,10 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Free numbers ``x`` = shared parameters `names`, then the free starts of segments.
+    """Free numbers ``x`` = shared parameters `names`, then the free starts of segments, each divided by its `unit`.
 
-    `measure` names the measured columns that are compared; `low` and `high` bound x.
+    `measure` names the measured columns that are compared; `low` and `high` bound x. The units make all of x of order
+    one, so that thresholds do not depend on whether a number is a conductance or a pressure.
     """
 
     actuator: Actuator
@@ -53,20 +58,25 @@ class Problem:
     names: tuple[str, ...]
     measure: tuple[str, ...]
     parts: tuple[Part, ...]
+    unit: FloatArray
     x0: FloatArray
     low: FloatArray
     high: FloatArray
 
+    def si(self, x: FloatArray) -> FloatArray:
+        """`x` in SI units."""
+        return x * self.unit
+
     def actuator_at(self, x: FloatArray) -> Actuator:
         """The actuator with the free parameters of `x`; ParameterError where they contradict each other."""
-        return self.actuator.replace(dict(zip(self.names, (float(value) for value in x), strict=False)))
+        return self.actuator.replace(dict(zip(self.names, self.si(x).tolist(), strict=False)))
 
     def starts_at(self, x: FloatArray, log: int, actuator: Actuator) -> list[tuple[float, float]]:
         """Position and pressure at the start of every segment of a recording."""
         return [self._start(part, x, actuator) for part in self.parts if part.log == log]
 
     def _start(self, part: Part, x: FloatArray, actuator: Actuator) -> tuple[float, float]:
-        values = dict(zip(part.start_names, (float(x[i]) for i in part.start), strict=True))
+        values = dict(zip(part.start_names, (float(self.si(x)[i]) for i in part.start), strict=True))
         position = values.get(POSITION_START, part.segment.position_start)
         return position, values.get(PRESSURE_START, guessed_pressure(part.segment, actuator))
 
@@ -80,6 +90,7 @@ def problem(
 ) -> Problem:
     """Set up a fit of `names` to the recordings `plans`, starting at the values of `actuator`."""
     x0 = [actuator.value(name) for name in names]
+    unit = [_unit(name, actuator) for name in names]
     low, high = [bounds[name][0] for name in names], [bounds[name][1] for name in names]
     parts = []
     for number, prepared in enumerate(plans):
@@ -87,14 +98,20 @@ def problem(
             free = _free_start(segment, actuator)
             place = tuple(range(len(x0), len(x0) + len(free)))
             parts.append(Part(number, segment, place, tuple(name for name, *_ in free)))
-            for _, value, lowest, highest in free:
+            for name, value, lowest, highest in free:
                 x0.append(value)
+                unit.append(_START_UNITS[name])
                 low.append(lowest)
                 high.append(highest)
+    scale = np.array(unit)
     return Problem(
-        actuator, tuple(plans), tuple(names), tuple(measure), tuple(parts),
-        np.clip(np.array(x0), low, high), np.array(low), np.array(high),
+        actuator, tuple(plans), tuple(names), tuple(measure), tuple(parts), scale,
+        np.clip(np.array(x0), low, high) / scale, np.array(low) / scale, np.array(high) / scale,
     )  # fmt: skip
+
+
+def _unit(name: str, actuator: Actuator) -> float:
+    return WEIGHT_UNIT if name in actuator.load.names else abs(actuator.value(name)) or 1.0
 
 
 def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, float, float]]:
@@ -117,8 +134,12 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
         if isinstance(answer, Failure):
             return answer
         part, r, J = answer
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares, derivatives = float(r @ r), float(np.vdot(J, J))
+        if not np.isfinite(squares + derivatives):
+            return Failure(f"{task.plans[part.log].log.name}: the simulation grows beyond all bounds")
         count += r.size
-        cost += 0.5 * float(r @ r)
+        cost += 0.5 * squares
         local = compress(J, r)
         rows = np.zeros((local.shape[0], width + 1))
         rows[:, [*range(len(task.names)), *part.start, width]] = local
@@ -126,7 +147,7 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
     if count == 0:
         return Failure("no measured sample can be compared with the simulation")
     R = np.zeros((width + 1, width + 1))
-    reduced = np.linalg.qr(factor, mode="r")
+    reduced = triangular(factor)
     R[: reduced.shape[0]] = reduced
     return Linearisation(R[:width, :width], R[:width, width], cost, count)
 
@@ -134,7 +155,7 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
 def residuals(
     task: Problem, x: FloatArray, scales: Mapping[str, float]
 ) -> Iterator[tuple[Part, FloatArray, FloatArray] | Failure]:
-    """For each segment: scaled residuals (m,), missing samples left out, and their Jacobian (m, k_local)."""
+    """For each segment: scaled residuals (m,), missing samples left out, and their Jacobian to x (m, k_local)."""
     try:
         actuator = task.actuator_at(x)
     except ParameterError as error:
@@ -150,7 +171,8 @@ def residuals(
         if failed >= 0:
             yield Failure(failure_message(log, segment, states, failed))
             return
-        yield part, *_compared(task, part, states, sens, scales)
+        unit = task.unit[[*range(len(task.names)), *part.start]]
+        yield part, *_compared(task, part, states, sens * unit, scales)
 
 
 def _compared(

@@ -67,7 +67,7 @@ class Fit:
 
     `actuator` is the fitted one, `parameters` its free numbers with intervals, `covariance` theirs in the same order.
     `recordings` are the fitted ones by name, `verification` those that were simulated only. `scales` are the noise
-    scales by which position (m) and pressure (Pa) residuals were divided.
+    scales by which position (m) and pressure (Pa) residuals were divided, `bounds` the bounds of the free parameters.
     """
 
     status: Status
@@ -79,6 +79,7 @@ class Fit:
     recordings: Mapping[str, Recording]
     errors: Errors
     scales: Mapping[str, float]
+    bounds: Mapping[str, tuple[float, float]]
     evaluations: int
     warnings: tuple[str, ...] = ()
     verification: Mapping[str, Recording] = field(default_factory=dict)

@@ -21,7 +21,9 @@ PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
 
 @dataclass(frozen=True)
 class Load:
-    r"""The clutch load over the piston position, Eq. (14): ``f_l(y) = theta_1 phi_1(y) + theta_2 phi_2(y) + theta_3 phi_3(y)``.
+    r"""The clutch load over the piston position, Eq. (14).
+
+    .. math:: f_l(y) = \theta_1 \phi_1(y) + \theta_2 \phi_2(y) + \theta_3 \phi_3(y)
 
     Parameters
     ----------
@@ -56,7 +58,9 @@ class Load:
         if len(self.theta) != 3 or not all(math.isfinite(value) for value in self.theta):
             problems.append(f"theta = {self.theta}: three finite weights in N/m are needed.")
         if len(self.knots) != 4 or not all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False)):
-            problems.append(f"knots = {self.knots} m: four strictly increasing positions are needed, the paper has {PAPER_KNOTS}.")
+            problems.append(
+                f"knots = {self.knots} m: four strictly increasing positions are needed, the paper has {PAPER_KNOTS}."
+            )
         if not math.isfinite(self.phi2_slope):
             problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")
         if problems:

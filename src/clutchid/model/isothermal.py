@@ -44,7 +44,7 @@ def isothermal() -> System:
     p = {name: sp.Symbol(name, real=True) for name in Parameters.names()}
     u_vs, u_ve = sp.symbols("u_vs u_ve", real=True)
     f_l = sp.Symbol("f_l", real=True)
-    definitions = _definitions(x, p, u_vs, u_ve, f_l)
+    definitions = _definitions(x, p, u_vs, u_ve)
     d = {str(symbol): symbol for symbol, _ in definitions}
     rates = (
         x["v"],
@@ -67,9 +67,7 @@ def isothermal() -> System:
     )
 
 
-def _definitions(
-    x: dict[str, Expr], p: dict[str, Expr], u_vs: Expr, u_ve: Expr, f_l: Expr
-) -> tuple[tuple[Expr, Expr], ...]:
+def _definitions(x: dict[str, Expr], p: dict[str, Expr], u_vs: Expr, u_ve: Expr) -> tuple[tuple[Expr, Expr], ...]:
     done: dict[str, Expr] = {}
 
     def define(name: str, value: Expr) -> Expr:

@@ -7,7 +7,9 @@ import sympy as sp
 from clutchid.codegen.system import Expr
 
 
-def acceleration(p_A: Expr, p_B: Expr, f_l: Expr, f_f: Expr, f_s: Expr, A_A: Expr, A_B: Expr, P_0: Expr, M: Expr) -> Expr:
+def acceleration(
+    p_A: Expr, p_B: Expr, f_l: Expr, f_f: Expr, f_s: Expr, A_A: Expr, A_B: Expr, P_0: Expr, M: Expr
+) -> Expr:
     r"""Acceleration of the piston, Eq. (1).
 
     .. math:: \dot v = \frac{1}{M} (A_A p_A - A_B p_B - A_0 P_0 - f_l - f_f - f_s), \quad A_0 = A_A - A_B
@@ -51,7 +53,8 @@ def stop_force(d: Expr, d_dot: Expr, K_stop: Expr, D_stop: Expr, d_stop: Expr) -
     r"""Force of one end stop at the penetration d; one-sided, smooth and never pulling.
 
     .. math:: f = \max(0,\; K_{stop} \, g(d) + D_{stop} \, g'(d) \, \dot d), \quad
-              g(d) = \begin{cases} d^2 / (2 d_{stop}), & 0 < d < d_{stop} \\ d - d_{stop}/2, & d \ge d_{stop} \end{cases}
+              g(d) = \begin{cases} 0, & d \le 0 \\ d^2 / (2 d_{stop}), & d < d_{stop} \\
+              d - d_{stop}/2, & d \ge d_{stop} \end{cases}
 
     Parameters
     ----------

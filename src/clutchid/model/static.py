@@ -67,7 +67,9 @@ def static_pressure(f_l: Expr, P_0: Expr, A_A: Expr) -> Expr:
     return (f_l + A_A * P_0) / A_A
 
 
-def balanced_pressure(a: Expr, p_B: Expr, f_l: Expr, f_f: Expr, f_s: Expr, A_A: Expr, A_B: Expr, P_0: Expr, M: Expr) -> Expr:
+def balanced_pressure(
+    a: Expr, p_B: Expr, f_l: Expr, f_f: Expr, f_s: Expr, A_A: Expr, A_B: Expr, P_0: Expr, M: Expr
+) -> Expr:
     r"""Pressure in chamber A from the full balance of forces, Eq. (1) solved for p_A.
 
     .. math:: p_A = \frac{1}{A_A} (M a + A_B p_B + A_0 P_0 + f_l + f_f + f_s), \quad A_0 = A_A - A_B

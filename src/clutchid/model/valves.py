@@ -42,7 +42,7 @@ def psi(r: Expr, B: Expr, B_0: Expr, r_lam: Expr) -> Expr:
     '1.00, 0.80, 0.40'
     """
     laminar = (1 - r) / (1 - r_lam) * _printed_psi(r_lam, B, B_0)
-    return sp.Piecewise((_printed_psi(r, B, B_0), r <= r_lam), (laminar, r < 1), (0, True))
+    return sp.Piecewise((_printed_psi(r, B, B_0), r <= r_lam), (laminar, r <= 1), (0, True))
 
 
 def _printed_psi(r: Expr, B: Expr, B_0: Expr) -> Expr:
@@ -98,7 +98,9 @@ def orifice_flow(p_h: Expr, p_l: Expr, C: Expr, B: Expr, rho_0: Expr, B_0: Expr,
     return rho_0 * C * psi(p_l / p_h, B, B_0, r_lam) * p_h
 
 
-def breathing_flow(p_B: Expr, P_0: Expr, C_r: Expr, B_in: Expr, B_out: Expr, rho_0: Expr, B_0: Expr, r_lam: Expr = 0.999) -> Expr:
+def breathing_flow(
+    p_B: Expr, P_0: Expr, C_r: Expr, B_in: Expr, B_out: Expr, rho_0: Expr, B_0: Expr, r_lam: Expr = 0.999
+) -> Expr:
     r"""Air mass flow into chamber B through its fixed orifice, Eqs. (12) and (13).
 
     .. math:: w_r = w_{in} - w_{out} = \begin{cases} \rho_0 C_r \psi(p_B / P_0, B_{in}) P_0, & p_B < P_0 \\

@@ -44,7 +44,9 @@ class Partition:
             raise ParameterError(f"every = {self.every}, parts = {self.parts}: give exactly one of the two.")
         for name, value in (("every", self.every), ("parts", self.parts)):
             if value is not None and value < 1:
-                raise ParameterError(f"{name} = {value}: a number of {'samples' if name == 'every' else 'parts'} is at least 1.")
+                raise ParameterError(
+                    f"{name} = {value}: a number of {'samples' if name == 'every' else 'parts'} is at least 1."
+                )
         if self.carry not in ("p", "q"):
             raise ParameterError(f"carry = {self.carry!r}: 'p' carries the pressures, 'q' the masses of air.")
 

@@ -98,7 +98,19 @@ def plan(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."
         )
-    return Plan(log, segments, tuple(warnings))
+    return Plan(log, segments, (*warnings, *_outside_stroke(log, actuator)))
+
+
+def _outside_stroke(log: Log, actuator: Actuator) -> list[str]:
+    """A warning where the measured position leaves the stroke by more than a millimetre."""
+    position = log["position"][np.isfinite(log["position"])] if "position" in log else np.zeros(0)
+    y_max = actuator.parameters.y_max
+    if position.size == 0 or (position.min() > -1e-3 and position.max() < y_max + 1e-3):
+        return []
+    return [
+        f"{log.name}: the position runs from {position.min() * 1e3:.4g} to {position.max() * 1e3:.4g} mm, outside the "
+        f"stroke of 0 to {y_max * 1e3:g} mm; check its unit, its sign and its zero."
+    ]
 
 
 def _stretches(log: Log) -> list[tuple[int, int]]:

@@ -131,6 +131,6 @@ def failure_message(log: Log, segment: Segment, states: FloatArray, failed: int)
     bad = [name for name, value in zip(STATES, states[failed], strict=True) if not np.isfinite(value)]
     time = log.time[segment.start + failed]
     return (
-        f"{log.name}: the simulation left the finite numbers at {time:.3f} s in {', '.join(bad) or 'the sum of states'}; "
+        f"{log.name}: the simulation left the finite numbers at {time:.3f} s in {', '.join(bad) or 'all states'}; "
         "try other start values or check the units of the recording."
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from itertools import product
 
 import numpy as np
@@ -16,6 +17,9 @@ FloatArray = NDArray[np.float64]
 
 #: Classical RK4 is stable for real eigenvalues down to -2.785 / h; 2.5 leaves a margin.
 STABLE_STEP = 2.5
+
+#: More steps than this in an interval mean that a parameter or a unit is wrong.
+MOST_SUBSTEPS = 1000
 
 #: Fastest motion of the piston in m/s: a full stroke in a tenth of a second.
 TOP_SPEED = 0.3
@@ -53,37 +57,39 @@ def stiffness(actuator: Actuator) -> float:
     load = actuator.load
     for duty in ((1.0, 0.0), (0.0, 1.0)):
         u = np.tile(np.array(duty), (x.shape[0], 1))
-        kernels(actuator.model).linearise(
-            x, u, p.array(), load.breakpoints, load.combined(), rates, jacobian
-        )
+        kernels(actuator.model).linearise(x, u, p.array(), load.breakpoints, load.combined(), rates, jacobian)
         finite = jacobian[np.all(np.isfinite(jacobian), axis=(1, 2))]
         largest = max(largest, float(np.abs(np.linalg.eigvals(finite)).max()))
     return largest
 
 
 def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]]) -> float:
-    """Largest `stiffness` with each parameter of `bounds` at either of its bounds.
-
-    An infinite or inadmissible bound is replaced by half or twice the value, so that the number of steps stays finite.
-    """
+    """Largest `stiffness` with each parameter of `bounds` at either of its bounds; load weights do not count."""
     return max([stiffness(actuator), *(stiffness(changed) for changed in _corners(actuator, bounds))])
 
 
 def _corners(actuator: Actuator, bounds: Mapping[str, tuple[float, float]]) -> Iterable[Actuator]:
-    for name, (low, high) in bounds.items():
+    for name, limits in bounds.items():
         if name in actuator.load.names:
             continue
-        value = actuator.value(name)
-        for bound, fallback in ((low, value / 2), (high, value * 2)):
-            try:
+        for bound in limits:
+            with suppress(ParameterError):
                 yield actuator.replace({name: bound})
-            except ParameterError:
-                try:
-                    yield actuator.replace({name: fallback})
-                except ParameterError:
-                    continue
 
 
 def substeps(dt: FloatArray, rate: float) -> NDArray[np.int32]:
-    """Integration steps for each interval `dt` in s, so that no step exceeds `STABLE_STEP` / `rate`."""
-    return np.maximum(1, np.ceil(dt * rate / STABLE_STEP * (1 - 1e-9))).astype(np.int32)
+    """Integration steps for each interval `dt` in s, so that no step exceeds `STABLE_STEP` / `rate`.
+
+    Raises
+    ------
+    ParameterError
+        If an interval would need more than `MOST_SUBSTEPS`.
+    """
+    steps = np.maximum(1.0, np.ceil(dt * rate / STABLE_STEP * (1 - 1e-9)))
+    if not steps.max(initial=1.0) <= MOST_SUBSTEPS:
+        raise ParameterError(
+            f"the model is too stiff for this recording: its fastest mode, {rate:.3g} 1/s, needs {steps.max():.3g} steps "
+            f"in an interval of {dt.max():.3g} s, at most {MOST_SUBSTEPS} are taken; check the mass, the volumes and "
+            "the stiffnesses, their bounds, and the sample rate."
+        )
+    return steps.astype(np.int32)

@@ -1,0 +1,5 @@
+"""``python -m clutchid``."""
+
+from clutchid.cli import main
+
+main()

@@ -1,0 +1,166 @@
+"""What every verb of the command line shares: outcome, errors in one sentence, progress, and reading of options."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.units import UNITS, known_units
+
+DONE, FAILED, BAD_INPUT = 0, 1, 2
+
+
+def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
+    """Run `work` and turn an error of clutchid into one sentence and an exit code.
+
+    Bad input is 2, everything else that fails is 1; with `as_json` the one JSON object is printed here too.
+    """
+    try:
+        return work()
+    except ClutchidError as error:
+        if debug:
+            raise
+        bad = isinstance(error, (DataError, ParameterError, ExportError))
+        return complain(str(error), as_json=as_json, status="bad_input" if bad else "failed")
+    except (MemoryError, KeyboardInterrupt) as error:
+        if debug:
+            raise
+        return complain(f"stopped: {type(error).__name__}.", as_json=as_json, status="failed")
+    except Exception as error:
+        if debug:
+            raise
+        what = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
+        return complain(f"{what} Run again with --debug and report it.", as_json=as_json, status="failed")
+
+
+def complain(message: str, *, as_json: bool, status: str) -> int:
+    """Print why nothing was done and return the exit code."""
+    if as_json:
+        print_json({**EMPTY, "status": status, "message": message})
+    else:
+        print(f"clutchid: {message}", file=sys.stderr)
+    return BAD_INPUT if status == "bad_input" else FAILED
+
+
+#: Keys that the JSON object always has.
+EMPTY: dict[str, Any] = {
+    "status": "failed",
+    "message": "",
+    "parameters": {},
+    "load_curve": None,
+    "errors": None,
+    "logs": {},
+    "warnings": [],
+}
+
+
+def print_json(content: dict[str, Any]) -> None:
+    """Print `content` as one JSON object; numbers that are not finite become null."""
+    print(json.dumps(_finite(content), ensure_ascii=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(inner) for inner in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def read_logs(paths: Sequence[Path], ambient: float) -> list[Log]:
+    """Read recordings; the problems of all files are told at once."""
+    from clutchid.io import read
+
+    logs, problems = [], []
+    for path in paths:
+        try:
+            logs.append(read(path, ambient=ambient))
+        except DataError as error:
+            problems.append(str(error))
+    if problems:
+        raise DataError("\n".join(problems))
+    return logs
+
+
+def pressure(text: str | None, default: float) -> float:
+    """A pressure option in Pa: a plain number is Pa, a unit may follow."""
+    if text is None:
+        return default
+    number, unit = text.strip(), "Pa"
+    for name in sorted(known_units("Pa"), key=len, reverse=True):
+        if number.endswith(name):
+            number, unit = number.removesuffix(name).strip(), name
+            break
+    try:
+        value = float(number) * UNITS[unit].scale
+    except ValueError:
+        value = math.nan
+    if UNITS[unit].gauge or not (1e4 < value < 2e5):
+        raise ParameterError(
+            f"--ambient {text}: an absolute pressure between 0.1 and 2 bar is needed, for example 1.013bar or 101300."
+        )
+    return value
+
+
+def names(text: str) -> tuple[str, ...]:
+    """A comma-separated option as names."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """``NAME=LOW:HIGH`` options; an empty side is open."""
+    result = {}
+    for item in items:
+        match = re.fullmatch(r"\s*(\w+)\s*=([^:]*):([^:]*)", item)
+        try:
+            name, low, high = match.groups() if match else ("", "x", "x")
+            result[name] = (float(low or "-inf"), float(high or "inf"))
+        except ValueError:
+            raise ParameterError(
+                f"--bounds {item}: write NAME=LOW:HIGH in SI units, for example C_vs=1e-8:3e-8; a side may be empty."
+            ) from None
+    return result
+
+
+def start_actuator(start: Path | None, model: str | None) -> tuple[Actuator, Any]:
+    """The actuator to start from, and the parameter file it came from, if any."""
+    from clutchid.estimate.parameter_file import read_parameters
+
+    if start is None:
+        return Actuator(model=model or "isothermal"), None
+    content = read_parameters(start)
+    if model is not None and model != content.actuator.model:
+        raise ParameterError(
+            f"--model {model}: {start} is for the model '{content.actuator.model}'; leave --model out."
+        )
+    return content.actuator, content
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
+    """A progress bar on standard error, or nothing where that is no terminal; call it with a text and a fraction.
+
+    Without a known end the fraction is negative and the bar only shows that work goes on.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _text, _fraction: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda text, fraction: bar.update(
+            task, description=f"{title}: {text}", total=1.0 if fraction >= 0 else None, completed=max(fraction, 0.0)
+        )

@@ -1,0 +1,53 @@
+"""``clutchid paper``: the paper's study, repeated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from clutchid.cli.common import DONE, guarded, pressure, progress_bar, read_logs
+from clutchid.errors import ParameterError
+from clutchid.parameters import Parameters
+
+
+def paper(
+    *,
+    out: Path,
+    fit: Path | None = None,
+    verify: Path | None = None,
+    ambient: str | None = None,
+    debug: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Repeat the paper's study: Eq. (21), Tables 1 and 2, Figures 2 to 8, verification, as one HTML page.
+
+    Parameters
+    ----------
+    out
+        Folder for index.html, PNG and CSV files; made if it does not exist.
+    fit
+        Recording to fit; without it a bundled one serves, first half fitted, second half verified.
+    verify
+        Recording to verify with.
+    ambient
+        Ambient pressure for gauge units, for example 1.013bar; default P_0.
+    debug
+        Show the traceback of an error.
+    """
+
+    def work() -> int:
+        from clutchid.study import bundled_recording, halves, paper_study
+
+        if (fit is None) != (verify is None):
+            raise ParameterError("--fit and --verify: give both recordings or neither.")
+        if fit is None or verify is None:
+            fitted, verified = halves(bundled_recording())
+        else:
+            fitted, verified = read_logs([fit, verify], pressure(ambient, Parameters().P_0))
+        with progress_bar("paper") as show:
+            paper_study(fitted, verified, out, progress=show)
+        print(f"The page: {(out / 'index.html').resolve()}")
+        return DONE
+
+    return guarded(work, as_json=False, debug=debug)

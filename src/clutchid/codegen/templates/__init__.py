@@ -1,0 +1,25 @@
+"""Texts around the printed equations, filled by Jinja."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def template(name: str) -> Any:
+    """The template in the file `name` of this folder.
+
+    Raises
+    ------
+    jinja2.TemplateNotFound
+        If there is no such file.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("clutchid.codegen"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(name)

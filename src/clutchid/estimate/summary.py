@@ -1,0 +1,129 @@
+"""From the solution of a search to the result that the user sees: intervals, load band, errors, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.estimate.covariance import Covariance, sandwich
+from clutchid.estimate.identifiability import cannot_tell
+from clutchid.estimate.least_squares import Failure, Solution
+from clutchid.estimate.problem import WEIGHT_UNIT, Problem, residuals, simulated_states
+from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, combined_errors, errors_between
+from clutchid.model.actuator import Actuator
+from clutchid.simulate.simulation import simulated_log
+
+FloatArray = NDArray[np.float64]
+
+
+def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
+    """The result of a search that ended at `solution`."""
+    x, k = solution.x, len(task.names)
+    covariance = _covariance(task, solution, scales)
+    fitted = task.actuator_at(x)
+    reach = max(float(np.nanmax(p.log["position"])) for p in task.plans)
+    recordings = _recordings(task, x, fitted)
+    warnings = [w for p in task.plans for w in (*p.log.warnings, *p.warnings)]
+    warnings += cannot_tell(solution.at.R, task.names, fitted, reach, "pressure_a" in task.measure)
+    warnings += _at_bounds(task, x)
+    if solution.status == "limit":
+        warnings.append(f"the search stopped after {solution.evaluations} evaluations without settling.")
+    return Fit(
+        status="warning" if warnings else "ok",
+        message=f"{solution.status} after {solution.evaluations} evaluations",
+        actuator=fitted,
+        parameters=_estimates(task, x, covariance),
+        covariance=covariance.matrix[:k, :k] * np.outer(task.unit[:k], task.unit[:k]),
+        load_curve=_load_curve(fitted, task.names, covariance),
+        recordings=recordings,
+        errors=combined_errors(recordings),
+        scales=dict(scales),
+        bounds=_bounds_of(task),
+        evaluations=solution.evaluations,
+        warnings=tuple(warnings),
+    )
+
+
+def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> dict[str, Recording]:
+    recordings = {}
+    for number, prepared in enumerate(task.plans):
+        simulated = simulated_log(prepared, simulated_states(task, x, number))
+        starts = tuple(task.starts_at(x, number, fitted))
+        errors = errors_between(prepared.log, simulated)
+        recordings[prepared.log.name] = Recording(prepared.log, simulated, errors, starts)
+    return recordings
+
+
+def _covariance(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Covariance:
+    scores = []
+    for answer in residuals(task, solution.x, scales):
+        assert not isinstance(answer, Failure)
+        part, r, J = answer
+        rows = np.zeros((r.size, solution.x.size))
+        rows[:, [*range(len(task.names)), *part.start]] = J * r[:, None]
+        scores.append(rows)
+    return sandwich(solution.at.R, scores)
+
+
+def _estimates(task: Problem, x: FloatArray, covariance: Covariance) -> dict[str, Estimate]:
+    quantile = covariance.quantile()
+    estimates = {}
+    for i, name in enumerate(task.names):
+        std, unit = float(np.sqrt(covariance.matrix[i, i])), float(task.unit[i])
+        low, high = max(task.low[i], x[i] - quantile * std), min(task.high[i], x[i] + quantile * std)
+        estimates[name] = Estimate(
+            float(x[i]) * unit, task.actuator.unit(name), std * unit, float(low) * unit, float(high) * unit
+        )
+    return estimates
+
+
+def _load_curve(actuator: Actuator, names: Sequence[str], covariance: Covariance) -> LoadCurve:
+    y = np.linspace(0.0, actuator.parameters.y_max, 101)
+    phi, force = actuator.load.phi(y), actuator.load.force(y)
+    weights = [(i, actuator.load.names.index(name)) for i, name in enumerate(names) if name in actuator.load.names]
+    rows, cols = [i for i, _ in weights], [j for _, j in weights]
+    P = covariance.matrix[np.ix_(rows, rows)] * WEIGHT_UNIT**2
+    unknown = ~np.isfinite(np.diag(P)) if rows else np.zeros(0, dtype=bool)
+    P = np.where(np.isfinite(P), P, 0.0)
+    half = covariance.quantile() * np.sqrt(np.maximum(0.0, np.einsum("ni,ij,nj->n", phi[:, cols], P, phi[:, cols])))
+    half[np.any(phi[:, cols][:, unknown] != 0.0, axis=1)] = np.inf
+    return LoadCurve(y, force, force - half, force + half)
+
+
+def _at_bounds(task: Problem, x: FloatArray) -> list[str]:
+    warnings = []
+    for i, name in enumerate(task.names):
+        for bound, word in ((task.low[i], "lower"), (task.high[i], "upper")):
+            if x[i] == bound:
+                unit = task.actuator.unit(name)
+                value = bound * task.unit[i]
+                warnings.append(f"{name} lies at its {word} bound {value:g}{'' if unit == '1' else ' ' + unit}.")
+    return warnings
+
+
+def _bounds_of(task: Problem) -> dict[str, tuple[float, float]]:
+    low, high = task.si(task.low).tolist(), task.si(task.high).tolist()
+    return {name: (low[i], high[i]) for i, name in enumerate(task.names)}
+
+
+def failed(task: Problem, message: str) -> Fit:
+    """The result of a search whose start values cannot be simulated."""
+    nan = float("nan")
+    parameters = {name: Estimate(nan, task.actuator.unit(name), nan, nan, nan) for name in task.names}
+    y = np.linspace(0.0, task.actuator.parameters.y_max, 101)
+    unknown = np.full(y.shape, np.nan)
+    return Fit(
+        status="failed",
+        message=message,
+        actuator=task.actuator,
+        parameters=parameters,
+        covariance=np.full((len(task.names),) * 2, np.nan),
+        load_curve=LoadCurve(y, unknown, unknown, unknown),
+        recordings={},
+        errors=combined_errors({}),
+        scales={},
+        bounds=_bounds_of(task),
+        evaluations=0,
+    )

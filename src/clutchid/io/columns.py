@@ -1,0 +1,152 @@
+"""The grammar of column headings: ``name [unit]``.
+
+Names are compared without regard to case, and blanks count as underscores; units are compared exactly, without blanks.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from clutchid.log import COLUMNS, INPUTS
+from clutchid.units import UNITS, known_units
+
+#: Names that have a meaning, and their SI units.
+QUANTITIES: Mapping[str, str] = MappingProxyType({"time": "s", **COLUMNS})
+
+#: Names without which a file is no recording.
+REQUIRED = ("time", "position", *INPUTS)
+
+_GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*)?")
+_SHOWN = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """One heading: its text as written, the quantity it names (None: not known) and its unit (None: not given)."""
+
+    index: int
+    text: str
+    name: str | None
+    unit: str | None
+
+    @property
+    def si(self) -> str | None:
+        """SI unit of the values; None where the unit is not given, not known, or one of another quantity."""
+        unit = UNITS.get(self.unit or "")
+        if unit is None or (self.name is not None and unit.si != QUANTITIES[self.name]):
+            return None
+        return unit.si
+
+
+def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
+    """The cells of a header, understood.
+
+    Raises
+    ------
+    Nothing: `heading_problems` says what is wrong with them.
+
+    Examples
+    --------
+    >>> [(h.name, h.unit) for h in headings(["Time  [ms]", "pressure_A [ bar (g) ]", "gear [1]"])]
+    [('time', 'ms'), ('pressure_a', 'bar(g)'), (None, '1')]
+    """
+    return tuple(_heading(index, cell.strip()) for index, cell in enumerate(cells))
+
+
+def _heading(index: int, text: str) -> Heading:
+    match = _GRAMMAR.fullmatch(text)
+    name, unit = match.group("name", "unit") if match else (text.partition("[")[0], None)
+    unit = re.sub(r"\s", "", unit or "").replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}")
+    return Heading(index, shortened(text), _KEYS.get(_key(name)), unit or None)
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[\s_]+", "_", name.strip().casefold())
+
+
+_KEYS = {_key(name): name for name in QUANTITIES}
+
+
+def heading_problems(columns: Sequence[Heading]) -> list[str]:
+    """What is wrong with the headings of a file: duplicate, without unit, in an unknown unit, or missing.
+
+    Raises
+    ------
+    Nothing.
+    """
+    same: dict[str, list[Heading]] = defaultdict(list)
+    for column in columns:
+        if column.name is not None:
+            same[column.name].append(column)
+    problems = [_duplicate(name, group) for name, group in same.items() if len(group) > 1]
+    problems += [_unit_problem(column, column.name) for column in columns if column.name and column.si is None]
+    missing = [name for name in REQUIRED if name not in same]
+    if missing:
+        problems.append(_missing(missing, columns))
+    return problems
+
+
+def ignored(columns: Sequence[Heading]) -> list[str]:
+    """The warning that names the columns which have no meaning here, if there are any.
+
+    Raises
+    ------
+    Nothing.
+    """
+    unknown = [column.text for column in columns if column.name is None and column.text]
+    if not unknown:
+        return []
+    subject = f"column {_some(unknown)} is" if len(unknown) == 1 else f"columns {_some(unknown)} are"
+    return [f"{subject} not known and left out; known are {', '.join(QUANTITIES)}."]
+
+
+def shortened(text: str, length: int = 40) -> str:
+    """`text` on one line and not longer than `length`, for a message.
+
+    Raises
+    ------
+    Nothing.
+    """
+    line = " ".join(text.split())
+    return line if len(line) <= length else line[: length - 1] + "…"
+
+
+def _duplicate(name: str, group: list[Heading]) -> str:
+    where = " and ".join(str(column.index + 1) for column in group)
+    texts = ", ".join(f"'{column.text}'" for column in group)
+    return f"columns {where} ({texts}) all mean '{name}'; keep one of them."
+
+
+def _unit_problem(column: Heading, name: str) -> str:
+    si = QUANTITIES[name]
+    known = known_units(si)
+    if column.unit is None:
+        also = f" (or another of {', '.join(known[1:])})" if known[1:] else ""
+        return f"column {column.index + 1} '{column.text}' has no unit in brackets; write {name} [{si}]{also}."
+    lower = {unit.casefold(): unit for unit in known}
+    near = difflib.get_close_matches(column.unit.casefold(), lower, n=1)
+    hint = f"did you mean [{lower[near[0]]}]? Known are" if near else "use one of"
+    return (
+        f"column {column.index + 1} '{column.text}': unit [{column.unit}] is not known here; {hint} {', '.join(known)}."
+    )
+
+
+def _missing(names: list[str], columns: Sequence[Heading]) -> str:
+    unknown = {_key(column.text.partition("[")[0]): column.text for column in columns if column.name is None}
+    parts = []
+    for name in names:
+        near = difflib.get_close_matches(name, unknown, n=1, cutoff=0.5)
+        hint = f"; did you mean it by '{unknown[near[0]]}'?" if near else ""
+        parts.append(f"'{name}' (write {name} [{QUANTITIES[name]}]{hint})")
+    noun = "column" if len(names) == 1 else "columns"
+    return f"no {noun} {', '.join(parts)}; the file has {_some([column.text for column in columns])}."
+
+
+def _some(texts: Sequence[str]) -> str:
+    shown = ", ".join(f"'{text}'" for text in texts[:_SHOWN])
+    return shown + (f" and {len(texts) - _SHOWN} more" if len(texts) > _SHOWN else "")

@@ -1,0 +1,142 @@
+"""Files as such: written whole or not at all, found or missed in one sentence."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import os
+import secrets
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+
+from clutchid.errors import DataError, ExportError
+
+CHUNK = 1 << 20
+
+
+@contextmanager
+def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
+    """A temporary file beside `path` that takes its place when the block ends well.
+
+    On any error the temporary file is removed and an older file stays as it was. The temporary name has the suffix of
+    `path`, for libraries that choose a format by it.
+
+    Raises
+    ------
+    ExportError
+        If the folder is missing or cannot be written, `path` is no plain file, or writing fails.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with atomic_write(Path(folder) / "fit.toml") as temporary:
+    ...         _ = temporary.write_text("[model]")
+    ...     (Path(folder) / "fit.toml").read_text()
+    '[model]'
+    """
+    temporary: Path | None = None
+    try:
+        target = _writable(path)
+        temporary = target.parent / f".clutchid-{secrets.token_hex(6)}{target.suffix}"
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        yield temporary
+        if target.exists():
+            shutil.copymode(target, temporary)
+        temporary.replace(target)
+    except ExportError:
+        raise
+    except OSError as error:
+        raise ExportError(f"{path}: cannot be written ({_reason(error)}); nothing was changed.") from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: str | PathLike[str]) -> None:
+    """Make sure, before long work, that `path` can be written later.
+
+    Raises
+    ------
+    ExportError
+        If the folder is missing or cannot be written, or `path` is no plain file.
+    """
+    folder = _writable(path).parent
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ExportError(f"{path}: the folder '{folder}' cannot be written ({_reason(error)}).") from error
+
+
+def plain_file(path: str | PathLike[str]) -> Path:
+    """`path`, once it is certain that it is a plain file that may be read.
+
+    Raises
+    ------
+    DataError
+        If it is missing (the text names the nearest name in the folder), a folder, no plain file, or not readable.
+    """
+    file = Path(path)
+    try:
+        if file.is_dir():
+            raise DataError(f"{file}: is a folder; name one CSV or Parquet file in it.")
+        if not file.exists():
+            raise DataError(f"{file}: there is no such file{_nearest(file)}")
+        if not file.is_file():
+            raise DataError(f"{file}: is not a plain file; save the recording to a CSV or Parquet file first.")
+        file.open("rb").close()
+    except PermissionError:
+        raise DataError(f"{file}: there is no permission to read it; change its owner or mode.") from None
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({_reason(error)}).") from error
+    return file
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of the bytes of a file, in hexadecimal digits.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read.
+    """
+    total = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while chunk := file.read(CHUNK):
+                total.update(chunk)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+    return total.hexdigest()
+
+
+def _writable(path: str | PathLike[str]) -> Path:
+    """Where `path` points to, links followed, so that a link is kept and its file replaced."""
+    target = Path(path).resolve()
+    if not target.parent.is_dir():
+        raise ExportError(f"{path}: the folder '{Path(path).parent}' does not exist; create it first.")
+    if target.is_dir():
+        raise ExportError(f"{path}: is a folder; name a file in it.")
+    if target.exists() and not target.is_file():
+        raise ExportError(f"{path}: is not a plain file; name another one.")
+    if target.exists() and not os.access(target, os.W_OK):
+        raise ExportError(f"{path}: is write-protected; allow writing or name another file.")
+    return target
+
+
+def _nearest(file: Path) -> str:
+    try:
+        names = [entry.name for entry in file.parent.iterdir()]
+    except OSError:
+        return f"; the folder '{file.parent}' does not exist either."
+    near = difflib.get_close_matches(file.name, names, n=1)
+    return f"; did you mean '{near[0]}'?" if near else "; check its name."
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error) or type(error).__name__

@@ -1,0 +1,109 @@
+"""`Table`: the numbers of a file as they are written, before they mean anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.io.columns import Heading
+from clutchid.io.files import plain_file
+from clutchid.log import FloatArray
+
+Rows = NDArray[np.int64]
+
+#: How many places a message names before it counts the rest.
+SHOWN = 5
+
+#: The end of a message about a file that has nothing in it.
+EXAMPLE = "a header such as time [s],position [m],duty_supply [1],duty_exhaust [1] and samples below it are needed."
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Places:
+    """Where the samples stand in the file: lines of a text, rows of a Parquet table; both count from 1."""
+
+    word: str = "row"
+    first: int = 1
+    numbers: Rows | None = None
+
+    def number(self, index: int) -> int:
+        """The line or row of the sample `index`."""
+        return self.first + int(index) if self.numbers is None else int(self.numbers[index])
+
+    def each(self, rows: Rows, what: Callable[[int], str]) -> str:
+        """The first places of `rows` with `what` is to say about them, and the count of the rest."""
+        shown = [f"{self.word} {self.number(row)} {what(row)}" for row in rows[:SHOWN].tolist()]
+        return and_more(shown, rows.size - len(shown))
+
+    def ranges(self, rows: Rows) -> str:
+        """The first runs of neighbouring `rows`, and the count of the other runs: ``lines 4-9, 12``."""
+        breaks = np.flatnonzero(np.diff(rows) > 1)
+        starts, ends = rows[np.r_[0, breaks + 1]], rows[np.r_[breaks, rows.size - 1]]
+        pairs = [(self.number(a), self.number(b)) for a, b in zip(starts[:SHOWN], ends[:SHOWN], strict=True)]
+        shown = [f"{a}" if a == b else f"{a}-{b}" for a, b in pairs]
+        return f"{self.word}{'s' if rows.size > 1 else ''} {and_more(shown, starts.size - len(shown))}"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Table:
+    """Headings, numbers by column index in the units as written, and what went wrong while they were read.
+
+    `unread` holds, by column index, the rows whose cell is no number: a problem names them already.
+    """
+
+    headings: tuple[Heading, ...] = ()
+    numbers: Mapping[int, FloatArray] = field(default_factory=dict)
+    size: int = 0
+    places: Places = field(default_factory=Places)
+    problems: tuple[str, ...] = ()
+    unread: Mapping[int, Rows] = field(default_factory=dict)
+    metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+def open_table(path: str | PathLike[str], *, every: bool = False) -> Table:
+    """The numbers in a CSV or Parquet file; `every` column, or those whose name is known.
+
+    Raises
+    ------
+    DataError
+        If there is no plain file that can be read; what is wrong inside it is in ``Table.problems``.
+    """
+    file = plain_file(path)
+    with file.open("rb") as stream:
+        magic = stream.read(4)
+    if magic == b"PAR1":
+        from clutchid.io import parquet_file
+
+        return parquet_file.load(file, every=every)
+    from clutchid.io import csv_file
+
+    return csv_file.load(file, every=every)
+
+
+def wanted(columns: Sequence[Heading], every: bool) -> tuple[Heading, ...]:
+    """The columns to read: those with a meaning, or `every` one.
+
+    Raises
+    ------
+    Nothing.
+    """
+    return tuple(column for column in columns if every or column.name is not None)
+
+
+def and_more(shown: Iterable[str], rest: int) -> str:
+    """What is shown, and the count of what is not.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> and_more(["line 4", "line 7"], 3)
+    'line 4, line 7 and 3 more'
+    """
+    return ", ".join(shown) + (f" and {rest} more" if rest else "")

@@ -1,0 +1,126 @@
+"""Drawing: figures made through matplotlib's objects, without pyplot, backends or global settings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.report.style import STYLE, Line, Style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Place = Literal["best", "upper left", "lower right", "lower center", "above"]
+
+#: Curves with more samples than twice this are thinned before they are drawn.
+BINS = 1500
+
+
+def new_figure(heights: Sequence[float], columns: int = 1, *, share_x: bool = True) -> tuple[Figure, list[Axes]]:
+    """An empty figure with a panel per entry of `heights` (inches) and column, row by row.
+
+    Raises
+    ------
+    Nothing.
+    """
+    from matplotlib.figure import Figure
+
+    rows: Literal["row", "none"] = "row" if columns > 1 else "none"
+    figure = Figure(figsize=(STYLE.width, sum(heights)), dpi=STYLE.dpi, facecolor="white", layout="constrained")
+    grid = figure.subplots(
+        len(heights), columns, sharex="col" if share_x else False, sharey=rows, squeeze=False,
+        gridspec_kw={"height_ratios": list(heights)},
+    )  # fmt: skip
+    axes = [axis for row in grid for axis in row]
+    for axis in axes:
+        _dress(axis, STYLE)
+    return figure, axes
+
+
+def _dress(axis: Axes, style: Style) -> None:
+    axis.set_axisbelow(True)
+    axis.grid(visible=True, color=style.grid, linewidth=0.7)
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axis.spines[side].set_color(style.measured)
+    axis.tick_params(labelsize=style.font_size, color=style.measured, labelcolor=style.ink)
+
+
+def label(axis: Axes, x: str = "", y: str = "", title: str = "") -> None:
+    """Words with units on the axes, as in ``position [mm]``, and a title above the panel, left-aligned."""
+    if x:
+        axis.set_xlabel(x, fontsize=STYLE.font_size, color=STYLE.ink)
+    if y:
+        axis.set_ylabel(y, fontsize=STYLE.font_size, color=STYLE.ink)
+    if title:
+        axis.set_title(title, fontsize=STYLE.font_size + 0.5, color=STYLE.ink, loc="left", fontweight="bold")
+
+
+def legend(axis: Axes, place: Place = "best", columns: int = 1) -> None:
+    """The labelled curves of a panel; `place` as in matplotlib, or 'above' the panel."""
+    if not axis.get_legend_handles_labels()[0]:
+        return
+    size = STYLE.font_size - 0.5
+    if place == "above":
+        axis.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize=size, frameon=False, borderaxespad=0.1,
+            handlelength=1.6, columnspacing=1.3,
+        )  # fmt: skip
+    else:
+        axis.legend(
+            loc=place, ncols=columns, fontsize=size, framealpha=0.9, edgecolor="white", handlelength=1.8,
+            markerscale=2.5,
+        )  # fmt: skip
+
+
+def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:
+    """A curve, thinned so that every extreme stays visible; NaN leaves a gap."""
+    x, y = thinned(x, y)
+    axis.plot(
+        x, y, color=line.colour, linewidth=line.width, linestyle=line.dash, alpha=line.opacity,
+        label=line.label or "_nolegend_", solid_joinstyle="round", zorder=line.layer,
+    )  # fmt: skip
+
+
+def thinned(x: FloatArray, y: FloatArray, bins: int = BINS) -> tuple[FloatArray, FloatArray]:
+    """A long curve with the least and the greatest value of every bin, in the order in which they came.
+
+    Examples
+    --------
+    A spike of one sample in a million is kept:
+
+    >>> y = np.zeros(1_000_000)
+    >>> y[123_456] = 1.0
+    >>> x, y = thinned(np.arange(1e6), y)
+    >>> x.size, y.max()
+    (3000, np.float64(1.0))
+    """
+    if y.size <= 2 * bins:
+        return x, y
+    width = -(-y.size // bins)
+    padded = np.full((-(-y.size // width), width), np.nan)
+    padded.ravel()[: y.size] = y
+    unknown = np.isnan(padded)
+    lowest = np.where(unknown, np.inf, padded).argmin(axis=1)
+    highest = np.where(unknown, -np.inf, padded).argmax(axis=1)
+    pairs = np.sort(np.column_stack([lowest, highest]), axis=1) + width * np.arange(len(padded))[:, None]
+    at = pairs.ravel()
+    return x[at], y[at]
+
+
+def mark_span(axis: Axes, low: float, high: float, text: str = "") -> None:
+    """A shaded range of x behind the curves, in the units of the axis."""
+    axis.axvspan(low, high, color=STYLE.span, zorder=0, linewidth=0, label=text or "_nolegend_")
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as the bytes of a PNG file, the same for the same figure."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()

@@ -1,0 +1,44 @@
+"""One look for all figures: a record of sizes and colours, and units in which quantities are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+#: Shown unit in SI: a value in SI divided by it is in millimetres, bar, kilonewtons.
+MM, BAR, KN = 1e-3, 1e5, 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """Sizes in inches and points, colours that colour-blind readers can tell apart (Okabe and Ito)."""
+
+    width: float = 7.4
+    dpi: int = 144
+    font_size: float = 9.0
+    ink: str = "#1a1a1a"
+    grid: str = "#e3e3e3"
+    measured: str = "#8c8c8c"
+    blue: str = "#0072b2"
+    orange: str = "#e69f00"
+    green: str = "#009e73"
+    red: str = "#d55e00"
+    purple: str = "#cc79a7"
+    span: str = "#fdf3d7"
+    #: Dark to light for a number that grows.
+    ordered: tuple[str, ...] = ("#440154", "#3b528b", "#21918c", "#43b244", "#c8b400")
+
+
+STYLE = Style()
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """How a curve is drawn; without `label` it is not in the legend, a greater `layer` lies on top."""
+
+    colour: str
+    label: str = ""
+    width: float = 1.1
+    dash: str | tuple[float, Sequence[float]] = "-"
+    opacity: float = 1.0
+    layer: float = 2.0

@@ -1,0 +1,173 @@
+"""`Table`: rows in SI with columns that know how they are shown, as HTML, CSV or text."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from html import escape
+from io import StringIO
+from itertools import groupby
+
+Cell = str | float | int | None
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column: `name` with its SI unit for files, `heading` under `group` for people; it may have two lines.
+
+    Numbers are shown divided by `scale`, with `decimals` places, or where `significant` is given with that many digits
+    and a power of ten.
+    """
+
+    name: str
+    heading: str
+    scale: float = 1.0
+    decimals: int = 2
+    significant: int | None = None
+    group: str = ""
+
+    def shown(self, value: Cell) -> str:
+        """The cell as people read it; a dash where there is nothing.
+
+        Examples
+        --------
+        >>> Column("position_rms [m]", "rms [mm]", scale=1e-3, decimals=3).shown(9.3e-4)
+        '0.930'
+        >>> Column("b_2 [1]", "b₂", significant=5).shown(-3.0769e-4)
+        '−3.0769·10⁻⁴'
+        """
+        if value is None:
+            return "–"
+        if isinstance(value, str):
+            return value
+        return self._number(float(value))
+
+    def _number(self, value: float) -> str:
+        if math.isnan(value):
+            return "–"
+        if math.isinf(value):
+            return "∞" if value > 0 else "−∞"
+        if self.significant is not None:
+            return scientific(value / self.scale, self.significant)
+        text = f"{value / self.scale:.{self.decimals}f}"
+        if float(text) == 0.0:
+            text = text.lstrip("-")
+        return text.replace("-", "−")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table; `rules` are the rows before which a line is drawn, `note` stands below."""
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    rules: tuple[int, ...] = ()
+    note: str = ""
+
+    def column(self, name: str) -> tuple[Cell, ...]:
+        """The cells of the column whose `name` is, or starts with, `name` before the unit."""
+        names = [column.name.split(" [")[0] for column in self.columns]
+        wanted = name.split(" [", maxsplit=1)[0]
+        return tuple(row[names.index(wanted)] for row in self.rows)
+
+
+def scientific(value: float, digits: int) -> str:
+    """A number with `digits` significant digits (0: as many as it has) and a power of ten where it is large or small.
+
+    Examples
+    --------
+    >>> scientific(-2332.7016, 6), scientific(1.7e12, 2), scientific(0.0, 3), scientific(-8.4968e-3, 0)
+    ('−2332.70', '1.7·10¹²', '0', '−8.4968·10⁻³')
+    """
+    if value == 0.0:
+        return "0"
+    if digits == 0:
+        digits = len(f"{value:.12e}".split("e")[0].rstrip("0").replace(".", "").replace("-", ""))
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    power = int(exponent)
+    if -2 <= power <= 4:
+        return f"{value:.{max(0, digits - 1 - power)}f}".replace("-", "−")
+    return f"{mantissa}·10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
+
+
+def to_csv(table: Table) -> str:
+    """The table as CSV in SI with all digits; an empty cell where there is nothing."""
+    out = StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([column.name for column in table.columns])
+    for row in table.rows:
+        writer.writerow([_plain(cell) for cell in row])
+    return out.getvalue()
+
+
+def _plain(cell: Cell) -> str:
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return ""
+    return cell if isinstance(cell, str) else repr(cell) if isinstance(cell, int) else repr(float(cell))
+
+
+def to_text(table: Table) -> str:
+    """The table as lines of text, numbers under each other."""
+    heads = [(f"{c.group}: {c.heading}" if c.group else c.heading).replace("\n", " ") for c in table.columns]
+    cells = [heads, *[[c.shown(x) for c, x in zip(table.columns, row, strict=True)] for row in table.rows]]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(heads))]
+    numeric = [_is_numeric(table, i) for i in range(len(heads))]
+
+    def line(row: list[str]) -> str:
+        padded = (x.rjust(w) if n else x.ljust(w) for x, w, n in zip(row, widths, numeric, strict=True))
+        return "  ".join(padded).rstrip()
+
+    return "\n".join([table.title, line(heads), "  ".join("-" * w for w in widths), *[line(row) for row in cells[1:]]])
+
+
+def to_html(table: Table) -> str:
+    """The table as an HTML fragment; every outside text is escaped."""
+    numeric = [_is_numeric(table, i) for i in range(len(table.columns))]
+    first = _group_starts(table)
+    body = []
+    for number, row in enumerate(table.rows):
+        rule = ' class="rule"' if number in table.rules else ""
+        cells = []
+        for i, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
+            opening, closing = ("th scope=row", "th") if i == 0 else ("td", "td")
+            cells.append(f"<{opening}{_classes(numeric[i], i in first)}>{escape(column.shown(cell))}</{closing}>")
+        body.append(f"<tr{rule}>{''.join(cells)}</tr>")
+    note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
+    return (
+        f'<div class="table"><table><caption>{escape(table.title)}</caption>'
+        f"<thead>{_heads(table, numeric, first)}</thead><tbody>{''.join(body)}</tbody></table></div>{note}"
+    )
+
+
+def _heads(table: Table, numeric: list[bool], first: set[int]) -> str:
+    words = [escape(column.heading).replace("\n", "<br>") for column in table.columns]
+    lower = "".join(f"<th scope=col{_classes(numeric[i], i in first)}>{text}</th>" for i, text in enumerate(words))
+    if not any(column.group for column in table.columns):
+        return f"<tr>{lower}</tr>"
+    upper, at = [], 0
+    for group, members in groupby(table.columns, lambda column: column.group):
+        span = len(list(members))
+        mark = "group first" if at in first else "group"
+        head = f'<th colspan="{span}" class="{mark}" scope=colgroup>{escape(group)}</th>'
+        upper.append(head if group else f'<td colspan="{span}"></td>')
+        at += span
+    return f"<tr>{''.join(upper)}</tr><tr>{lower}</tr>"
+
+
+def _group_starts(table: Table) -> set[int]:
+    groups = [column.group for column in table.columns]
+    return {i for i in range(1, len(groups)) if groups[i] != groups[i - 1]}
+
+
+def _classes(numeric: bool, first: bool) -> str:
+    names = " ".join(name for name, yes in (("n", numeric), ("first", first)) if yes)
+    return f' class="{names}"' if names else ""
+
+
+def _is_numeric(table: Table, column: int) -> bool:
+    cells = [row[column] for row in table.rows]
+    return any(isinstance(cell, (int, float)) for cell in cells) and not any(isinstance(cell, str) for cell in cells)

@@ -1,0 +1,147 @@
+"""Figures 2 to 5: basis functions, simulated positions and pressures, and the load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Load
+from clutchid.report.figures import draw, label, legend, mark_span, new_figure
+from clutchid.report.style import BAR, KN, MM, STYLE, Line
+from clutchid.study.fits import Case, chosen
+from clutchid.study.pressure import static_estimate
+from clutchid.study.printed import PRINTED_SLOPE, TABLE_1
+from clutchid.study.recording import TrueLoad
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Below this speed in m/s the static estimate (25) is drawn.
+SLOW = 0.01
+
+_BALLISTIC = Line(STYLE.ink, "ballistic", 1.4, layer=2.5)
+_NUMBER = dict(zip((2, 4, 8, 16, 32), STYLE.ordered, strict=True))
+
+
+def figure_2() -> Figure:
+    """The basis functions, with both slopes of phi_2."""
+    figure, (axis,) = new_figure([3.3])
+    y = np.linspace(0.0, 0.025, 501)
+    stated, published = Load().phi(y) / MM, Load(phi2_slope=PRINTED_SLOPE).phi(y) / MM
+    draw(axis, y / MM, stated[:, 0], Line(STYLE.blue, "φ₁", 2.0))
+    draw(axis, y / MM, stated[:, 1], Line(STYLE.green, "φ₂, slope 1 at t₃ (stated)", 2.0))
+    draw(axis, y / MM, published[:, 1], Line(STYLE.green, "φ₂, slope 0.001 at t₃ (as published)", 1.6, (0, (5, 2))))
+    draw(axis, y / MM, stated[:, 2], Line(STYLE.red, "φ₃", 2.0))
+    for number, knot in enumerate([*Load().knots, 0.021]):
+        axis.axvline(knot / MM, color=STYLE.measured, linewidth=0.8, linestyle=":")
+        axis.annotate(
+            f"t{'₁₂₃₄₅'[number]}", (knot / MM, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom",
+            fontsize=STYLE.font_size,
+        )  # fmt: skip
+    label(axis, "position [mm]", "basis function [mm]")
+    axis.set_xlim(-0.3, 25)
+    legend(axis, "upper left")
+    return figure
+
+
+def figure_3(cases: Sequence[Case]) -> Figure:
+    """Simulated positions on the fitted recording, N parts, and how far they are from the measurement."""
+    figure, axes = new_figure([2.4, 1.9, 1.9])
+    _over_time(axes, chosen(cases, "ballistic", "parts"), "position", MM)
+    label(axes[0], y="position [mm]")
+    label(axes[1], y="fitted simulation\n− measured [mm]")
+    label(axes[2], "time [s]", "ballistic run\n− measured [mm]")
+    figure.align_ylabels()
+    return figure
+
+
+def figure_4(cases: Sequence[Case]) -> Figure:
+    """Simulated pressure in chamber A on the fitted recording, N parts, and how far it is from the measurement."""
+    measured = "pressure_a" in cases[0].fitted.measured
+    figure, axes = new_figure([2.4, 1.9, 1.9] if measured else [3.0])
+    _over_time(axes, chosen(cases, "ballistic", "parts"), "pressure_a", BAR)
+    label(axes[0], y="pressure A, absolute [bar]")
+    if measured:
+        label(axes[1], y="fitted simulation\n− measured [bar]")
+        label(axes[2], y="ballistic run\n− measured [bar]")
+    label(axes[-1], "time [s]")
+    figure.align_ylabels()
+    return figure
+
+
+def _over_time(axes: Sequence[Axes], cases: Sequence[Case], name: str, unit: float) -> None:
+    measured = cases[0].fitted.measured
+    t = measured.time
+    if name in measured:
+        draw(axes[0], t, measured[name] / unit, Line(STYLE.measured, "measured", 3.0, opacity=0.6))
+    for case in cases:
+        line = case_line(case)
+        draw(axes[0], t, case.fitted.simulated[name] / unit, line)
+        if len(axes) > 1:
+            for axis, run in zip(axes[1:], (case.fitted, case.ballistic), strict=True):
+                draw(axis, t, (run.simulated[name] - measured[name]) / unit, line)
+    for axis in axes[1:]:
+        axis.axhline(0.0, color=STYLE.measured, linewidth=0.7)
+    axes[0].set_xlim(float(t[0]), float(t[-1]))
+    legend(axes[0], "above", 7)
+
+
+def case_line(case: Case) -> Line:
+    """How a case is drawn: ballistic black and thick, N from dark to light."""
+    number = case.method.number
+    return _BALLISTIC if number is None else Line(_NUMBER[number], f"N = {number}", 0.9)
+
+
+def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
+    """All estimated loads, the printed ones in their basis, and the static estimate (25)."""
+    figure, axes = new_figure([3.1, 3.1], 2, share_x=False)
+    actuator = cases[0].fit.actuator
+    static = static_estimate(log, actuator, SLOW)
+    y = np.linspace(0.0, actuator.parameters.y_max, 401)
+    panels = [
+        ("(a) N equal parts, p carried", _loads(chosen(cases, "ballistic", "parts"))),
+        ("(b) every N samples, p carried", _loads(chosen(cases, "ballistic", "every"))),
+        ("(c) every N samples, q carried", _loads(chosen(cases, "ballistic", "every", carry="q"))),
+        ("(d) printed Table 1, slope 0.001", _printed_loads()),
+    ]
+    for number, (axis, (title, curves)) in enumerate(zip(axes, panels, strict=True)):
+        _load_background(axis, static, truth)
+        for line, load in curves:
+            draw(axis, y / MM, load.force(y) / KN, line)
+        label(axis, "position [mm]", "load [kN]" if number % 2 == 0 else "", title)
+        axis.set_xlim(0, float(y[-1]) / MM)
+        legend(axis, "lower right", 2)
+    everything = np.concatenate([load.force(y) / KN for _, curves in panels for _, load in curves])
+    for axis in axes:
+        axis.set_ylim(min(0.0, 1.1 * float(everything.min())), 1.08 * float(everything.max()))
+    return figure
+
+
+def _loads(cases: Sequence[Case]) -> list[tuple[Line, Load]]:
+    return [(case_line(case), case.fit.actuator.load) for case in cases]
+
+
+def _printed_loads() -> list[tuple[Line, Load]]:
+    loads = []
+    for number, theta in TABLE_1.items():
+        colour, name = (STYLE.ink, "ballistic") if number is None else (_NUMBER[number], f"N = {number}")
+        loads.append((Line(colour, name, 1.2, (0, (5, 2))), Load(theta, phi2_slope=PRINTED_SLOPE)))
+    return loads
+
+
+def _load_background(axis: Axes, static: tuple[FloatArray, FloatArray], truth: TrueLoad | None) -> None:
+    """What every panel of the load shows: engaging span, static estimate and true load."""
+    mark_span(axis, 5, 8)
+    position, force = static
+    if truth is not None:
+        draw(axis, truth.position / MM, truth.force / KN, Line(STYLE.orange, "true load", 3.4, opacity=0.8, layer=1.6))
+    if position.size:
+        step = max(1, position.size // 3000)
+        axis.plot(
+            position[::step] / MM, force[::step] / KN, "o", markersize=1.7, color=STYLE.measured, alpha=0.5,
+            markeredgewidth=0, label="Eq. (25), slow", zorder=1.7,
+        )  # fmt: skip

@@ -1,0 +1,96 @@
+"""All that the study found, before it is written: cases, pressures, tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from clutchid.log import Log
+from clutchid.report.figures import png
+from clutchid.report.style import BAR, MM
+from clutchid.report.tables import Table
+from clutchid.study import figures, state_figures, tables
+from clutchid.study.equation_21 import equation_21
+from clutchid.study.fits import Case, Method, Progress, all_cases
+from clutchid.study.pressure import Pressures, pressures
+from clutchid.study.recording import TrueLoad, true_load
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """What the study found; `second` are the pressures on the second recording by method, p carried."""
+
+    fit_log: Log
+    verify_log: Log
+    cases: tuple[Case, ...]
+    truth: TrueLoad | None
+    second: Mapping[Method, Pressures]
+    tables: Mapping[str, Table]
+    figures: Mapping[int, bytes]
+
+    def case(self, method: Method) -> Case:
+        """What the method gave."""
+        return next(case for case in self.cases if case.method == method)
+
+
+def find(fit_log: Log, verify_log: Log, progress: Progress) -> Findings:
+    """Do the study: all fits, then pressures, tables and figures.
+
+    Raises
+    ------
+    DataError
+        If a recording cannot be fitted.
+    SolveError
+        If a simulation leaves the finite numbers.
+    """
+    cases = all_cases(fit_log, verify_log, lambda text, part: progress(text, 0.6 * part))
+    truth = true_load(fit_log)
+    progress("pressure from the load", 0.6)
+    paired = tables.rows_of(cases, "p")
+    first = {case.method: pressures(case.fit.actuator, case.ballistic) for case in paired}
+    second = {case.method: pressures(case.fit.actuator, case.verified) for case in paired}
+    made = {
+        "equation_21": equation_21(),
+        "table_1": tables.table_1(cases, "p"),
+        "table_1_carry_q": tables.table_1(cases, "q"),
+        "table_2": tables.table_2(cases, "p"),
+        "table_2_carry_q": tables.table_2(cases, "q"),
+        "verification": tables.verification(cases, truth),
+        "pressure_errors": tables.pressure_errors(paired, first, second),
+    }
+    return Findings(fit_log, verify_log, cases, truth, second, made, _figures(cases, second, fit_log, progress))
+
+
+def _figures(
+    cases: Sequence[Case], second: Mapping[Method, Pressures], log: Log, progress: Progress
+) -> dict[int, bytes]:
+    thirty_two = next(case for case in cases if case.method == Method("parts", 32))
+    pair = (cases[0], thirty_two)
+    makers: dict[int, Callable[[], Figure]] = {
+        2: figures.figure_2,
+        3: lambda: figures.figure_3(cases),
+        4: lambda: figures.figure_4(cases),
+        5: lambda: figures.figure_5(cases, log, true_load(log)),
+        6: lambda: state_figures.states_figure(cases[0]),
+        7: lambda: state_figures.states_figure(thirty_two),
+        8: lambda: state_figures.figure_8(pair, [second[case.method] for case in pair]),
+    }
+    drawn = {}
+    for number, make in makers.items():
+        progress(f"figure {number}", 0.65 + 0.3 * (number - 2) / len(makers))
+        drawn[number] = png(make())
+    return drawn
+
+
+def millimetres(value: float) -> str:
+    """A length in words, as in ``0.93 mm``."""
+    return f"{value / MM:.2f} mm"
+
+
+def bars(value: float | None) -> str:
+    """A pressure in words, as in ``0.25 bar``."""
+    return "not measured" if value is None else f"{value / BAR:.2f} bar"

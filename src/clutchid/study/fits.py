@@ -1,0 +1,132 @@
+"""The fits of the study: ballistic, and partitioned for every N, in both readings, with p or q carried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from clutchid.estimate import Fit, fit
+from clutchid.estimate.result import Recording
+from clutchid.log import Log
+from clutchid.model.actuator import Load
+from clutchid.simulate import Partition
+from clutchid.study.recording import TrueLoad
+
+#: The paper's N.
+NUMBERS = (2, 4, 8, 16, 32)
+
+Reading = Literal["ballistic", "parts", "every"]
+Carry = Literal["p", "q"]
+
+#: Called with what is being done and how much of it is done, from 0 to 1.
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """An estimation method of Table 1: reading of N, N, and what is carried across a reset."""
+
+    reading: Reading
+    number: int | None = None
+    carry: Carry = "p"
+
+    @property
+    def partition(self) -> Partition | None:
+        """The partition that `fit` and `simulate` take; None is ballistic."""
+        if self.reading == "parts":
+            return Partition(parts=self.number, carry=self.carry)
+        return Partition(every=self.number, carry=self.carry) if self.reading == "every" else None
+
+    @property
+    def label(self) -> str:
+        """The method in words.
+
+        Examples
+        --------
+        >>> Method("every", 8).label
+        'every 8 samples'
+        """
+        if self.reading == "parts":
+            return f"{self.number} parts"
+        return f"every {self.number} samples" if self.reading == "every" else "ballistic"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """What one method gave: the fit, and ballistic runs with its theta on the fitted and the other recording."""
+
+    method: Method
+    fit: Fit
+    fitted: Recording
+    ballistic: Recording
+    verified: Recording
+
+
+@dataclass(frozen=True, slots=True)
+class LoadError:
+    """Rms error of a load in N: over all positions of the true load, and where the clutch engages, 5 to 8 mm."""
+
+    everywhere: float
+    engaging: float
+
+
+def methods() -> tuple[Method, ...]:
+    """All methods: ballistic first, then by what is carried, reading and N."""
+    partitioned = [Method(reading, n, carry) for carry in ("p", "q") for reading in ("parts", "every") for n in NUMBERS]
+    return (Method("ballistic"), *partitioned)
+
+
+def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, ...]:
+    """Every method on the two recordings.
+
+    Raises
+    ------
+    DataError
+        If a recording cannot be fitted.
+    SolveError
+        If a simulation leaves the finite numbers.
+    """
+    todo = methods()
+    done = []
+    for number, method in enumerate(todo):
+        progress(f"fit: {method.label}" + (", q carried" if method.carry == "q" else ""), number / len(todo))
+        done.append(_case(method, fit_log, verify_log))
+    return tuple(done)
+
+
+def _case(method: Method, fit_log: Log, verify_log: Log) -> Case:
+    found = fit(fit_log, partition=method.partition)
+    fitted = _only(found)
+    ballistic = fitted if method.partition is None else _only(fit(fit_log, found.actuator, free=()))
+    return Case(method, found, fitted, ballistic, _only(fit(verify_log, found.actuator, free=())))
+
+
+def _only(found: Fit) -> Recording:
+    return next(iter(found.recordings.values()))
+
+
+def chosen(cases: Sequence[Case], *readings: Reading, carry: Carry = "p") -> tuple[Case, ...]:
+    """The cases of some readings, in their order; the ballistic one belongs to both p and q."""
+    return tuple(
+        case
+        for reading in readings
+        for case in cases
+        if case.method.reading == reading and (reading == "ballistic" or case.method.carry == carry)
+    )
+
+
+def load_error(case: Case, truth: TrueLoad) -> LoadError:
+    """How far the estimated load is from the true one."""
+    error = case.fit.actuator.load.force(truth.position) - truth.force
+    engaging = (truth.position >= 5e-3 - 1e-9) & (truth.position <= 8e-3 + 1e-9)
+    return LoadError(float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(error[engaging] ** 2))))
+
+
+def best_possible(truth: TrueLoad) -> float:
+    """Rms distance in N of the true load from the nearest load on the paper's three splines."""
+    phi = Load().phi(truth.position)
+    weights = np.linalg.lstsq(phi, truth.force)[0]
+    return float(np.sqrt(np.mean((phi @ weights - truth.force) ** 2)))

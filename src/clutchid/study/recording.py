@@ -1,0 +1,85 @@
+"""The recording that comes with clutchid, its true load, and its two halves."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from importlib.resources import as_file, files
+
+import numpy as np
+
+from clutchid.io import read
+from clutchid.log import FloatArray, Log
+
+#: Key of a log's metadata that names the file of its true load beside the bundled recordings.
+TRUTH = "true_load"
+
+#: A rest: the position stays within this many m over this many s.
+REST_RANGE, REST_TIME = 5e-4, 0.2
+
+#: A rest is looked for within this part of the length, about the middle.
+MIDDLE = 0.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueLoad:
+    """The load in N over the position in m that a simulated recording was made with."""
+
+    position: FloatArray
+    force: FloatArray
+
+
+def bundled_recording() -> Log:
+    """30 s of a simulated truck at 1 kHz with pressure; its physics is richer than the paper's model.
+
+    Raises
+    ------
+    DataError
+        If the installation is damaged.
+
+    Examples
+    --------
+    >>> log = bundled_recording()
+    >>> len(log), "pressure_a" in log
+    (30000, True)
+    """
+    with as_file(files("clutchid") / "recordings" / "truck1_calibration.csv") as path:
+        log = read(path)
+    return replace(log, metadata={**log.metadata, TRUTH: "truck1_truth.json"})
+
+
+def true_load(log: Log) -> TrueLoad | None:
+    """The true load behind `log`, known for the bundled recording and its parts only."""
+    name = log.metadata.get(TRUTH)
+    if name is None:
+        return None
+    known = json.loads((files("clutchid") / "recordings" / name).read_text("utf-8"))
+    return TrueLoad(np.array(known["position_m"]), np.array(known["logs"]["calibration"]["load_N"]))
+
+
+def halves(log: Log) -> tuple[Log, Log]:
+    """First and second half of `log`, cut at the rest nearest to the middle, or in the middle where there is none.
+
+    Examples
+    --------
+    >>> first, second = halves(bundled_recording())
+    >>> len(first) + len(second)
+    30000
+    """
+    at = _cut(log)
+    first, second = log.slice(0, at), log.slice(at, len(log))
+    return replace(first, name=f"{log.name}, first half"), replace(second, name=f"{log.name}, second half")
+
+
+def _cut(log: Log) -> int:
+    n = len(log)
+    if n < 10 or "position" not in log:
+        return n // 2
+    width = max(2, round(REST_TIME / float(np.median(np.diff(log.time)))))
+    low = int(n * (0.5 - MIDDLE / 2))
+    part = log["position"][low : n - low + width]
+    if part.size <= width:
+        return n // 2
+    windows = np.lib.stride_tricks.sliding_window_view(part, width)
+    centres = low + width // 2 + np.flatnonzero(windows.max(axis=1) - windows.min(axis=1) <= REST_RANGE)
+    return int(centres[np.argmin(np.abs(centres - n // 2))]) if centres.size else n // 2

@@ -1,0 +1,87 @@
+"""A C compiler, and generated C behind ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from clutchid.codegen.c99 import CSource, c99_source
+from clutchid.codegen.system import System
+
+STRICT = ("-Wall", "-Wextra", "-Werror", "-Wdouble-promotion", "-std=c99", "-pedantic")
+
+
+class Table(ctypes.Structure):
+    """NAME_table_t."""
+
+    _fields_ = (("n", ctypes.c_int), ("breakpoints", ctypes.c_void_p), ("coefficients", ctypes.c_void_p))
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A shared library of generated C."""
+
+    code: CSource
+    file: Path
+    name: str
+    real: type
+
+    def library(self) -> ctypes.CDLL:
+        return ctypes.CDLL(str(self.file))
+
+    def array(self, values: ArrayLike) -> NDArray:
+        return np.array(values, dtype=self.real, order="C")
+
+    def table(self, breakpoints: NDArray, load: NDArray) -> Table:
+        """The arrays must outlive the table."""
+        return Table(breakpoints.size, breakpoints.ctypes.data, load.ctypes.data)
+
+    def run(self, x0, u, p, dt, substeps=1, table: tuple[ArrayLike, ArrayLike] | None = None):
+        """Status, states and the last state left in x."""
+        x, u, p, dt = (self.array(values) for values in (x0, u, p, dt))
+        steps = np.full(dt.size, substeps, np.intc)
+        out = np.full((dt.size + 1, x.size), np.nan, self.real)
+        arrays = [pointer(a) for a in (x, u, p, dt, steps)]
+        held = [self.array(part) for part in table or ()]
+        tables = [ctypes.byref(self.table(*held))] if table else []
+        status = getattr(self.library(), f"{self.name}_run")(*arrays, ctypes.c_int(dt.size + 1), *tables, pointer(out))
+        return status, out, x
+
+
+def pointer(array: NDArray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+@pytest.fixture(scope="session")
+def compiler() -> str:
+    found = shutil.which("cc") or shutil.which("gcc")
+    if found is None:
+        pytest.skip("no C compiler (cc or gcc) on this machine")
+    return found
+
+
+@pytest.fixture(scope="session")
+def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Compiled]:
+    """Compiles a system's C strictly; further flags may be given."""
+
+    def make(system: System, real: str = "double", flags: tuple[str, ...] = ("-O2",)) -> Compiled:
+        code, folder = c99_source(system, real=real), tmp_path_factory.mktemp(f"{system.name}_{real}")
+        (folder / f"{system.name}.h").write_text(code.header)
+        (folder / f"{system.name}.c").write_text(code.source)
+        compile_only = [compiler, *STRICT, *flags, "-fPIC", "-c", "-o", "c.o", f"{system.name}.c"]
+        # Linked without the flags: -ffast-math would add code that changes the arithmetic of this whole process.
+        link = [compiler, "-shared", "-o", "c.so", "c.o", "-lm"]
+        for command in (compile_only, link):
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+            assert (done.returncode, done.stderr) == (0, "")
+        return Compiled(code, folder / "c.so", system.name, np.float64 if real == "double" else np.float32)
+
+    return make

@@ -1,0 +1,207 @@
+"""The command line as a user meets it: real processes, exit codes, one JSON object, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clutchid
+
+KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
+EXAMPLE = Path(clutchid.__file__).parent / "recordings" / "truck1_calibration.csv"
+
+
+def call(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "clutchid", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six seconds that the paper's own model made: strokes with different reach, 30 µm of noise."""
+    t = np.arange(6000) * 1e-3
+    phase = t % 1.5
+    supply = np.where(phase < 0.05 + 0.02 * np.floor(t / 1.5), 0.9, 0.0)
+    exhaust = np.where(phase > 0.6, 0.5, 0.0)
+    log = clutchid.Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})
+    truth = clutchid.Actuator(load=clutchid.Load((8.5e5, -2e4, 1e5)))
+    made = clutchid.simulate(truth, log).log
+    noise = np.random.default_rng(1).normal(0, 3e-5, t.size)
+    path = tmp_path_factory.mktemp("cli") / "strokes.csv"
+    columns = {"position": made["position"] + noise, "duty_supply": supply, "duty_exhaust": exhaust}
+    clutchid.write(clutchid.Log(t, columns), path)
+    return path
+
+
+def test_fit_finds_the_load_and_prints_one_json_object(recording: Path) -> None:
+    done = call("fit", recording, "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer.keys() >= KEYS
+    theta = answer["parameters"]["theta_1"]
+    assert theta["unit"] == "N/m"
+    assert theta["low"] <= 8.5e5 <= theta["high"]
+    curve = answer["load_curve"]
+    assert {key: len(value) for key, value in curve.items()} == dict.fromkeys(
+        ("position_m", "force_N", "low_N", "high_N"), 101
+    )
+    assert curve["position_m"][0] == 0
+    assert curve["position_m"][-1] == pytest.approx(0.025)
+    assert answer["errors"]["position_rms_m"] == pytest.approx(3e-5, rel=0.05)
+    assert answer["errors"]["pressure_a_rms_Pa"] is None
+    assert answer["logs"].keys() == {"strokes"}
+
+
+def test_a_saved_fit_starts_a_fit_and_a_simulation(recording: Path, tmp_path: Path) -> None:
+    saved, out = tmp_path / "fit.toml", tmp_path / "sim.parquet"
+    assert call("fit", recording, "--save", saved).returncode == 0
+    again = call("fit", recording, "--start", saved, "--json")
+    assert again.returncode == 0, again.stderr
+    first = clutchid.read_parameters(saved).actuator
+    for name, estimate in json.loads(again.stdout)["parameters"].items():
+        assert abs(estimate["value"] - first.value(name)) < 1e-2 * estimate["std"]
+    done = call("simulate", recording, "--parameters", saved, "--out", out)
+    assert done.returncode == 0, done.stderr
+    simulated = clutchid.read(out)
+    assert set(simulated.columns) == {
+        "position", "duty_supply", "duty_exhaust", "velocity", "pressure_a", "pressure_b", "deflection",
+    }  # fmt: skip
+    rms = np.sqrt(np.mean((simulated["position"] - clutchid.read(recording)["position"]) ** 2))
+    assert rms == pytest.approx(3e-5, rel=0.05)
+
+
+def test_verify_report_and_partition_work_together(recording: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    done = call("fit", recording, "--parts", "4", "--carry", "q", "--verify", recording, "--report", page, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["verify"].keys() == {"strokes"}
+    assert page.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
+
+
+def test_pressure_and_named_parameters_can_be_fitted() -> None:
+    arguments = ("--measure", "position,pressure_a", "--free", "load,C_vs,C_ve", "--bounds", "C_vs=1e-8:4e-8")
+    done = call("fit", EXAMPLE, *arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    assert answer["parameters"].keys() == {"theta_1", "theta_2", "theta_3", "C_vs", "C_ve"}
+    assert answer["errors"]["pressure_a_rms_Pa"] > 0
+
+
+def test_look_lists_columns_units_and_ranges(recording: Path) -> None:
+    done = call("look", recording)
+    assert done.returncode == 0
+    for text in ("position [m]", "duty_supply [1]", "6,000 samples", "1000 Hz"):
+        assert text in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fit"], ["no recording"]),
+        (["fit", "missing.csv"], ["missing.csv", "no such file"]),
+        (["fit", "LOG", "--free", "C_sv"], ["C_sv", "C_vs"]),
+        (["fit", "LOG", "--measure", "pressure_a"], ["pressure_a"]),
+        (["fit", "LOG", "--bounds", "theta_1=5"], ["NAME=LOW:HIGH"]),
+        (["fit", "LOG", "--bounds", "theta_1=5:1"], ["theta_1", "below"]),
+        (["fit", "LOG", "--bounds", "P_S=1e5:9e5"], ["P_S", "not free"]),
+        (["fit", "LOG", "--every", "0"], ["every", "at least 1"]),
+        (["fit", "LOG", "--every", "9", "--parts", "2"], ["exactly one"]),
+        (["fit", "LOG", "--carry", "z"], ["carry"]),
+        (["fit", "LOG", "--model", "adiabatic"], ["adiabatic", "isothermal"]),
+        (["fit", "LOG", "--save", "nowhere/fit.toml"], ["nowhere", "does not exist"]),
+        (["fit", "LOG", "--report", "nowhere/page.html"], ["nowhere", "does not exist"]),
+        (["fit", "LOG", "--ambient", "3"], ["--ambient", "between"]),
+        (["fit", "LOG", "--start", "missing.toml"], ["missing.toml"]),
+        (["fit", "LOG", "--nonsense"], ["--nonsense"]),
+        (["simulate", "LOG", "--parameters", "missing.toml", "--out", "x.csv"], ["missing.toml"]),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_two(
+    arguments: list[str], words: list[str], recording: Path, tmp_path: Path
+) -> None:
+    done = call(*(recording if word == "LOG" else word for word in arguments), cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    for word in words:
+        assert word in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_bad_input_is_one_json_object_too(recording: Path) -> None:
+    for arguments in (["--free", "C_sv"], ["--nonsense"]):
+        done = call("fit", recording, "--json", *arguments)
+        answer = json.loads(done.stdout)
+        assert done.returncode == 2
+        assert answer["status"] == "bad_input"
+        assert answer.keys() >= KEYS
+
+
+def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(recording: Path, tmp_path: Path) -> None:
+    start = tmp_path / "start.toml"
+    start.write_text("[parameters]\ntheta_2 = -1e9\n")
+    done = call("fit", recording, "--start", start, "--json")
+    answer = json.loads(done.stdout)
+    assert (done.returncode, answer["status"]) == (1, "failed")
+    assert " s in " in answer["message"]
+
+
+def test_debug_shows_the_traceback(recording: Path) -> None:
+    done = call("fit", recording, "--free", "C_sv", "--debug")
+    assert "Traceback" in done.stderr
+    assert "ParameterError" in done.stderr
+
+
+def test_a_failed_save_leaves_the_old_file_as_it_was(recording: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "fit.toml"
+    kept.write_text("# mine\n")
+    assert call("fit", recording, "--save", kept, "--free", "C_sv").returncode == 2
+    assert kept.read_text() == "# mine\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[parameters]\nC_vs = -1.9e-8\n", ["C_vs = -1.9e-08", "at least 0", "Appendix A"]),
+        ("[parameters]\nC_sv = 1.9e-8\n", ["C_sv", "C_vs"]),
+        ("[parameter]\nC_vs = 1.9e-8\n", ["parameter", "parameters"]),
+        ("[model]\nknots = [0.0, 0.003, 0.002, 0.01]\n", ["knots", "increasing"]),
+        ("[model]\nvariant = 'adiabatic'\n", ["adiabatic", "isothermal"]),
+        ("[parameters]\nM = 1e-9\n", ["too stiff", "mass"]),
+        ("[parameters\n", ["no TOML"]),
+        ("[parameters]\nC_vs = 'much'\nP_S = -1.0\n", ["C_vs", "P_S"]),
+    ],
+)
+def test_a_bad_parameter_file_names_every_problem(text: str, words: list[str], recording: Path, tmp_path: Path) -> None:
+    path = tmp_path / "start.toml"
+    path.write_text(text)
+    done = call("fit", recording, "--start", path)
+    assert done.returncode == 2, done.stderr
+    for word in words:
+        assert word in done.stderr
+
+
+def test_the_files_model_wins_over_another_one(recording: Path, tmp_path: Path) -> None:
+    path = tmp_path / "start.toml"
+    path.write_text("[model]\nvariant = 'isothermal'\n")
+    done = call("fit", recording, "--start", path, "--model", "other")
+    assert done.returncode == 2
+    assert "leave --model out" in done.stderr
+
+
+def test_a_warm_fit_neither_imports_sympy_nor_matplotlib(recording: Path) -> None:
+    code = (
+        "import sys; from clutchid.cli import main\n"
+        "try: main(['fit', sys.argv[1]])\n"
+        "except SystemExit as end: assert end.code == 0\n"
+        "heavy = {'sympy', 'matplotlib', 'jinja2', 'polars'} & set(sys.modules); assert not heavy, heavy"
+    )
+    call("fit", recording)
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(recording)], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,107 @@
+"""What all tests share: folders, the compiled kernels, and a synthetic recording whose truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.model.compiled import kernels
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# The same examples on every run, and nothing left on disk; an example may take long when the machine is busy.
+settings.register_profile("clutchid", derandomize=True, database=None, deadline=None)
+settings.load_profile("clutchid")
+
+#: Load of the synthetic recordings in N/m: all three weights are at work, theta_2 is negative as in Table 1.
+THETA = (9.0e5, -0.3e5, 0.6e5)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiled() -> None:
+    """Load the kernels from the user's cache once; no test compiles for itself."""
+    kernels("isothermal")
+
+
+@pytest.fixture(scope="session")
+def source() -> Path:
+    """Folder of the package's source."""
+    return ROOT / "src" / "clutchid"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Folder with the paper and the recordings that lie beside the repository."""
+    folder = ROOT.parent / "shared"
+    if not (folder / "data" / "trucks").is_dir():
+        pytest.skip(f"no {folder.name}/data/trucks beside the repository: the recordings of three trucks are needed.")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def truth() -> Actuator:
+    """The actuator that made `drive`."""
+    return Actuator(load=Load(THETA))
+
+
+@pytest.fixture(scope="session")
+def drive(truth: Actuator) -> Log:
+    """10 s at 1 kHz in a closed position loop, noise-free: shifts over 15 mm, creeping around 6 mm, a staircase."""
+    return closed_loop(truth, targets_of(10.0), "drive")
+
+
+@pytest.fixture(scope="session")
+def driven(truth: Actuator) -> Callable[..., Log]:
+    """Make another recording: driven(reach=0.006) stays below 6 mm, driven(actuator=...) drives another truck."""
+
+    def make(actuator: Actuator = truth, seconds: float = 10.0, reach: float = 0.015, name: str = "drive") -> Log:
+        return closed_loop(actuator, targets_of(seconds) * (reach / 0.015), name)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def with_noise() -> Callable[..., Log]:
+    """Add white noise to position (m) and pressure (Pa) of a recording, from a seed."""
+
+    def make(log: Log, seed: int, position: float = 5e-5, pressure: float = 2e3) -> Log:
+        generator = np.random.default_rng(seed)
+        noisy = {"position": position, "pressure_a": pressure}
+        return log.with_columns(**{k: log[k] + s * generator.standard_normal(len(log)) for k, s in noisy.items()})
+
+    return make
+
+
+def targets_of(seconds: float) -> np.ndarray:
+    """Wanted position in m for every millisecond."""
+    t = np.arange(0, seconds, 1e-3)
+    stairs = 1e-3 * np.array([0, 14, 14, 2, 6, 5, 7, 15, 11, 8, 4, 12, 3, 9, 0.5, 13, 10, 6.5, 1.5, 0.0])
+    wanted = stairs[np.minimum((t / 0.5).astype(int) % stairs.size, stairs.size - 1)]
+    creeping = (t > 2) & (t < 3.5)
+    wanted[creeping] += 1e-3 * np.sin(2 * np.pi * 1.5 * t[creeping])
+    wanted[t < 0.05] = 0.0
+    return wanted
+
+
+def closed_loop(actuator: Actuator, wanted: np.ndarray, name: str) -> Log:
+    """Follow `wanted` with a proportional position controller on both valves, one kernel step a sample."""
+    n, module, load = wanted.size, kernels(actuator.model), actuator.load
+    p, breakpoints, table = actuator.parameters.array(), load.breakpoints, load.combined()
+    x = np.array([0.0, 0.0, actuator.parameters.P_0, actuator.parameters.P_0, 0.0])
+    dt, one = np.array([1e-3]), np.ones(1, dtype=np.int32)
+    never, nothing, two = np.zeros(2, dtype=np.uint8), np.zeros((2, 2)), np.empty((2, 5))
+    inputs, states = np.zeros((n, 2)), np.empty((n, 5))
+    for k in range(n):
+        states[k] = x
+        error = wanted[k] - x[0]
+        duty = min(1.0, 0.05 + 150 * (abs(error) - 1e-4)) if abs(error) > 1e-4 else 0.0
+        inputs[k, 0 if error > 0 else 1] = duty if wanted[k] > 0 or error < 0 else 0.0
+        module.run(x, np.array([inputs[k], inputs[k]]), p, dt, one, never, nothing, breakpoints, table, two)
+    columns = {"position": states[:, 0], "duty_supply": inputs[:, 0], "duty_exhaust": inputs[:, 1]}
+    return Log(np.arange(n) * 1e-3, {**columns, "pressure_a": states[:, 2]}, name)

@@ -1,0 +1,117 @@
+"""Docstrings: every public name has one, those of the model have their sections, and every equation has its function."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import clutchid
+
+SECTIONS = ("Parameters", "Returns", "Raises", "Examples")
+
+#: Public functions of the model with a docstring of one line. This list only shrinks.
+ONE_LINE = {
+    "load.py:phi_1",
+    "load.py:phi_2",
+    "load.py:phi_3",
+    "load.py:paper_basis",
+    "load.py:table_expressions",
+    "compiled.py:kernels",
+}
+
+#: Sections that make no sense for a function without arguments.
+NOT_NEEDED = {"isothermal.py:isothermal": ("Parameters",)}
+
+
+def documented(tree: ast.Module) -> Iterator[tuple[str, str | None]]:
+    """Public classes, functions and methods of a module, and their docstrings."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node.name, ast.get_docstring(node)
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            for item in node.body:
+                if isinstance(item, ast.FunctionDef) and not item.name.startswith("_"):
+                    yield f"{node.name}.{item.name}", ast.get_docstring(item)
+
+
+def parsed(folder: Path) -> Iterator[tuple[str, ast.Module]]:
+    for file in sorted(folder.rglob("*.py")):
+        yield file.relative_to(folder).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+
+
+def equations_in(text: str) -> set[int]:
+    """Numbers of the equations that a docstring names: 'Eq. (10)', 'Eqs. (6)-(9)', 'Eqs. (4) and (5)'."""
+    found: set[int] = set()
+    for start in re.finditer(r"Eqs?\.\s+((?:\(\d+\)(?:\s*(?:-|,|and)\s*)*)+)", text):
+        found |= {int(number) for number in re.findall(r"\((\d+)\)", start[1])}
+        for first, last in re.findall(r"\((\d+)\)\s*-\s*\((\d+)\)", start[1]):
+            found |= set(range(int(first), int(last) + 1))
+    return found
+
+
+def test_every_module_and_every_public_name_is_documented(source):
+    missing = []
+    for name, tree in parsed(source):
+        if ast.get_docstring(tree) is None:
+            missing.append(name)
+        missing += [f"{name}:{what}" for what, text in documented(tree) if not text]
+    assert missing == []
+
+
+def test_a_docstring_begins_with_one_line_that_ends_with_a_full_stop(source):
+    odd = []
+    for name, tree in parsed(source):
+        for what, text in [(name, ast.get_docstring(tree)), *documented(tree)]:
+            first = (text or "").strip().splitlines()[:1]
+            if first and not first[0].rstrip().endswith((".", ":", "?", "!", ";")):
+                odd.append(f"{name}:{what}: {first[0]}")
+    assert odd == []
+
+
+def test_public_functions_of_the_model_have_parameters_returns_raises_and_examples(source):
+    lacking = {}
+    for name, tree in parsed(source / "model"):
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                key, text = f"{name}:{node.name}", ast.get_docstring(node) or ""
+                wanted = [section for section in SECTIONS if section not in NOT_NEEDED.get(key, ())]
+                lacking[key] = [section for section in wanted if f"\n{section}\n---" not in text]
+    poor = {key: sections for key, sections in lacking.items() if sections and key not in ONE_LINE}
+    assert poor == {}
+    assert sorted(key for key in ONE_LINE if not lacking.get(key)) == [], "take them from the list"
+
+
+def test_every_equation_of_the_paper_is_named_where_it_stands(source):
+    index: dict[int, list[str]] = {}
+    for name, tree in parsed(source / "model"):
+        for what, text in [(name, ast.get_docstring(tree)), *documented(tree)]:
+            for number in equations_in(text or ""):
+                index.setdefault(number, []).append(f"{name}:{what}")
+    # the paper has no Eq. (22): (21) is followed by (23)
+    assert sorted(index) == [number for number in range(1, 27) if number != 22]
+
+
+def test_single_equations_lead_to_their_functions(source):
+    names = {(file, what): text for file, tree in parsed(source / "model") for what, text in documented(tree) if text}
+    expected = {
+        1: ("motion.py", "acceleration"), 2: ("friction.py", "friction_force"), 3: ("friction.py", "deflection_rate"),
+        4: ("chambers.py", "pressure_rate"), 5: ("chambers.py", "pressure_rate"), 6: ("valves.py", "psi"),
+        9: ("valves.py", "psi"), 10: ("valves.py", "orifice_flow"), 11: ("valves.py", "opening"),
+        12: ("valves.py", "breathing_flow"), 13: ("valves.py", "breathing_flow"), 14: ("actuator.py", "Load"),
+        15: ("load.py", "phi_1"), 16: ("load.py", "phi_2"), 17: ("load.py", "phi_3"), 18: ("load.py", "xi_1"),
+        23: ("isothermal.py", "isothermal"), 25: ("static.py", "static_load"), 26: ("static.py", "static_pressure"),
+    }  # fmt: skip
+    for number, place in expected.items():
+        assert number in equations_in(names[place]), (number, place)
+
+
+def test_every_name_that_the_package_offers_exists_and_is_documented():
+    assert len(clutchid.__all__) == len(set(clutchid.__all__))
+    undocumented = [name for name in clutchid.__all__ if not (getattr(clutchid, name).__doc__ or "").strip()]
+    assert undocumented == []
+
+
+def test_the_nouns_and_verbs_of_the_design_are_offered():
+    wanted = {"Parameters", "Log", "Actuator", "Load", "Fit", "read", "write", "look", "simulate", "fit", "Partition"}
+    errors = {"ClutchidError", "ParameterError", "DataError", "SolveError", "ExportError", "MissingExtra"}
+    assert wanted | errors <= set(clutchid.__all__)

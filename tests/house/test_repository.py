@@ -1,0 +1,68 @@
+"""What must not be in the repository: paths of somebody's machine, addresses in the pins, hidden skips."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+TEXT = {".py", ".j2", ".toml", ".md", ".txt", ".cfg", ".yml", ".yaml", ".json", ".sh", ".html", ".css", ".rst", ""}
+SKIPPED = {
+    ".git",
+    ".mypy_cache",
+    ".ruff_cache",
+    ".pytest_cache",
+    ".hypothesis",
+    "__pycache__",
+    ".venv",
+    "venv",
+    "build",
+    "dist",
+}
+
+
+def texts() -> list[Path]:
+    return [
+        path
+        for path in ROOT.rglob("*")
+        if path.is_file() and path.suffix in TEXT and not SKIPPED & set(path.relative_to(ROOT).parts)
+    ]
+
+
+def test_no_file_names_a_folder_of_somebodys_machine():
+    # written in pieces, because this file is looked at too
+    own = re.compile(
+        "|".join(["/" + "work/", "/" + "root/", "/" + "home/[a-z]", "/" + "Users/[A-Za-z]", "/" + "tmp/w/"])
+    )
+    found = []
+    for path in texts():
+        for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+            if own.search(line):
+                found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}")
+    assert found == []
+
+
+def test_the_pins_are_names_and_numbers_only():
+    pins = ROOT / "constraints.txt"
+    if not pins.exists():
+        pytest.skip("no constraints.txt yet")
+    lines = [line for line in pins.read_text().splitlines() if line.strip() and not line.startswith("#")]
+    assert [line for line in lines if not re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!_-]+", line.strip())] == []
+
+
+def test_every_skip_and_expected_failure_says_why():
+    bare = []
+    for path in (ROOT / "tests").rglob("*.py"):
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if re.search(r"(pytest\.skip|mark\.skip|mark\.xfail)\s*(\(\s*\))?\s*$", line):
+                bare.append(f"{path.relative_to(ROOT)}:{number}")
+    assert bare == []
+
+
+def test_names_of_tests_are_sentences():
+    short = []
+    for path in (ROOT / "tests").rglob("test_*.py"):
+        for name in re.findall(r"^\s*def (test_\w+)\(", path.read_text(encoding="utf-8"), re.MULTILINE):
+            if name.count("_") < 3:
+                short.append(f"{path.relative_to(ROOT)}: {name}")
+    assert short == []

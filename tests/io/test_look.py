@@ -1,0 +1,122 @@
+"""`look` tells what is in a file, good or bad."""
+
+import math
+
+import polars as pl
+import pytest
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.io import look
+
+
+def test_columns_are_shown_as_written_and_in_si(recording, save):
+    text = recording(4, {(1, 4): "", (2, 4): "7.905"}).replace("[Pa]", "[bar(g)]").replace("150000.0", "0")
+    seen = look(save(text))
+    pressure = seen.columns[4]
+    assert (pressure.heading, pressure.name, pressure.unit, pressure.si) == (
+        "pressure_a [bar(g)]",
+        "pressure_a",
+        "bar(g)",
+        "Pa",
+    )
+    assert (pressure.low, pressure.high, pressure.low_si, pressure.high_si) == (0.0, 7.905, 1.095e5, 9e5)
+    assert pressure.missing == 1
+    assert look(save(text), 1e5).columns[4].low_si == 1e5
+    assert seen.samples == 4
+    assert seen.problems == seen.warnings == ()
+
+
+def test_the_time_axis_is_measured(recording, save):
+    seen = look(save(recording(10, {(8, 0): "0.500", (9, 0): "0.5015"})))
+    time = seen.time
+    assert time is not None
+    assert (time.first, time.last, time.duration) == (0.0, 0.5015, 0.5015)
+    assert time.rate == pytest.approx(1000)
+    assert time.longest == pytest.approx(0.493)
+    assert time.shortest == pytest.approx(0.001)
+    assert time.hole_count == 1
+    (hole,) = time.holes
+    assert (hole.place, hole.start) == (9, 0.007)
+    assert hole.length == pytest.approx(0.493)
+    assert "Holes: 0.493 s after line 9" in str(seen)
+
+
+@pytest.mark.parametrize("small", [0, 1e9])
+def test_columns_without_a_meaning_are_looked_at_too(recording, save, small, monkeypatch):
+    monkeypatch.setattr("clutchid.io.csv_file._SMALL", small)
+    text = recording(3).replace("\n", ",20,low\n").replace(",20,low", ",oil [degC],state", 1)
+    seen = look(save(text))
+    oil, state = seen.columns[5:]
+    assert (oil.name, oil.si, oil.high, oil.high_si) == (None, "K", 20.0, 293.15)
+    assert state.missing == 3
+    assert math.isnan(state.high)
+    assert seen.problems == ()
+    assert "(ignored)" in seen.table()
+
+
+def test_problems_and_warnings_are_listed_not_raised(save):
+    seen = look(save("time [s],position [furlong],duty_supply [1]\n0,1,\n1,x,0\n0,1,0\n"))
+    assert len(seen.problems) == 4
+    assert len(seen.warnings) == 1
+    assert seen.columns[1].si is None
+    assert seen.columns[1].high == 1.0
+    assert seen.time is not None
+    assert seen.time.shortest == -1.0
+    text = seen.table()
+    assert "Problems:" in text
+    assert all(sentence in text for sentence in (*seen.problems, *seen.warnings))
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("", "the file is empty"),
+        (b"\xff\xfe\x00", "not UTF-8"),
+        (b"PAR1 and nothing else", "no complete Parquet file"),
+        ("time [s],position [m]\n", "no samples"),
+        ("1,2\n3,4\n", "the first line holds numbers"),
+    ],
+)
+def test_a_file_without_samples_is_a_list_of_problems(save, content, problem):
+    seen = look(save(content))
+    assert any(problem in sentence for sentence in seen.problems)
+    assert seen.samples == 0
+    assert seen.time is None
+    assert "no time axis" in str(seen)
+
+
+def test_blank_lines_in_a_file_of_one_column_are_no_samples(save):
+    seen = look(save("time [s]\n0\n\n1\n"))
+    assert (seen.samples, seen.columns[0].missing) == (2, 0)
+
+
+def test_one_sample_has_no_rate(recording, save):
+    seen = look(save(recording(1)))
+    assert seen.time is not None
+    assert seen.time.rate == 0.0
+    assert str(seen).splitlines()[0].endswith("1 sample at 0 s")
+
+
+def test_a_time_without_a_known_unit_is_no_axis(recording, save):
+    assert look(save(recording(3).replace("[s]", "[fortnight]"))).time is None
+
+
+def test_parquet_is_looked_at_by_row(tmp_path):
+    path = tmp_path / "run.parquet"
+    pl.DataFrame({"time [s]": [0, 1, 2, 30], "gear": ["a", "b", "c", "d"]}).write_parquet(path)
+    seen = look(path)
+    assert "28 s after row 3" in str(seen)
+    assert seen.columns[1].missing == 4
+
+
+def test_the_table_is_aligned(recording, save):
+    table = look(save(recording(3))).table().splitlines()[2:8]
+    assert table[0].split() == ["column", "as", "written", "from", "to", "in", "SI", "from", "to", "missing"]
+    assert len({len(line) for line in table}) == 1
+
+
+def test_only_a_file_that_cannot_be_opened_raises(tmp_path, recording, save):
+    with pytest.raises(DataError, match="there is no such file"):
+        look(tmp_path / "no.csv")
+    with pytest.raises(ParameterError, match="ambient"):
+        look(save(recording()), -1.0)

@@ -1,0 +1,107 @@
+"""Laws of the forces: friction takes energy, its bristle stays bounded, an end stop only pushes."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.model.friction import deflection_rate, friction_force
+from clutchid.model.motion import acceleration, stop_force
+from clutchid.parameters import Parameters
+from clutchid.simulate import simulate
+from clutchid.simulate.stiffness import stiffness
+
+P = Parameters()
+REACH = P.F_C / P.K_z
+velocities = st.floats(-1, 1)
+depths = st.floats(-1e-3, 1e-3)
+
+
+def pushed(d: float, d_dot: float) -> float:
+    return float(stop_force(d, d_dot, P.K_stop, P.D_stop, P.d_stop))
+
+
+@given(velocities)
+def test_a_bristle_at_its_limit_is_never_bent_further(v):
+    # exactly 0 when it slides on; the difference of two equal numbers of size v is off by their rounding
+    assert float(deflection_rate(v, REACH, P.K_z, P.F_C)) <= 4 * 2.3e-16 * abs(v)
+    assert float(deflection_rate(v, -REACH, P.K_z, P.F_C)) >= -4 * 2.3e-16 * abs(v)
+
+
+@given(velocities, st.floats(-1, 1))
+def test_friction_never_gives_more_power_than_the_bristle_stores(v, part):
+    z = part * REACH
+    z_dot = float(deflection_rate(v, z, P.K_z, P.F_C))
+    power = float(friction_force(v, z, z_dot, P.D_v, P.K_z, P.D_zdot)) * v
+    stored = P.K_z * z * z_dot
+    assert power - stored >= -1e-15 * (abs(power) + abs(stored))
+
+
+@settings(max_examples=15)
+@given(st.floats(0.2e-3, 10e-3), st.floats(0.5, 20), st.integers(1, 3))
+def test_friction_takes_energy_over_a_closed_cycle(amplitude, frequency, harmonic):
+    # z follows by classical RK4 in steps that resolve K_z / F_C |v| < 2e4 / s; y comes back to where it was
+    n = 4000 * harmonic
+    t = np.linspace(0, 2 / frequency, 2 * n + 1)
+    v = amplitude * 2 * np.pi * frequency * np.sin(2 * np.pi * frequency * t) * np.cos(harmonic * np.pi * frequency * t)
+    h, rate = 2 * (t[1] - t[0]), P.K_z / P.F_C
+    z = np.zeros(n + 1)
+    for k in range(n):
+        a, m, b = v[2 * k], v[2 * k + 1], v[2 * k + 2]
+        k1 = a - rate * abs(a) * z[k]
+        k2 = m - rate * abs(m) * (z[k] + h / 2 * k1)
+        k3 = m - rate * abs(m) * (z[k] + h / 2 * k2)
+        z[k + 1] = z[k] + h / 6 * (k1 + 2 * k2 + 2 * k3 + b - rate * abs(b) * (z[k] + h * k3))
+    v = v[::2]
+    z_dot = v - rate * np.abs(v) * z
+    power = (P.D_v * v + P.K_z * z + P.D_zdot * z_dot) * v
+    taken = np.trapezoid(power, dx=h)
+    # what the bristle still holds is at most K_z z^2 / 2 = 0.02 J, the rest is heat
+    assert taken >= P.K_z * (z[-1] ** 2 - z[0] ** 2) / 2 - 1e-3 * np.trapezoid(np.abs(power), dx=h)
+    assert np.abs(z).max() <= REACH * (1 + 1e-3)
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1), st.integers(2, 60)), min_size=1, max_size=6))
+def test_the_simulated_bristle_stays_within_its_limit(pattern):
+    fine = 8
+    duties = np.repeat([[a, b] for a, b, _ in pattern], [fine * count for *_, count in pattern], axis=0)
+    time = np.arange(duties.shape[0]) * 1e-3 / fine
+    actuator = Actuator(load=Load((9e5, -0.3e5, 0.6e5)))
+    log = simulate(actuator, Log(time, {"duty_supply": duties[:, 0], "duty_exhaust": duties[:, 1]})).log
+    # RK4 of a decay by h lambda is wrong by (h lambda)^5 / 120 a step, (h lambda)^4 / 120 of the limit altogether
+    allowance = (1e-3 / fine * stiffness(actuator)) ** 4
+    assert np.abs(log["deflection"]).max() <= REACH * (1 + allowance)
+
+
+@given(depths, st.floats(-2, 2))
+def test_an_end_stop_never_pulls_and_a_free_piston_feels_nothing(d, d_dot):
+    force = pushed(d, d_dot)
+    assert force >= 0
+    if d <= 0:
+        assert force == 0
+
+
+@given(st.floats(0, 1e-3), st.floats(0, 1e-3), st.floats(0, 0.3))
+def test_an_end_stop_pushes_harder_the_deeper_and_the_faster_it_is_hit(one, other, d_dot):
+    shallow, deep = sorted((one, other))
+    assert pushed(shallow, d_dot) <= pushed(deep, d_dot) * (1 + 1e-15)
+    assert pushed(deep, -d_dot) <= pushed(deep, d_dot)
+
+
+@given(st.floats(-0.3, 0.3))
+def test_an_end_stop_takes_hold_without_a_step(d_dot):
+    # at first touch: of order d, so a nanometre is worth D / d_stop |v| d = 0.03 N at most
+    tiny = 1e-9
+    assert pushed(tiny, d_dot) <= tiny * P.D_stop / P.d_stop * abs(d_dot) + P.K_stop * tiny**2 / P.d_stop
+    # where the parabola goes over into the line: the slope is K_stop + D_stop / d_stop |v| on either side
+    below, above = pushed(P.d_stop - tiny, d_dot), pushed(P.d_stop + tiny, d_dot)
+    assert abs(above - below) <= 2 * tiny * (P.K_stop + P.D_stop / P.d_stop * abs(d_dot)) * (1 + 1e-6)
+
+
+@given(st.floats(1e4, 2e5), st.floats(1e-3, 2e-2), st.floats(1e-4, 1.1e-2), st.floats(1, 50))
+def test_a_vented_actuator_is_in_balance_whatever_its_areas(P_0, A_A, difference, M):
+    A_B = max(1e-5, A_A - difference)
+    # 0 but for the rounding of three products of the size of A_A P_0
+    assert abs(acceleration(P_0, P_0, 0.0, 0.0, 0.0, A_A, A_B, P_0, M)) <= 8 * 2.3e-16 * A_A * P_0 / M

@@ -1,0 +1,56 @@
+"""Laws of the resets: where a part starts, and what is left of a measurement that says the same as the simulation."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from clutchid.errors import ParameterError
+from clutchid.simulate import Partition, simulate
+
+
+@given(st.integers(1, 500), st.integers(1, 5000))
+def test_every_nth_sample_is_a_reset_but_the_first(every, n):
+    resets = Partition(every=every).resets(n)
+    assert resets.tolist() == [k for k in range(1, n) if k % every == 0]
+
+
+@given(st.integers(1, 200), st.integers(1, 5000))
+def test_parts_are_equal_to_a_sample_and_their_number_is_kept(parts, n):
+    resets = Partition(parts=parts).resets(n)
+    lengths = np.diff([0, *resets, n])
+    assert lengths.sum() == n
+    assert resets.size == min(parts, n) - 1
+    if parts <= n:
+        assert lengths.max() - lengths.min() <= 1
+
+
+@given(st.integers(1, 5000))
+def test_one_part_has_no_reset(n):
+    assert Partition(parts=1).resets(n).size == 0
+
+
+@pytest.mark.parametrize(
+    "wrong", [{}, {"every": 2, "parts": 2}, {"every": 0}, {"parts": -1}, {"every": 3, "carry": "m"}]
+)
+def test_a_partition_that_makes_no_sense_is_refused(wrong):
+    with pytest.raises(ParameterError):
+        Partition(**wrong)
+
+
+@pytest.mark.parametrize("partition", [Partition(parts=1), Partition(every=10**6), Partition(parts=1, carry="q")])
+def test_one_part_is_the_ballistic_simulation_exactly(truth, drive, partition):
+    ballistic = simulate(truth, drive, sensitivities=("theta_1", "C_vs"))
+    whole = simulate(truth, drive, partition=partition, sensitivities=("theta_1", "C_vs"))
+    for name in ("position", "velocity", "pressure_a", "pressure_b", "deflection"):
+        assert np.array_equal(ballistic.log[name], whole.log[name])
+    for name in ("theta_1", "C_vs"):
+        assert np.array_equal(ballistic.sensitivities[name], whole.sensitivities[name])
+
+
+@pytest.mark.parametrize("carry", ["p", "q"])
+def test_resetting_to_what_is_simulated_anyway_changes_nothing(truth, drive, carry):
+    ballistic = simulate(truth, drive).log
+    reset = simulate(truth, drive, partition=Partition(every=20, carry=carry)).log
+    # 500 resets, each with the rounding of a position of 15 mm and a quotient of volumes
+    assert np.abs(ballistic["position"] - reset["position"]).max() < 500 * 4 * 2.3e-16 * 15e-3

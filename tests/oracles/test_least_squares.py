@@ -1,0 +1,136 @@
+"""The search and its linear algebra against NumPy and SciPy on textbook problems."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from clutchid.estimate.least_squares import Failure, Linearisation, compress, minimise
+
+
+def linearised(residuals, jacobian):
+    def evaluate(x: np.ndarray) -> Linearisation:
+        r, J = residuals(x), jacobian(x)
+        factor, k = compress(J, r), x.size
+        return Linearisation(factor[:k, :k], factor[:k, k], 0.5 * float(r @ r), r.size)
+
+    return evaluate
+
+
+def rosenbrock(x):
+    return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+
+
+def rosenbrock_slopes(x):
+    return np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+
+
+TIMES = np.linspace(0, 4, 60)
+DECAY = 2.5 * np.exp(-1.3 * TIMES) + 0.5 + 0.01 * np.sin(40 * TIMES)
+
+
+def decay(x):
+    return x[0] * np.exp(-x[1] * TIMES) + x[2] - DECAY
+
+
+def decay_slopes(x):
+    e = np.exp(-x[1] * TIMES)
+    return np.column_stack([e, -x[0] * TIMES * e, np.ones_like(e)])
+
+
+CASES = {
+    "rosenbrock, free": (rosenbrock, rosenbrock_slopes, [-1.2, 1.0], [-np.inf] * 2, [np.inf] * 2),
+    "rosenbrock, x_1 below 0.5": (rosenbrock, rosenbrock_slopes, [-1.2, 1.0], [-2, -2], [0.5, 2]),
+    "rosenbrock, x_2 above 1.5": (rosenbrock, rosenbrock_slopes, [-1.2, 2.0], [-2, 1.5], [2, 3]),
+    "decay, free": (decay, decay_slopes, [1.0, 1.0, 0.0], [-np.inf] * 3, [np.inf] * 3),
+    "decay, offset at most 0.45": (decay, decay_slopes, [1.0, 1.0, 0.0], [0, 0, -1], [5, 5, 0.45]),
+    "decay, rate and offset bounded": (decay, decay_slopes, [1.0, 0.8, 0.0], [0, 0.1, -1], [5, 1.0, 0.45]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_search_ends_where_scipy_ends(case):
+    residuals, slopes, start, low, high = CASES[case]
+    start, low, high = (np.array(values, dtype=float) for values in (start, low, high))
+    evaluate = linearised(residuals, slopes)
+    found = minimise(evaluate, (start, evaluate(start)), low, high, tolerance=1e-14)
+    inside = np.clip(start, low + 1e-6, high - 1e-6)
+    expected = least_squares(residuals, inside, slopes, (low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert found.status == "converged"
+    # both stop when the cost changes by some 1e-14; it is quadratic in x, so x is good to about 1e-7
+    np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-6)
+    assert found.at.cost <= expected.cost * (1 + 1e-9) + 1e-20
+
+
+def test_an_active_bound_is_met_exactly():
+    evaluate = linearised(decay, decay_slopes)
+    start, low, high = np.array([1.0, 1.0, 0.0]), np.array([0.0, 0.0, -1.0]), np.array([5.0, 5.0, 0.45])
+    assert minimise(evaluate, (start, evaluate(start)), low, high, tolerance=1e-10).x[2] == 0.45
+
+
+def test_a_bound_is_left_again_when_the_data_ask_for_it():
+    evaluate = linearised(decay, decay_slopes)
+    start, low, high = np.array([1.0, 1.0, 0.45]), np.array([0.0, 0.0, 0.45]), np.array([5.0, 5.0, 2.0])
+    found = minimise(evaluate, (start, evaluate(start)), low, high, tolerance=1e-12)
+    expected = least_squares(decay, [1, 1, 1], decay_slopes, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert expected.x[2] > 0.46
+    np.testing.assert_allclose(found.x, expected.x, atol=1e-6)
+
+
+def test_a_failing_trial_point_only_shortens_the_step():
+    evaluate = linearised(decay, decay_slopes)
+
+    def fragile(x: np.ndarray) -> Linearisation | Failure:
+        return Failure("too fast") if x[1] > 1.4 else evaluate(x)
+
+    start = np.array([1.0, 0.1, 0.0])
+    free = np.full(3, np.inf)
+    found = minimise(fragile, (start, evaluate(start)), -free, free, tolerance=1e-12)
+    expected = least_squares(decay, start, decay_slopes, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    np.testing.assert_allclose(found.x, expected.x, atol=1e-6)
+
+
+def test_a_search_that_fails_everywhere_stalls_at_its_start():
+    evaluate = linearised(decay, decay_slopes)
+    start, free = np.array([1.0, 1.0, 0.0]), np.full(3, np.inf)
+    found = minimise(lambda x: Failure("never"), (start, evaluate(start)), -free, free, tolerance=1e-12)
+    assert found.status == "stalled"
+    assert np.array_equal(found.x, start)
+
+
+def test_a_search_that_may_not_evaluate_any_more_says_so():
+    evaluate = linearised(rosenbrock, rosenbrock_slopes)
+    start, free = np.array([-1.2, 1.0]), np.full(2, np.inf)
+    found = minimise(evaluate, (start, evaluate(start)), -free, free, tolerance=1e-14, max_evaluations=3)
+    assert (found.status, found.evaluations) == ("limit", 3)
+
+
+def test_a_silent_column_stays_at_its_start():
+    def residuals(x):
+        return np.array([x[0] - 3.0, 2 * (x[0] - 3.0)])
+
+    evaluate = linearised(residuals, lambda x: np.array([[1.0, 0.0], [2.0, 0.0]]))
+    start, free = np.array([1.0, 7.0]), np.full(2, np.inf)
+    found = minimise(evaluate, (start, evaluate(start)), -free, free, tolerance=1e-12)
+    np.testing.assert_allclose(found.x, [3.0, 7.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [7, 64, 1 << 16])
+def test_compression_in_blocks_keeps_the_normal_equations_and_the_solution(rows):
+    generator = np.random.default_rng(2)
+    J, r = generator.standard_normal((300, 4)), generator.standard_normal(300)
+    factor = compress(J, r, rows)
+    whole = np.column_stack([J, r])
+    # Householder triangularisation is backward stable: some n * eps of the norms
+    np.testing.assert_allclose(factor.T @ factor, whole.T @ whole, atol=300 * 2.3e-16 * 300)
+    assert np.array_equal(factor, np.triu(factor))
+    solution = -np.linalg.solve(factor[:4, :4], factor[:4, 4])
+    np.testing.assert_allclose(solution, np.linalg.lstsq(J, -r, rcond=None)[0], atol=1e-13)
+    np.testing.assert_allclose(abs(factor[4, 4]), np.linalg.norm(r + J @ solution), rtol=1e-12)
+
+
+def test_compression_of_fewer_rows_than_columns_fills_up_with_zeros():
+    J, r = np.array([[1.0, 2.0, 3.0]]), np.array([4.0])
+    factor = compress(J, r)
+    assert factor.shape == (4, 4)
+    np.testing.assert_allclose(np.abs(factor[0]), [1, 2, 3, 4])
+    assert not factor[1:].any()

@@ -1,0 +1,86 @@
+"""The compiled kernels against the plain twin: the same rates, and the same motion as Radau at 1e-10."""
+
+import numpy as np
+import pytest
+
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.model.compiled import kernels
+from clutchid.parameters import Parameters
+from clutchid.simulate import simulate
+
+THETA = (9e5, -0.3e5, 0.6e5)
+
+
+def held(pattern: list[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Time and duty cycles at 1 kHz from (seconds, supply, exhaust)."""
+    counts = [round(1000 * seconds) for seconds, _, _ in pattern]
+    duties = np.repeat([[supply, exhaust] for _, supply, exhaust in pattern], counts, axis=0)
+    return np.arange(sum(counts)) * 1e-3, duties
+
+
+def states_of(simulation) -> np.ndarray:
+    names = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
+    return np.column_stack([simulation.log[name] for name in names])
+
+
+def test_the_twin_and_the_package_hold_the_same_appendix(twin):
+    parameters = Parameters()
+    assert {name: getattr(parameters, name) for name in Parameters.names()} == twin.appendix
+
+
+def test_the_rates_of_all_states_are_those_of_the_twin_at_random_points(twin):
+    generator = np.random.default_rng(1)
+    n = 2000
+    low = np.array([-1e-3, -0.3, 0.8e5, 0.8e5, -2e-4])
+    high = np.array([26e-3, 0.3, 10e5, 2e5, 2e-4])
+    x, u = generator.uniform(low, high, (n, 5)), generator.uniform(0, 1, (n, 2))
+    x[: n // 4, 3] = 1.095e5 * generator.uniform(0.998, 1.002, n // 4)  # both sides of the laminar line
+    load, parameters = Load(THETA), Parameters()
+    computed, jacobian = np.empty((n, 5)), np.empty((n, 5, 5))
+    kernels("isothermal").linearise(x, u, parameters.array(), load.breakpoints, load.combined(), computed, jacobian)
+    expected = np.array([twin.rates(x[i], u[i], THETA, twin.appendix) for i in range(n)])
+    # a dozen forces of up to 40 kN (an end stop) over 10 kg, and flows of up to 1e3 bar/s near r = 1, where psi loses
+    # three of sixteen digits: 1e-12 of the largest rate of the state
+    assert np.abs(computed - expected).max(axis=0) == pytest.approx(0, abs=1e-12 * np.abs(expected).max())
+    assert np.all(np.abs(computed - expected).max(axis=0) <= 1e-12 * np.abs(expected).max(axis=0))
+
+
+@pytest.mark.parametrize("slope", [1.0, 0.001])
+def test_the_load_is_that_of_the_twin_from_below_zero_to_beyond_the_stroke(twin, slope):
+    y = np.linspace(-2e-3, 27e-3, 1161)
+    computed = Load(THETA, phi2_slope=slope).force(y)
+    expected = [twin.load(value, THETA, slope) for value in y]
+    # sums of a few terms of at most 1e4 N, each from cubics in y: some hundred roundings
+    np.testing.assert_allclose(computed, expected, rtol=0, atol=1e4 * 1e-13)
+
+
+def test_inside_the_stroke_the_position_is_within_a_micrometre_of_radau(twin):
+    time, duties = held(
+        [
+            (0.02, 0, 0), (0.06, 0.8, 0), (0.10, 0, 0), (0.03, 0, 0.5), (0.10, 0, 0), (0.08, 0.15, 0), (0.08, 0, 0),
+            (0.07, 0.8, 0), (0.08, 0, 0), (0.05, 0, 1.0), (0.10, 0, 0), (0.04, 0.5, 0.2), (0.05, 0, 0.12), (0.06, 0, 0),
+        ]
+    )  # fmt: skip
+    reference = twin.radau(time, duties, [0, 0, 1.095e5, 1.095e5, 0], THETA)
+    assert reference[:, 0].min() > -1e-12  # never in a stop, but for rounding
+    assert 0.012 < reference[:, 0].max() < 0.024
+    simulated = states_of(
+        simulate(Actuator(load=Load(THETA)), Log(time, {"duty_supply": duties[:, 0], "duty_exhaust": duties[:, 1]}))
+    )
+    difference = np.abs(simulated - reference).max(axis=0)
+    assert difference[0] < 1e-6
+    # what a micrometre is worth in the others: 1 ms of motion, and what 5 bar change when 12 mm of air shrink
+    assert difference[1] < 1e-6 / 1e-3
+    assert difference[2] < 5e5 / 12e-3 * 1e-6
+    assert difference[4] < 1e-6  # the deflection rides on the position
+
+
+def test_through_an_impact_on_the_end_stop_the_position_is_within_thirty_micrometres_of_radau(twin):
+    time, duties = held([(0.01, 0, 0), (0.35, 1.0, 0), (0.05, 0, 0), (0.6, 0, 1.0)])
+    reference = twin.radau(time, duties, [0, 0, 1.095e5, 1.095e5, 0], THETA)
+    assert reference[:, 0].max() > 25e-3  # it is in the stop
+    simulated = states_of(
+        simulate(Actuator(load=Load(THETA)), Log(time, {"duty_supply": duties[:, 0], "duty_exhaust": duties[:, 1]}))
+    )
+    assert np.abs(simulated[:, 0] - reference[:, 0]).max() < 30e-6

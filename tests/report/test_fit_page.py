@@ -1,0 +1,141 @@
+"""The page of a fit."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ExportError
+from clutchid.estimate import LoadCurve
+from clutchid.log import Log
+from clutchid.report import fit_page
+from clutchid.report.fit_page import error_table, page_of, parameter_table
+from clutchid.report.html import render
+
+COMMAND = "clutchid fit first.csv --verify 'my log.csv' --report page.html"
+
+
+@pytest.fixture(scope="module")
+def html(fitted):
+    return render(page_of(fitted, COMMAND))
+
+
+def test_the_page_loads_nothing_from_anywhere(html, loads_nothing):
+    assert loads_nothing(html)
+
+
+def test_the_page_has_the_load_and_every_recording_as_a_figure(html):
+    assert html.count("<img ") == 3
+
+
+def test_every_shown_number_of_the_tables_is_on_the_page(fitted, html):
+    for table in (parameter_table(fitted), error_table(fitted)):
+        for row in table.rows:
+            for column, cell in zip(table.columns, row, strict=True):
+                assert f">{column.shown(cell)}<" in html
+
+
+def test_the_tables_hold_the_numbers_of_the_fit(fitted):
+    assert parameter_table(fitted).column("value") == tuple(e.value for e in fitted.parameters.values())
+    table = error_table(fitted)
+    assert table.column("recording") == ("first", "checked")
+    assert table.column("position_rms")[0] == fitted.errors.position_rms
+    assert table.column("pressure_a_rms") == (fitted.errors.pressure_a_rms, None)
+    assert table.column("use") == ("fitted", "verified")
+
+
+def test_several_recordings_get_a_row_for_all_together(fitted):
+    one = fitted.recordings["first"]
+    both = replace(fitted, recordings={"a": one, "b": one})
+    assert error_table(both).column("recording") == ("a", "b", "all fitted", "checked")
+
+
+def test_the_page_says_where_it_comes_from(html):
+    for part in (
+        "abc123",
+        "SHA-256 of first.csv",
+        "clutchid fit first.csv --verify &#39;my log.csv&#39;",
+        "numba",
+        "Python",
+    ):
+        assert part in html
+
+
+def test_fixed_parameters_stand_on_the_page_and_free_ones_are_not_called_fixed(html):
+    fixed = re.search(r"Held fixed: (.*?)</p>", html).group(1)
+    assert "C_vs = 1.9·10⁻⁸ m³/(Pa·s)" in fixed
+    assert "theta" not in fixed
+
+
+def test_warnings_are_shown_in_words(fitted):
+    html = render(page_of(replace(fitted, status="warning", warnings=("mind < this",)), COMMAND))
+    assert '<p class="notice warning">mind &lt; this</p>' in html
+
+
+def test_the_peak_is_looked_for_only_where_the_recordings_have_been(fitted):
+    curve = fitted.load_curve
+    growing = LoadCurve(curve.position, curve.position * 2e5, curve.low, curve.high)
+    html = render(page_of(replace(fitted, load_curve=growing), COMMAND))
+    reach = max(float(np.nanmax(r.measured["position"])) for r in fitted.recordings.values())
+    at = curve.position[curve.position <= reach].max() * 1e3
+    assert f"the load is greatest at {at:.1f} mm" in html
+
+
+def test_an_infinite_band_is_said_not_drawn(fitted):
+    curve = fitted.load_curve
+    unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
+    html = render(page_of(replace(fitted, load_curve=unknown), COMMAND))
+    assert "the recordings give no interval there" in html
+
+
+def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
+    nothing = np.full(101, np.nan)
+    failed = replace(
+        fitted, status="failed", message="the simulation left the finite numbers", recordings={}, verification={},
+        load_curve=LoadCurve(fitted.load_curve.position, nothing, nothing, nothing), scales={},
+    )  # fmt: skip
+    html = render(page_of(failed, COMMAND))
+    assert "The fit failed" in html
+    assert "The simulation left the finite numbers." in html
+    assert "<img " not in html
+    assert loads_nothing(html)
+
+
+def test_a_hostile_recording_name_is_escaped(fitted):
+    one = fitted.recordings["first"]
+    name = "<img src=x onerror=alert(1)>"
+    html = render(page_of(replace(fitted, recordings={name: one}, verification={}), COMMAND))
+    assert "<img src=x" not in html
+    assert "&lt;img src=x" in html
+
+
+def test_a_recording_with_missing_samples_is_drawn(fitted):
+    one = fitted.recordings["first"]
+    position = one.measured["position"].copy()
+    position[100:2000] = np.nan
+    log = Log(one.measured.time, {**one.measured.columns, "position": position}, "first")
+    html = render(page_of(replace(fitted, recordings={"first": replace(one, measured=log)}), COMMAND))
+    assert html.count("<img ") == 3
+
+
+def test_the_file_is_replaced_in_one_step(fitted, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text("old")
+    fit_page(fitted, COMMAND, page)
+    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    assert list(tmp_path.iterdir()) == [page]
+
+
+def test_a_page_that_cannot_be_written_is_one_sentence_and_leaves_nothing(fitted, tmp_path):
+    with pytest.raises(ExportError, match="does not exist"):
+        fit_page(fitted, COMMAND, tmp_path / "missing" / "page.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_while_drawing_leaves_the_old_page(fitted, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text("old")
+    with pytest.raises(AttributeError):
+        fit_page(replace(fitted, actuator=None), COMMAND, page)
+    assert page.read_text() == "old"

@@ -1,0 +1,50 @@
+"""The page template."""
+
+from clutchid.report.html import Bullets, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.tables import Column, Table
+
+HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
+PAGE = Page(
+    f"title {HOSTILE}",
+    f"subtitle {HOSTILE}",
+    (
+        Section(
+            f"heading {HOSTILE}",
+            (
+                Text(f"<b>ours</b> {escape(HOSTILE)}"),
+                Bullets((escape(HOSTILE), "<i>second</i>")),
+                Notice(HOSTILE, "failed"),
+                Picture(b"\x89PNG", escape(HOSTILE), f'quote " {HOSTILE}'),
+                Table(HOSTILE, (Column("a", HOSTILE, group=HOSTILE),), ((HOSTILE,),), note=HOSTILE),
+            ),
+        ),
+    ),
+    {HOSTILE: HOSTILE},
+)
+
+
+def test_hostile_names_are_shown_and_never_run():
+    html = render(PAGE)
+    assert "<script" not in html
+    assert html.count("&lt;script") == 16  # every place of the page that shows a text
+
+
+def test_our_own_markup_stays():
+    html = render(PAGE)
+    assert "<b>ours</b>" in html
+    assert "<li><i>second</i></li>" in html
+    assert '<p class="notice failed">' in html
+
+
+def test_pictures_are_inside_the_page():
+    assert "data:image/png;base64,iVBORw==" in render(PAGE)
+
+
+def test_a_page_has_a_language_a_character_set_and_a_width_for_phones():
+    html = render(PAGE)
+    for part in ('<html lang="en">', '<meta charset="utf-8">', 'name="viewport"', "@media print"):
+        assert part in html
+
+
+def test_a_page_without_provenance_has_no_footer():
+    assert "<footer>" not in render(Page("t", "s", ()))

@@ -1,0 +1,290 @@
+"""What `simulate` promises: starts, segments, resets, failures as values, and steps that follow the model."""
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError, ParameterError, SolveError
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.parameters import Parameters
+from clutchid.simulate import Partition, simulate
+from clutchid.simulate.plan import plan
+from clutchid.simulate.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness, stiffness_over, substeps
+
+STATES = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
+
+
+def opened(n: int = 100, **columns) -> Log:
+    duties = {"duty_supply": np.ones(n), "duty_exhaust": np.zeros(n)}
+    return Log(np.arange(n) * 1e-3, {**duties, **columns}, "run")
+
+
+def spoiled(log: Log, column: str, where: slice, value: float = np.nan) -> Log:
+    values = log[column].copy()
+    values[where] = value
+    return log.with_columns(**{column: values})
+
+
+def without(log: Log, *names: str) -> Log:
+    return Log(log.time, {k: v for k, v in log.columns.items() if k not in names}, log.name)
+
+
+def test_a_simulation_is_a_log_with_the_columns_of_the_contract(truth, drive):
+    done = simulate(truth, drive)
+    assert (done.status, done.message, done.warnings) == ("ok", "simulated to the end", ())
+    assert set(done.log.columns) == {*STATES, "duty_supply", "duty_exhaust"}
+    assert np.array_equal(done.log.time, drive.time)
+    assert np.array_equal(done.log["duty_supply"], drive["duty_supply"])
+    assert done.log.name == "drive"
+    assert all(np.isfinite(done.log[name]).all() for name in STATES)
+
+
+def test_stepping_sample_by_sample_is_the_same_as_one_run(truth, drive):
+    # 10^4 steps of the same machine instructions; only what the compiler hoists may round differently
+    assert np.abs(simulate(truth, drive).log["position"] - drive["position"]).max() < 1e4 * 2.3e-16 * 15e-3
+
+
+def test_sensitivities_come_by_name_for_all_five_states_and_do_not_change_the_states(truth, drive):
+    plain, rich = simulate(truth, drive), simulate(truth, drive, sensitivities=("C_vs", "theta_3"))
+    assert set(rich.sensitivities) == {"C_vs", "theta_3"}
+    assert rich.sensitivities["C_vs"].shape == (len(drive), 5)
+    assert np.abs(plain.log["position"] - rich.log["position"]).max() < 1e4 * 2.3e-16 * 15e-3
+
+
+def test_an_unknown_sensitivity_is_refused_with_the_nearest_name(truth, drive):
+    with pytest.raises(ParameterError, match="did you mean 'theta_1'"):
+        simulate(truth, drive, sensitivities=("tetha_1",))
+
+
+@pytest.mark.parametrize("missing", ["duty_supply", "duty_exhaust"])
+def test_a_recording_without_a_duty_cycle_is_refused_by_name(truth, drive, missing):
+    with pytest.raises(DataError, match=missing):
+        simulate(truth, without(drive, missing))
+
+
+def test_a_recording_without_position_starts_at_zero_vented(truth, drive):
+    done = simulate(truth, without(drive, "position", "pressure_a")).log
+    assert [done[name][0] for name in STATES] == [0, 0, 1.095e5, 1.095e5, 0]
+
+
+def test_partitions_need_a_position(truth, drive):
+    with pytest.raises(DataError, match="position"):
+        simulate(truth, without(drive, "position"), partition=Partition(every=10))
+
+
+def test_a_recording_that_starts_under_pressure_starts_at_rest_against_the_load(truth, drive):
+    later = drive.slice(1000, 2000)
+    done = simulate(truth, later).log
+    y = later["position"][0]
+    assert y > 14e-3
+    assert done["position"][0] == y
+    assert done["pressure_a"][0] == pytest.approx(1.095e5 + truth.load.force(np.array([y]))[0] / 12.3e-3, rel=1e-12)
+
+
+def test_given_starts_are_taken_and_counted(truth, drive):
+    later = drive.slice(1000, 2000)
+    done = simulate(truth, later, starts=[(14e-3, 4.7e5)]).log
+    assert (done["position"][0], done["pressure_a"][0]) == (14e-3, 4.7e5)
+    with pytest.raises(ParameterError, match="2 given, the recording has 1"):
+        simulate(truth, later, starts=[(0, 1e5), (0, 1e5)])
+
+
+@pytest.mark.parametrize("column", ["duty_supply", "duty_exhaust"])
+def test_a_missing_input_ends_a_segment_and_the_next_starts_at_the_measurement(truth, drive, column):
+    done = simulate(truth, spoiled(drive, column, slice(4200, 4230)))
+    position = done.log["position"]
+    assert np.isnan(position[4200:4230]).all()
+    assert np.isfinite(position[:4200]).all()
+    assert np.isfinite(position[4230:]).all()
+    assert position[4230] == drive["position"][4230]
+    assert done.status == "ok"
+    assert "2 segments" in done.warnings[0]
+    assert "4.230 s" in done.warnings[0]
+
+
+def test_a_hole_in_time_ends_a_segment(truth, drive):
+    keep = np.r_[0:4200, 4260:10000]
+    holed = Log(drive.time[keep], {name: values[keep] for name, values in drive.columns.items()}, "holed")
+    done = simulate(truth, holed)
+    assert np.isfinite(done.log["position"]).all()
+    assert done.log["position"][4200] == drive["position"][4260]
+    assert "2 segments" in done.warnings[0]
+    assert "4.260 s" in done.warnings[0]
+
+
+def test_a_single_lost_sample_is_no_hole(truth, drive):
+    keep = np.r_[0:4200, 4201:10000]
+    gap = Log(drive.time[keep], {name: values[keep] for name, values in drive.columns.items()}, "gap")
+    done = simulate(truth, gap)
+    assert done.warnings == ()
+    # the input is held over the lost sample; it changes slowly there
+    assert np.abs(done.log["position"] - gap["position"]).max() < 20e-6
+
+
+def test_a_single_known_sample_between_holes_belongs_to_no_segment(truth, drive):
+    inputs = drive["duty_supply"].copy()
+    inputs[[4200, 4202]] = np.nan
+    done = simulate(truth, drive.with_columns(duty_supply=inputs))
+    assert np.isnan(done.log["position"][4200:4203]).all()
+    assert "2 segments" in done.warnings[0]
+
+
+def test_a_recording_whose_inputs_are_all_missing_is_refused(truth, drive):
+    with pytest.raises(DataError, match="both duty cycles"):
+        simulate(truth, spoiled(drive, "duty_supply", slice(None)))
+
+
+@pytest.mark.parametrize("names", [(), ("theta_1",), ("C_vs",)])
+def test_a_simulation_that_blows_up_names_time_and_state(names):
+    # a load that pulls beyond t_2 with a force that grows as fast as the piston runs away
+    pulled = Actuator(load=Load((9e5, -1e12, 0.0)))
+    with pytest.raises(SolveError, match=r"run: .*finite numbers at 0\.\d{3} s in .*y"):
+        simulate(pulled, opened(), sensitivities=names)
+    done = simulate(pulled, opened(), sensitivities=names, on_failure="return")
+    assert done.status == "failed"
+    assert "finite numbers at" in done.message
+    failed = int(np.argmax(~np.isfinite(done.log["position"])))
+    assert f"{failed * 1e-3:.3f} s" in done.message
+    assert np.isfinite(done.log["position"][:failed]).all()
+    assert np.isnan(done.log["position"][failed + 1 :]).all()
+
+
+def test_a_failed_segment_does_not_stop_the_next_one():
+    # the measured position puts the second segment below t_2, where the load does not pull
+    log = spoiled(opened(300, position=np.where(np.arange(300) < 150, 0.0, 1e-3)), "duty_supply", slice(150, 160))
+    log = spoiled(log, "duty_supply", slice(160, 300), 0.0)
+    done = simulate(Actuator(load=Load((9e5, -1e12, 0.0))), log, on_failure="return")
+    assert done.status == "failed"
+    assert np.isfinite(done.log["position"][160:]).all()
+
+
+def test_a_reset_takes_the_measurement_and_lets_the_other_states_go_on(truth, driven):
+    log = driven(seconds=2.0)
+    shifted = log.with_columns(position=log["position"] + np.where(log.time > 0.6, 1e-3, 0.0))
+    done = simulate(truth, shifted, partition=Partition(every=500)).log
+    ballistic = simulate(truth, log).log
+    # the reset at 1 s is seen one sample later; velocity is zero there, pressure does not jump
+    assert np.array_equal(done["position"][:1001], ballistic["position"][:1001])
+    assert done["position"][1001] == pytest.approx(shifted["position"][1000], abs=0.05e-3)
+    assert done["pressure_a"][1001] == pytest.approx(ballistic["pressure_a"][1000], rel=0.01)
+
+
+def test_a_reset_at_a_missing_measurement_waits_for_the_next_one(truth, driven):
+    log = driven(seconds=2.0)
+    shifted = log.with_columns(position=log["position"] + np.where(log.time > 0.6, 1e-3, 0.0))
+    waiting = simulate(truth, spoiled(shifted, "position", slice(1000, 1007)), partition=Partition(parts=2)).log
+    prompt = simulate(truth, shifted, partition=Partition(parts=2)).log
+    assert prompt["position"][1001] - prompt["position"][1000] > 0.9e-3
+    assert np.abs(np.diff(waiting["position"][1000:1008])).max() < 0.05e-3
+    assert waiting["position"][1008] - waiting["position"][1007] > 0.9e-3
+
+
+def test_resets_after_the_last_measurement_do_not_happen(truth, driven):
+    log = spoiled(driven(seconds=2.0), "position", slice(1500, None))
+    done = simulate(truth, log, partition=Partition(every=400)).log
+    assert np.isfinite(done["position"]).all()
+
+
+@pytest.mark.parametrize("carry", ["p", "q"])
+def test_carrying_q_keeps_the_masses_of_air_across_a_reset_and_carrying_p_does_not(carry):
+    # closed valves and a sealed chamber B; the measurement says 1 mm more than the simulation
+    n, step = 200, 1e-3 / 16
+    sealed = Actuator(Parameters(C_r=0.0), Load((9e5, 0.0, 0.0)))
+    position = np.full(n, 7e-3)
+    log = Log(
+        np.arange(n) * step, {"duty_supply": np.zeros(n), "duty_exhaust": np.zeros(n), "position": position}, "shut"
+    )
+    done = simulate(sealed, log, partition=Partition(every=100, carry=carry), starts=[(6e-3, 4.0e5)]).log
+    mass_a = done["pressure_a"] * (0.148e-3 + 12.3e-3 * done["position"])
+    mass_b = done["pressure_b"] * (1.2e-4 + 11.848e-3 * (25e-3 - done["position"]))
+    changes = [abs(mass[-1] / mass[0] - 1) for mass in (mass_a, mass_b)]
+    # truncation as in the laws: (h lambda)^4 = 4e-4 times what moves; made air: 1 mm of 18 mm, and of 29 mm
+    if carry == "q":
+        assert max(changes) < 4e-4
+    else:
+        assert changes[0] > 0.03
+        assert changes[1] > 0.02
+
+
+def test_a_slow_log_takes_smaller_steps_inside_its_intervals(truth):
+    # valves that change every 10 ms: the same inputs at 1 kHz and at 100 Hz
+    generator = np.random.default_rng(11)
+    supply = np.repeat(np.where(generator.random(60) < 0.25, generator.uniform(0.2, 0.8, 60), 0.0), 10)
+    exhaust = np.repeat(np.where(generator.random(60) < 0.2, generator.uniform(0.2, 0.6, 60), 0.0), 10)
+    t = np.arange(600) * 1e-3
+    fast = simulate(truth, Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})).log
+    slow = simulate(truth, Log(t[::10], {"duty_supply": supply[::10], "duty_exhaust": exhaust[::10]})).log
+    assert fast["position"].max() > 8e-3
+    # both within a micrometre of the truth
+    assert np.abs(slow["position"] - fast["position"][::10]).max() < 2e-6
+
+
+def test_irregular_sampling_gives_the_same_motion(truth, driven):
+    log = driven(seconds=2.0)
+    fine = np.repeat(np.arange(len(log)), 2)[:-1]
+    halves = np.arange(fine.size) % 2 * 0.3e-3  # every interval cut at 0.3 ms
+    cut = Log(log.time[fine] + halves, {k: log[k][fine] for k in ("duty_supply", "duty_exhaust")})
+    done = simulate(truth, cut).log["position"][::2]
+    assert np.abs(done - log["position"]).max() < 1e-6
+
+
+def test_the_stiffest_part_of_the_paper_is_chamber_b_at_full_stroke():
+    # straight line from psi(r_lam) to 0: C_r rho_0 R T_0 psi(r_lam) / (1 - r_lam) / V_0B
+    psi = 0.5 * np.sqrt(1 - 0.999**2) + 0.5 * np.sqrt(1 - ((0.999 - 0.582) / 0.418) ** 2)
+    expected = 5e-8 * 1.185 * 288 * 293 * psi / 1e-3 / 1.2e-4
+    # the grid looks 0.2 mm into the stop (2 % less volume) and at top speed (0.3 m/s * A_B / V_B = 30 1/s more)
+    assert stiffness(Actuator()) == pytest.approx(expected, rel=0.05)
+
+
+def test_stiffness_over_bounds_is_that_of_the_stiffest_corner():
+    actuator = Actuator()
+    low, high = actuator.replace({"C_r": 1e-8}), actuator.replace({"C_r": 1e-7})
+    expected = max(stiffness(a) for a in (actuator, low, high))
+    assert stiffness_over(actuator, {"C_r": (1e-8, 1e-7), "theta_1": (0, np.inf)}) == expected
+    assert expected > 1.5 * stiffness(actuator)
+
+
+def test_substeps_keep_every_step_below_the_stable_one():
+    dt = np.array([1e-4, 1e-3, 2e-3, 1e-2])
+    steps = substeps(dt, 2300.0)
+    assert steps.tolist() == [1, 1, 2, 10]
+    assert np.all(dt / steps * 2300 <= STABLE_STEP)
+
+
+def test_a_model_too_stiff_for_the_recording_is_refused_in_words(drive):
+    with pytest.raises(ParameterError, match=f"too stiff.* at most {MOST_SUBSTEPS}"):
+        simulate(Actuator(Parameters(M=1e-6)), drive)
+
+
+def test_a_plan_starts_and_resets_at_the_measured_pressure_where_it_is_used(truth, drive):
+    later = drive.slice(1000, 3000)
+    used = plan(later, truth, 2000.0, Partition(every=100), use_pressure=True).segments[0]
+    assert used.pressure_start == later["pressure_a"][0]
+    assert np.array_equal(np.flatnonzero(used.jump), np.arange(100, 2000, 100))
+    assert np.array_equal(used.measured[100], [later["position"][100], later["pressure_a"][100]])
+    assert set(used.jump[used.jump > 0]) == {3}
+    unused = plan(later, truth, 2000.0, Partition(every=100, carry="q")).segments[0]
+    assert np.isnan(unused.pressure_start)
+    assert set(unused.jump[unused.jump > 0]) == {2}
+
+
+def test_where_the_pressure_is_missing_at_a_reset_only_the_position_is_taken(truth, drive):
+    later = spoiled(drive.slice(1000, 3000), "pressure_a", slice(200, 201))
+    segment = plan(later, truth, 2000.0, Partition(every=100), use_pressure=True).segments[0]
+    assert segment.jump[[100, 200, 300]].tolist() == [3, 1, 3]
+
+
+@pytest.mark.parametrize(
+    ("position", "vented"),
+    [(0.0, True), (0.4e-3, True), (0.7e-3, False), (12e-3, False)],
+)
+def test_a_recording_starts_vented_where_it_is_still_and_near_zero(truth, position, vented):
+    log = Log(np.arange(100) * 1e-3, {k: np.zeros(100) for k in ("duty_supply", "duty_exhaust")})
+    noise = 2e-5 * np.sin(np.arange(100))
+    assert plan(log.with_columns(position=position + noise), truth, 2000.0).segments[0].vented == vented
+
+
+def test_a_recording_that_starts_moving_is_not_vented(truth):
+    t = np.arange(100) * 1e-3
+    log = Log(t, {"duty_supply": np.zeros(100), "duty_exhaust": np.zeros(100), "position": 0.4e-3 - 0.05 * t})
+    assert not plan(log, truth, 2000.0).segments[0].vented

@@ -1,0 +1,122 @@
+"""The study as a whole: its files, its page, and what it refuses."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError, ExportError
+from clutchid.log import Log
+from clutchid.report.tables import to_csv
+from clutchid.study import PaperStudy, halves, paper_study
+from clutchid.study.deviations import DEVIATIONS
+
+
+@pytest.fixture(scope="module")
+def html(study):
+    return study.page.read_text(encoding="utf-8")
+
+
+def test_the_folder_holds_the_page_seven_figures_and_a_csv_for_every_table(study):
+    names = {path.name for path in study.page.parent.iterdir()}
+    assert names == {"index.html", *(f"figure_{n}.png" for n in range(2, 9)), *(f"{stem}.csv" for stem in study.tables)}
+    assert names == {path.name for path in study.files}
+    assert {"equation_21", "table_1", "table_1_carry_q", "table_2", "table_2_carry_q", "verification"} < set(
+        study.tables
+    )
+
+
+def test_every_csv_file_is_its_table(study):
+    for stem, table in study.tables.items():
+        assert (study.page.parent / f"{stem}.csv").read_text(encoding="utf-8") == to_csv(table)
+
+
+def test_every_figure_is_a_picture_and_stands_on_the_page(study, html):
+    for number in range(2, 9):
+        assert (study.page.parent / f"figure_{number}.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+        assert f"<b>Figure {number}.</b>" in html
+    assert html.count("<img ") == 7
+
+
+def test_the_page_loads_nothing_from_anywhere(html):
+    addresses = re.findall(r"(?:src|href|action|data|poster)\s*=\s*[\"']?([^\"'\s>]+)", html)
+    assert addresses
+    assert all(address.startswith(("data:image/png;base64,", "#")) for address in addresses)
+    text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", html)
+    assert not re.search(r"https?://|url\(|@import|<script|<link|<iframe", text)
+
+
+def test_every_number_of_every_table_stands_on_the_page(study, html):
+    for table in study.tables.values():
+        for row in table.rows:
+            for column, cell in zip(table.columns, row, strict=True):
+                assert f">{column.shown(cell)}<" in html
+
+
+def test_the_page_lists_every_deviation(html):
+    assert all(deviation in html for deviation in DEVIATIONS)
+
+
+def test_the_page_says_that_the_data_are_simulated_and_how_to_repeat_it(study, html, logs):
+    assert "simulated, not measured" in html
+    assert f"clutchid paper --out {study.page.parent}" in html
+    assert logs[0].metadata["sha256"] in html
+
+
+def test_progress_goes_from_nothing_to_all_and_never_back(study, heard):
+    fractions = [fraction for _, fraction in heard]
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+    assert heard[0][0] == "fit: ballistic"
+
+
+def test_a_study_without_pressure_and_without_a_known_load_is_whole(drive, tmp_path):
+    columns = {name: drive[name] for name in drive.columns if name != "pressure_a"}
+    first, second = halves(Log(drive.time[:3000], {n: v[:3000] for n, v in columns.items()}, "mine & <yours>"))
+    study = paper_study(first, replace(second, warnings=("mind <this>",)), tmp_path)
+    html = study.page.read_text(encoding="utf-8")
+    assert "true load is not known" in html
+    assert "mine &amp; &lt;yours&gt;, first half" in html
+    assert "<yours>" not in html
+    assert '<p class="notice warning">mind &lt;this&gt;</p>' in html
+    assert set(study.tables["table_2"].column("fitted_pressure_a_rms")) == {None}
+    assert set(study.tables["pressure_errors"].column("second_balanced_measured")) == {None}
+    assert "load_rms" not in to_csv(study.tables["verification"])
+    assert "clutchid paper --fit" in html
+    # The data were made by the model itself: the ballistic fit finds the weights that made them.
+    assert study.cases[0].fit.parameters["theta_1"].value == pytest.approx(9e5, rel=1e-5)
+
+
+def test_a_folder_that_is_a_file_is_refused_in_one_sentence(logs, tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(ExportError, match="is a file, the study needs a folder"):
+        paper_study(*logs, tmp_path / "out")
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_a_folder_below_a_file_is_refused_in_one_sentence(logs, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(ExportError, match="the folder cannot be made"):
+        paper_study(*logs, tmp_path / "file" / "out")
+
+
+def test_a_study_that_fails_leaves_nothing_behind(logs, tmp_path):
+    useless = Log(np.arange(5.0), {"position": np.zeros(5)})
+    with pytest.raises(DataError, match="duty_supply"):
+        paper_study(useless, logs[1], tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_that_fails_leaves_older_files_as_they_were(logs, tmp_path):
+    (tmp_path / "index.html").write_text("old")
+    with pytest.raises(DataError):
+        paper_study(logs[0], Log(np.arange(5.0), {"position": np.zeros(5)}), tmp_path)
+    assert (tmp_path / "index.html").read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_study_is_a_frozen_value(study):
+    assert isinstance(study, PaperStudy)
+    with pytest.raises(AttributeError):
+        study.page = None

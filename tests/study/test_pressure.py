@@ -1,0 +1,120 @@
+"""Pressure from the load: Eqs. (25), (26) and the full balance, against motions whose forces are known by hand."""
+
+import numpy as np
+import pytest
+
+from clutchid.estimate.result import Recording, errors_between
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.model.static import static_load, static_pressure
+from clutchid.study.pressure import measured_motion, pressures, static_estimate
+
+ACTUATOR = Actuator(load=Load((9e5, -0.3e5, 0.6e5)))
+P = ACTUATOR.parameters
+T = np.arange(0, 0.5, 1e-3)
+
+
+def moving(position, velocity, deflection, pressure=None):
+    """A recording whose measured and simulated motion are the same, with chamber B vented."""
+    vented = np.full(T.size, P.P_0)
+    states = {"position": position, "velocity": velocity, "deflection": deflection, "pressure_b": vented}
+    simulated = Log(T, {**states, "pressure_a": vented})
+    measured = Log(T, {"position": position} | ({} if pressure is None else {"pressure_a": pressure}))
+    return Recording(measured, simulated, errors_between(measured, simulated), ())
+
+
+def test_at_rest_without_deflection_both_pressures_are_the_load_over_the_area():
+    still = np.full(T.size, 6e-3)
+    found = pressures(ACTUATOR, moving(still, 0 * T, 0 * T))
+    expected = P.P_0 + ACTUATOR.load.force(still) / P.A_A
+    for name in ("static_simulated", "balanced_simulated", "static_measured", "balanced_measured"):
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("v", [0.02, -0.02])
+def test_in_steady_sliding_the_balance_adds_coulomb_and_viscous_friction(v):
+    y = 12e-3 + v * (T - 0.25)
+    found = pressures(ACTUATOR, moving(y, np.full(T.size, v), np.full(T.size, np.sign(v) * P.F_C / P.K_z)))
+    friction = (np.sign(v) * P.F_C + P.D_v * v) / P.A_A
+    np.testing.assert_allclose(found.balanced_simulated - found.static_simulated, friction, rtol=1e-9)
+    # Along the measured motion the seal starts undeflected and follows with rate K_z |v| / F_C = 100 1/s; away from
+    # the ends, where smoothing sees a corner, the difference is the same once exp(-100 t) has died out.
+    inner = slice(300, 460)
+    np.testing.assert_allclose((found.balanced_measured - found.static_measured)[inner], friction, rtol=1e-9)
+
+
+def test_acceleration_enters_with_the_mass():
+    y, a = 5e-3 + 0.5 * 0.1 * T**2, 0.1
+    found = pressures(ACTUATOR, moving(y, a * T, 0 * T))
+    # Without deflection the seal adds D_zdot v besides D_v v; a linear velocity has an exact difference quotient.
+    expected = (P.M * a + (P.D_v + P.D_zdot) * a * T) / P.A_A
+    np.testing.assert_allclose(found.balanced_simulated - found.static_simulated, expected, rtol=1e-9)
+
+
+def test_the_end_stop_holds_part_of_the_pressure():
+    beyond = np.full(T.size, P.y_max + 2e-4)
+    found = pressures(ACTUATOR, moving(beyond, 0 * T, 0 * T))
+    stop = P.K_stop * (2e-4 - P.d_stop / 2) / P.A_A
+    np.testing.assert_allclose(found.balanced_simulated - found.static_simulated, stop, rtol=1e-9)
+
+
+def test_errors_are_rms_against_the_measured_pressure_and_missing_samples_are_left_out():
+    still = np.full(T.size, 6e-3)
+    true = P.P_0 + ACTUATOR.load.force(still) / P.A_A
+    pressure = true + 1e4
+    pressure[::3] = np.nan
+    assert pressures(ACTUATOR, moving(still, 0 * T, 0 * T, pressure)).rms("static_simulated") == pytest.approx(1e4)
+    assert pressures(ACTUATOR, moving(still, 0 * T, 0 * T)).rms("static_simulated") is None
+
+
+def test_equations_25_and_26_are_inverse_to_each_other():
+    f_l = np.linspace(0, 6000, 7)
+    np.testing.assert_allclose(
+        static_load(static_pressure(f_l, P.P_0, P.A_A), P.P_0, P.A_A), f_l, rtol=1e-12, atol=1e-9
+    )
+
+
+def test_the_static_estimate_takes_only_slow_samples_with_a_pressure():
+    y = np.where(T < 0.25, 5e-3, 5e-3 + 0.1 * (T - 0.25))
+    pressure = np.full(T.size, 4e5)
+    pressure[:50] = np.nan
+    position, force = static_estimate(Log(T, {"position": y, "pressure_a": pressure}), ACTUATOR, 0.01)
+    assert position.size == pytest.approx(200, abs=31)  # half the smoothing window
+    np.testing.assert_allclose(force, P.A_A * (4e5 - P.P_0), rtol=1e-12)
+    assert static_estimate(Log(T, {"position": y}), ACTUATOR, 0.01)[0].size == 0
+
+
+def test_a_parabola_has_its_velocity_and_its_acceleration():
+    y, v, a = measured_motion(Log(T, {"position": 4e-3 + 0.3 * T - 0.5 * 0.7 * T**2}))
+    inner = slice(40, -40)
+    np.testing.assert_allclose(y[inner], (4e-3 + 0.3 * T - 0.5 * 0.7 * T**2)[inner], atol=1e-12)
+    np.testing.assert_allclose(v[inner], (0.3 - 0.7 * T)[inner], atol=1e-9)
+    np.testing.assert_allclose(a[inner], -0.7, atol=1e-6)
+
+
+def test_motion_is_derived_across_missing_samples_and_uneven_time():
+    t = T + 2e-4 * np.sin(50 * T)
+    y = 3e-3 + 0.04 * t
+    y[100:110] = np.nan
+    position, velocity, acceleration = measured_motion(Log(t, {"position": y}))
+    inner = slice(40, -40)
+    np.testing.assert_allclose(position[inner], 3e-3 + 0.04 * t[inner], atol=1e-9)
+    np.testing.assert_allclose(velocity[inner], 0.04, atol=1e-9)
+    np.testing.assert_allclose(acceleration[inner], 0.0, atol=1e-6)
+
+
+def test_along_a_simulated_motion_the_full_balance_is_the_simulated_pressure(study):
+    # Differencing smears a step of acceleration over two samples, so only the typical sample is compared: the central
+    # difference errs by h²/6 times the third derivative of velocity, 1e-6/6 * (0.2 m/s * (100 1/s)³) * M/A_A = 27 Pa.
+    case = study.cases[0]
+    found = pressures(case.fit.actuator, case.verified)
+    difference = np.abs(found.balanced_simulated - case.verified.simulated["pressure_a"])
+    assert np.median(difference) < 27.0
+
+
+def test_friction_and_acceleration_bring_the_pressure_nearer_to_the_measured_one(study):
+    table = study.tables["pressure_errors"]
+    for which in ("first", "second"):
+        for motion in ("simulated", "measured"):
+            static, balanced = (table.column(f"{which}_{kind}_{motion}") for kind in ("static", "balanced"))
+            assert all(b < s for s, b in zip(static, balanced, strict=True))

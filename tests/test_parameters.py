@@ -1,0 +1,113 @@
+"""`Parameters`: checked where they are built, in words that say what, got, allowed, where."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.parameters import Parameters, unknown_name
+
+
+def test_a_negative_conductance_is_refused_in_the_words_of_the_design():
+    with pytest.raises(ParameterError) as caught:
+        Parameters(C_vs=-1.9e-8)
+    assert str(caught.value) == "C_vs = -1.9e-08 m³/(Pa·s): a conductance is at least 0. Appendix A has 1.9e-08."
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("A_A", 0.0), ("V_0A", -1e-4), ("P_0", 0.0), ("M", 0.0), ("K_z", 0.0), ("F_C", -200.0), ("D_v", -1.0),
+        ("R_0vs", -0.1), ("R_0ve", 1.1), ("R_1vs", 2.5), ("B_vs", 1.01), ("B_ve", -1.01), ("B_0", 1.0), ("B_0", 0.0),
+        ("C_r", -1e-9), ("rho_0", 0.0), ("y_max", 0.0), ("r_lam", 1.0), ("r_lam", 0.5), ("K_stop", 0.0), ("D_stop", -1.0),
+        ("T_0", math.nan), ("P_S", math.inf), ("P_S", -math.inf),
+    ],
+)  # fmt: skip
+def test_a_number_outside_its_range_is_refused_by_name(name, wrong):
+    with pytest.raises(ParameterError, match=f"^{name} = "):
+        Parameters(**{name: wrong})
+
+
+@pytest.mark.parametrize(("name", "edge"), [("D_v", 0.0), ("C_r", 0.0), ("B_vs", 1.0), ("B_ve", -1.0), ("D_zdot", 0.0)])
+def test_an_edge_that_belongs_to_the_range_is_taken(name, edge):
+    assert getattr(Parameters(**{name: edge}), name) == edge
+
+
+@pytest.mark.parametrize("wrong", ["9e5", None, True, [9e5]])
+def test_what_is_no_number_is_refused(wrong):
+    with pytest.raises(ParameterError, match="P_S = .*a number in Pa is needed"):
+        Parameters(P_S=wrong)
+
+
+def test_all_problems_are_named_at_once():
+    with pytest.raises(ParameterError) as caught:
+        Parameters(M=-1.0, C_vs=-1.0, B_0=2.0)
+    assert [line.split(" ")[0] for line in str(caught.value).splitlines()] == ["M", "C_vs", "B_0"]
+
+
+def test_a_valve_must_open_with_its_duty_cycle():
+    with pytest.raises(ParameterError, match=r"R_0vs = 0.5 must be below R_1vs = 0.4"):
+        Parameters(R_0vs=0.5, R_1vs=0.4)
+
+
+def test_the_rod_takes_area_from_chamber_b():
+    with pytest.raises(ParameterError, match="A_B"):
+        Parameters(A_B=13e-3)
+    assert Parameters(A_B=12.3e-3).A_B == 12.3e-3
+
+
+def test_parameters_cannot_be_changed_only_replaced():
+    parameters = Parameters()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        parameters.M = 12.0
+    other = parameters.replace({"M": 12})
+    assert (parameters.M, other.M) == (10.0, 12.0)
+    assert isinstance(other.M, float)
+
+
+def test_replacing_checks_again_and_names_the_nearest():
+    with pytest.raises(ParameterError, match="did you mean 'C_vs'"):
+        Parameters().replace({"C_sv": 1e-8})
+    with pytest.raises(ParameterError, match="at least 0"):
+        Parameters().replace({"C_vs": -1e-8})
+
+
+def test_numpy_numbers_are_numbers():
+    assert Parameters(M=np.float32(12.0), P_S=np.int64(900000)).array()[7:9].tolist() == [12.0, 9e5]
+
+
+def test_the_array_is_in_the_order_of_the_names():
+    parameters = Parameters()
+    assert parameters.array().tolist() == [getattr(parameters, name) for name in Parameters.names()]
+    assert parameters.array().dtype == np.float64
+
+
+def test_every_row_has_unit_meaning_range_and_source():
+    for name in Parameters.names():
+        row = Parameters.row(name)
+        assert row.unit
+        assert row.meaning
+        assert row.source
+        assert row.low < row.high
+        assert row.admits(getattr(Parameters(), name))
+        assert row.allowed != "any finite number"
+
+
+def test_the_range_in_words():
+    assert Parameters.row("C_vs").allowed == "at least 0"
+    assert Parameters.row("M").allowed == "above 0"
+    assert Parameters.row("B_ve").allowed == "at least -1 and at most 1"
+
+
+def test_an_unknown_row_is_refused_with_the_nearest():
+    with pytest.raises(ParameterError, match="did you mean 'V_0A'"):
+        Parameters.row("V0A")
+
+
+def test_a_name_like_no_other_gets_the_list_without_a_guess():
+    text = unknown_name("xyzzy", ["C_vs", "P_S"])
+    assert text.startswith("no parameter 'xyzzy'")
+    assert "did you mean" not in text
+    assert text.endswith("Known are C_vs, P_S.")
