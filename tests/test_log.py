@@ -79,7 +79,7 @@ def test_integers_become_floats():
 
 def test_columns_and_units_are_those_of_the_contract():
     expected = {
-        "position": "m", "duty_supply": "1", "duty_exhaust": "1", "pressure_a": "Pa", "velocity": "m/s", "pressure_b": "Pa",
-        "deflection": "m", "temperature_a": "K", "pressure_a low": "Pa", "pressure_a high": "Pa",
+        "position": "m", "duty_supply": "1", "duty_exhaust": "1", "pressure_a": "Pa", "velocity": "m/s",
+        "pressure_b": "Pa", "deflection": "m", "temperature_a": "K", "pressure_a low": "Pa", "pressure_a high": "Pa",
     }  # fmt: skip
     assert expected.items() <= dict(COLUMNS).items()

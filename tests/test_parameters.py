@@ -21,8 +21,8 @@ def test_a_negative_conductance_is_refused_in_the_words_of_the_design():
     [
         ("A_A", 0.0), ("V_0A", -1e-4), ("P_0", 0.0), ("M", 0.0), ("K_z", 0.0), ("F_C", -200.0), ("D_v", -1.0),
         ("R_0vs", -0.1), ("R_0ve", 1.1), ("R_1vs", 2.5), ("B_vs", 1.01), ("B_ve", -1.01), ("B_0", 1.0), ("B_0", 0.0),
-        ("C_r", -1e-9), ("rho_0", 0.0), ("y_max", 0.0), ("r_lam", 1.0), ("r_lam", 0.5), ("K_stop", 0.0), ("D_stop", -1.0),
-        ("T_0", math.nan), ("P_S", math.inf), ("P_S", -math.inf),
+        ("C_r", -1e-9), ("rho_0", 0.0), ("y_max", 0.0), ("r_lam", 1.0), ("r_lam", 0.5), ("K_stop", 0.0),
+        ("D_stop", -1.0), ("T_0", math.nan), ("P_S", math.inf), ("P_S", -math.inf),
     ],
 )  # fmt: skip
 def test_a_number_outside_its_range_is_refused_by_name(name, wrong):
@@ -37,7 +37,7 @@ def test_an_edge_that_belongs_to_the_range_is_taken(name, edge):
 
 @pytest.mark.parametrize("wrong", ["9e5", None, True, [9e5]])
 def test_what_is_no_number_is_refused(wrong):
-    with pytest.raises(ParameterError, match="P_S = .*a number in Pa is needed"):
+    with pytest.raises(ParameterError, match=r"P_S = .*a number in Pa is needed"):
         Parameters(P_S=wrong)
 
 

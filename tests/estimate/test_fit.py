@@ -167,8 +167,8 @@ def test_a_start_under_pressure_at_rest_is_found_but_for_friction(truth, drive):
     made = simulate(truth, drive.with_columns(**duties)).log.slice(2900, 10000)
     result = fit(Log(made.time, {k: made[k] for k in ("position", "duty_supply", "duty_exhaust")}, "later"))
     (y, p_A) = result.recordings["later"].starts[0]
-    # the bristle holds up to F_C = 200 N there, 0.16 bar, but is taken as relaxed: the start lies a few of its lengths of
-    # F_C / K_z = 0.2 mm away, with the same air in 26 mm of chamber
+    # the bristle holds up to F_C = 200 N there, 0.16 bar, but is taken as relaxed: the start lies a few of its lengths
+    # of F_C / K_z = 0.2 mm away, with the same air in 26 mm of chamber
     assert y == pytest.approx(made["position"][0], abs=3 * 0.2e-3)
     assert p_A == pytest.approx(made["pressure_a"][0], abs=200 / 12.3e-3 + 5e5 * 0.6 / 26)
     assert weights(result)[0] == pytest.approx(truth.load.theta[0], rel=200 / 4900)
@@ -274,7 +274,7 @@ def test_a_recording_without_what_is_measured_is_refused(drive):
 
 
 def test_three_samples_are_not_enough_and_the_message_says_what_is(drive):
-    with pytest.raises(DataError, match="3 measured samples for 3 free numbers.*full stroke"):
+    with pytest.raises(DataError, match=r"3 measured samples for 3 free numbers.*full stroke"):
         fit(drive.slice(0, 3))
     with pytest.raises(DataError, match="3 measured samples for 5 free numbers"):
         fit(drive.slice(1000, 1003))

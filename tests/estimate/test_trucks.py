@@ -11,7 +11,7 @@ from clutchid.io import read
 RECORDINGS = [(truck, name) for truck in (1, 2, 3) for name in ("calibration", "worn1", "worn2")]
 
 
-@pytest.mark.parametrize(("truck", "name"), RECORDINGS, ids=lambda value: str(value))
+@pytest.mark.parametrize(("truck", "name"), RECORDINGS, ids=str)
 def test_a_position_only_fit_finds_the_load_around_the_touch_point_roughly(shared, truck, name):
     folder = shared / "data" / "trucks" / f"truck{truck}"
     truth = json.loads((folder / "truth.json").read_text())

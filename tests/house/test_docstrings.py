@@ -1,4 +1,4 @@
-"""Docstrings: every public name has one, those of the model have their sections, and every equation has its function."""
+"""Docstrings: every public name has one, the model has all sections, and every equation has its function."""
 
 import ast
 import re

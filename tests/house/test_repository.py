@@ -60,9 +60,9 @@ def test_every_skip_and_expected_failure_says_why():
 
 
 def test_names_of_tests_are_sentences():
-    short = []
-    for path in (ROOT / "tests").rglob("test_*.py"):
-        for name in re.findall(r"^\s*def (test_\w+)\(", path.read_text(encoding="utf-8"), re.MULTILINE):
-            if name.count("_") < 3:
-                short.append(f"{path.relative_to(ROOT)}: {name}")
-    assert short == []
+    names = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (ROOT / "tests").rglob("test_*.py")
+        for name in re.findall(r"^\s*def (test_\w+)\(", path.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    assert [name for name in names if name.rpartition("test_")[2].count("_") < 2] == []

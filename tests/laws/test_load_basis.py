@@ -1,4 +1,6 @@
-"""Laws of the three splines, for any strictly increasing knots: the conditions of Section 2.5 and the table of kernels."""
+"""Laws of the three splines, for any strictly increasing knots: the conditions of Section 2.5, and the table."""
+
+from itertools import pairwise
 
 import numpy as np
 import sympy as sp
@@ -35,7 +37,7 @@ def value_at(load: Load, y: float, side: int) -> np.ndarray:
 
 def conditioned(t: tuple[float, ...]) -> float:
     """Rounding of a value in m: some hundred operations, and cubic coefficients that cancel over (reach / gap)^3."""
-    gap = min(b - a for a, b in zip(t, t[1:], strict=False))
+    gap = min(b - a for a, b in pairwise(t))
     reach = 2 * t[3] - t[1] - min(t[0], 0)
     return 100 * EPS * reach * (reach / gap) ** 3
 
@@ -52,7 +54,7 @@ def test_slopes_at_the_knots_are_those_of_the_paper(t, slope):
     load = Load(knots=t, phi2_slope=slope)
     t_1, t_2, t_3, t_4 = t
     t_5 = 2 * t_4 - t_2
-    tolerance = conditioned(t) / min(b - a for a, b in zip(t, t[1:], strict=False))
+    tolerance = conditioned(t) / min(b - a for a, b in pairwise(t))
     expected = {
         (t_1, -1): (0, 0, 0), (t_1, +1): (1, 0, 0), (t_2, -1): (1, 0, 0), (t_2, +1): (1, 0, 0),
         (t_3, -1): (0, slope, None), (t_3, +1): (0, 1, None), (t_4, -1): (0, 1, 0), (t_4, +1): (0, 1, 0),
@@ -107,7 +109,7 @@ def test_the_third_is_a_symmetric_hump_of_a_millimetre_and_zero_outside(t, slope
 )
 def test_the_table_is_the_printed_pieces_evaluated_exactly(tenths, slope, y_tenths):
     tenths = sorted(tenths)
-    assume(all(b - a >= 3 for a, b in zip(tenths, tenths[1:], strict=False)))
+    assume(all(b - a >= 3 for a, b in pairwise(tenths)))
     exact = [sp.Rational(t, 10000) for t in tenths]
     at = sp.Rational(y_tenths, 10000) + sp.Rational(1, 30000)  # never on a knot
     y = sp.Symbol("y", real=True)

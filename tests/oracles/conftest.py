@@ -1,13 +1,14 @@
 """The slow, plain twin of the model: typed from the paper and its errata, knows nothing of `clutchid.model`.
 
-Scalars and `math` only, the printed letters, one branch a line of print. SciPy's Radau integrates it at 1e-10 and starts
-anew at every edge of an input.
+Scalars and `math` only, the printed letters, one branch a line of print. SciPy's Radau integrates it at 1e-10 and
+starts anew at every edge of an input.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -98,7 +99,7 @@ def radau(time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], theta: Sequ
     states[0] = x0
     # a step may be wrong by 1e-10 of the usual size of a state: 10 mm, 0.1 m/s, 1 bar, 1 bar, 0.1 mm
     atol = 1e-10 * np.array([1e-2, 1e-1, 1e5, 1e5, 1e-4])
-    for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+    for a, b in pairwise(bounds):
         if b == a:
             continue
         solved = solve_ivp(

@@ -164,7 +164,8 @@ def test_a_reset_takes_the_measurement_and_lets_the_other_states_go_on(truth, dr
     done = simulate(truth, shifted, partition=Partition(every=500)).log
     ballistic = simulate(truth, log).log
     # the reset at 1 s is seen one sample later; velocity is zero there, pressure does not jump
-    assert np.array_equal(done["position"][:1001], ballistic["position"][:1001])
+    # up to there: the reset at 0.5 s takes what was simulated from the same start, but for the rounding of its median
+    np.testing.assert_allclose(done["position"][:1001], ballistic["position"][:1001], rtol=0, atol=1e-12)
     assert done["position"][1001] == pytest.approx(shifted["position"][1000], abs=0.05e-3)
     assert done["pressure_a"][1001] == pytest.approx(ballistic["pressure_a"][1000], rel=0.01)
 

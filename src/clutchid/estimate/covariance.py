@@ -31,7 +31,7 @@ class Covariance:
         return float(stdtrit(max(1.0, self.degrees_of_freedom), 0.975))
 
 
-def sandwich(R: FloatArray, scores: Sequence[FloatArray]) -> Covariance:
+def sandwich(R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool_] | None = None) -> Covariance:
     r"""Covariance of a least-squares estimate with autocorrelated residuals.
 
     .. math:: P = H^{-1} \Big( \sum_{|l| \le b} (1 - |l| / (b + 1)) \sum_t s_t s_{t+l}^T \Big) H^{-1}, \quad H = R^T R
@@ -42,6 +42,8 @@ def sandwich(R: FloatArray, scores: Sequence[FloatArray]) -> Covariance:
         Triangular factor of the Jacobian of the scaled residuals.
     scores : (n_i, k) per segment
         ``J_t r_t``, sample by sample; segments are taken as independent.
+    known : (k,), optional
+        Parameters that the data say something about; by default those with a Jacobian column above rounding.
 
     Raises
     ------
@@ -55,7 +57,8 @@ def sandwich(R: FloatArray, scores: Sequence[FloatArray]) -> Covariance:
     """
     k = R.shape[0]
     norms = np.sqrt(np.sum(R**2, axis=0))
-    known = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+    heard = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+    known = heard if known is None else heard & known
     matrix = np.full((k, k), 0.0)
     matrix[~known, ~known] = np.inf
     total = sum(s.shape[0] for s in scores)

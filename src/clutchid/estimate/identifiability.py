@@ -14,8 +14,9 @@ FloatArray = NDArray[np.float64]
 #: Two estimates that correlate more than this, in magnitude, are told as one sum only.
 CORRELATION = 0.98
 
-#: A column of the Jacobian this much weaker than the strongest carries no information.
-SILENT = 1e-9
+#: The recording says nothing about a number whose change by its natural size moves all residuals together by less
+#: than this many noise scales: alone, its standard error would exceed that size.
+SILENT = 1.0
 
 
 def cannot_tell(
@@ -32,20 +33,25 @@ def cannot_tell(
     with_pressure : bool
         Whether the measured pressure is in use already.
     """
-    norms = np.sqrt(np.sum(R**2, axis=0))
-    silent = norms <= SILENT * max(float(norms.max(initial=0.0)), 1e-300)
+    silent = ~heard(R)
     warnings = _silence([name for i, name in enumerate(names) if silent[i]], reach)
-    heard = np.flatnonzero(~silent)
-    if heard.size > 1:
-        correlation = correlations(R[:, heard])
+    others = np.flatnonzero(~silent)
+    if others.size > 1:
+        correlation = correlations(R[:, others])
         pairs = [
-            (names[heard[i]], names[heard[j]], correlation[i, j])
-            for i in range(heard.size)
+            (names[others[i]], names[others[j]], correlation[i, j])
+            for i in range(others.size)
             for j in range(i)
-            if heard[i] < len(names) and heard[j] < len(names) and abs(correlation[i, j]) > CORRELATION
+            if others[i] < len(names) and others[j] < len(names) and abs(correlation[i, j]) > CORRELATION
         ]
         warnings += _alike(pairs, actuator, reach, with_pressure)
     return warnings
+
+
+def heard(R: FloatArray) -> NDArray[np.bool_]:
+    """Which dimensionless numbers the recording says anything about, shape (k,), from the factor R of the Jacobian."""
+    result: NDArray[np.bool_] = np.sqrt(np.sum(R**2, axis=0)) >= SILENT
+    return result
 
 
 def correlations(R: FloatArray) -> FloatArray:
@@ -64,7 +70,7 @@ def _silence(names: list[str], reach: float) -> list[str]:
     text = f"the recording says nothing about {_listed(names)}"
     if all(name.startswith("theta_") for name in names):
         text += f": it reaches y = {reach * 1e3:.1f} mm, where their part of the load has not begun"
-    return [f"{text}; kept at the start value, the interval is infinite."]
+    return [f"{text}; the interval is infinite."]
 
 
 def _alike(pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float, with_pressure: bool) -> list[str]:

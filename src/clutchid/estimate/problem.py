@@ -21,6 +21,7 @@ from clutchid.simulate.run import (
     guessed_pressure,
     run,
     run_with_sensitivities,
+    start_sensitivities,
     start_state,
 )
 from clutchid.simulate.simulation import failure_message
@@ -167,7 +168,8 @@ def residuals(
         log, segment = task.plans[part.log].log, part.segment
         which = columns(actuator, [*task.names, *part.start_names])
         x0 = start_state(segment, actuator, task._start(part, x, actuator))
-        states, sens, failed = run_with_sensitivities(segment, numbers, x0, which, watched)
+        start = x0, start_sensitivities(segment, actuator, which, estimated=bool(part.start))
+        states, sens, failed = run_with_sensitivities(segment, numbers, start, which, watched)
         if failed >= 0:
             yield Failure(failure_message(log, segment, states, failed))
             return

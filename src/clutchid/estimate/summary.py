@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.estimate.covariance import Covariance, sandwich
-from clutchid.estimate.identifiability import cannot_tell
+from clutchid.estimate.identifiability import cannot_tell, heard
 from clutchid.estimate.least_squares import Failure, Solution
 from clutchid.estimate.problem import WEIGHT_UNIT, Problem, residuals, simulated_states
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, combined_errors, errors_between
@@ -64,7 +64,7 @@ def _covariance(task: Problem, solution: Solution, scales: Mapping[str, float]) 
         rows = np.zeros((r.size, solution.x.size))
         rows[:, [*range(len(task.names)), *part.start]] = J * r[:, None]
         scores.append(rows)
-    return sandwich(solution.at.R, scores)
+    return sandwich(solution.at.R, scores, heard(solution.at.R))
 
 
 def _estimates(task: Problem, x: FloatArray, covariance: Covariance) -> dict[str, Estimate]:

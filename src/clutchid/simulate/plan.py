@@ -18,8 +18,9 @@ FloatArray = NDArray[np.float64]
 #: An interval this many times longer than the median is a hole.
 HOLE = 5.0
 
-#: A recording starts vented and at rest when it stays this near to zero, in m, and this still, for `REST_TIME` s.
-VENTED_POSITION, REST_RANGE, REST_TIME = 5e-4, 3e-4, 0.02
+#: A recording starts vented and at rest when it stays this near to zero, in m, and this still, for `REST_TIME` s or
+#: until the supply valve opens. The rest before that, up to `REST_WINDOW` s, tells the position at the start.
+VENTED_POSITION, REST_RANGE, REST_TIME, REST_WINDOW = 5e-4, 3e-4, 0.02, 0.5
 
 _JUMPS = {("p", False): 1, ("q", False): 2, ("p", True): 3, ("q", True): 4}
 
@@ -158,6 +159,8 @@ def _segment(
     inputs = np.column_stack([log[name][start:stop] for name in INPUTS])
     position = log["position"][start:stop] if "position" in log else np.full(stop - start, np.nan)
     pressure = log["pressure_a"][start:stop] if use_pressure else np.full(stop - start, np.nan)
+    rest = _rest(log.time[start:stop], position, inputs[:, 0] <= actuator.parameters.R_0vs)
+    vented = start == 0 and _vented(rest[: max(2, int(REST_TIME / dt[0]))], position)
     jump = jump.copy()
     jump[0] = 0
     return Segment(
@@ -168,22 +171,27 @@ def _segment(
         substeps=substeps(dt, rate),
         jump=jump,
         measured=np.ascontiguousarray(measured),
-        position_start=_first_finite(position, 0.0),
+        position_start=float(np.median(rest)) if vented and rest.size else _first_finite(position, 0.0),
         pressure_start=_first_finite(pressure[: max(2, int(REST_TIME / dt[0]))], np.nan),
-        vented=start == 0 and _vented(position, inputs[:, 0], dt, actuator),
+        vented=vented,
     )
 
 
-def _vented(position: FloatArray, duty_supply: FloatArray, dt: FloatArray, actuator: Actuator) -> bool:
+def _rest(time: FloatArray, position: FloatArray, closed: NDArray[np.bool_]) -> FloatArray:
+    """Measured positions before the supply valve first opens, at most `REST_WINDOW` s of them."""
+    opens = int(np.argmin(closed)) if not closed.all() else closed.size
+    within = int(np.searchsorted(time, time[0] + REST_WINDOW))
+    before = position[: max(1, min(opens, within))]
+    return before[np.isfinite(before)]
+
+
+def _vented(rest: FloatArray, position: FloatArray) -> bool:
     """Whether a segment starts vented and at rest: still and near zero until the supply valve opens."""
-    window = max(2, int(np.searchsorted(np.cumsum(dt), REST_TIME)) + 1)
-    still = position[:window][duty_supply[:window] <= actuator.parameters.R_0vs]
-    still = still[np.isfinite(still)]
     if not np.isfinite(position).any():
         return True
-    if still.size == 0:
-        still = np.array([_first_finite(position, 0.0)])
-    return bool(abs(float(np.median(still))) <= VENTED_POSITION and float(np.ptp(still)) <= REST_RANGE)
+    if rest.size == 0:
+        rest = np.array([_first_finite(position, 0.0)])
+    return bool(abs(float(np.median(rest))) <= VENTED_POSITION and float(np.ptp(rest)) <= REST_RANGE)
 
 
 def _first_finite(values: FloatArray, otherwise: float) -> float:

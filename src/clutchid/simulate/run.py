@@ -118,15 +118,18 @@ def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray,
 
 
 def run_with_sensitivities(
-    segment: Segment, numbers: Numbers, x0: FloatArray, which: Columns, watched: Sequence[int]
+    segment: Segment, numbers: Numbers, start: tuple[FloatArray, FloatArray], which: Columns, watched: Sequence[int]
 ) -> tuple[FloatArray, FloatArray, int]:
-    """As `run`, with the sensitivities of the states `watched`, shape (n, len(watched), n_columns)."""
+    """As `run`, with the sensitivities of the states `watched`, shape (n, len(watched), n_columns).
+
+    `start` is the state at the start and its sensitivities, shape (5, n_columns).
+    """
     out = np.empty((len(segment), len(STATES)))
     sens = np.empty((len(segment), len(watched), len(which.names)))
     module = kernels(numbers.model)
     kernel = module.run_all if which.needs_parameters else module.run_table
     failed = kernel(
-        x0.copy(), _start_sensitivities(segment, which), segment.inputs, numbers.parameters, segment.dt,
+        start[0].copy(), start[1].copy(), segment.inputs, numbers.parameters, segment.dt,
         segment.substeps, segment.jump, segment.measured, numbers.breakpoints, numbers.load, numbers.basis,
         which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,
         np.array(watched, dtype=np.int64), out, sens,
@@ -137,8 +140,17 @@ def run_with_sensitivities(
     return out, sens, int(failed)
 
 
-def _start_sensitivities(segment: Segment, which: Columns) -> FloatArray:
+def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, estimated: bool) -> FloatArray:
+    """Sensitivities of the start, shape (5, n_columns); `estimated` where the start is a free number of its own.
+
+    Chambers that start at P_0 move with it, and a pressure guessed by Eq. (26) moves with the load that it holds.
+    """
     S = np.zeros((len(STATES), len(which.names)))
+    measured = bool(np.isfinite(segment.pressure_start))
+    resting = not (segment.vented or estimated or measured)
+    y, A_A = segment.position_start, actuator.parameters.A_A
+    force = _force(actuator.load, y)
+    phi = dict(zip(actuator.load.names, actuator.load.phi(np.array([y]))[0], strict=True))
     for column, name in enumerate(which.names):
         if name == POSITION_START:
             S[0, column] = 1.0
@@ -146,6 +158,7 @@ def _start_sensitivities(segment: Segment, which: Columns) -> FloatArray:
             S[2, column] = 1.0
         elif name == "P_0":
             S[3, column] = 1.0
-            if segment.vented and not np.isfinite(segment.pressure_start):
-                S[2, column] = 1.0
+            S[2, column] = float(resting or (segment.vented and not measured))
+        elif resting and force > 0.0:
+            S[2, column] = -force / A_A**2 if name == "A_A" else phi.get(name, 0.0) / A_A
     return S

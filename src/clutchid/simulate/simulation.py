@@ -15,7 +15,15 @@ from clutchid.model.actuator import Actuator
 from clutchid.parameters import unknown_name
 from clutchid.simulate.partition import Partition
 from clutchid.simulate.plan import Plan, Segment, plan
-from clutchid.simulate.run import STATES, Numbers, columns, run, run_with_sensitivities, start_state
+from clutchid.simulate.run import (
+    STATES,
+    Numbers,
+    columns,
+    run,
+    run_with_sensitivities,
+    start_sensitivities,
+    start_state,
+)
 from clutchid.simulate.stiffness import stiffness
 
 FloatArray = NDArray[np.float64]
@@ -102,7 +110,8 @@ def simulate(
         x0 = start_state(segment, actuator, starts[number] if starts is not None else None)
         at = slice(segment.start, segment.stop)
         if which.names:
-            states[at], sens[at], failed = run_with_sensitivities(segment, numbers, x0, which, range(len(STATES)))
+            start = x0, start_sensitivities(segment, actuator, which, starts is not None)
+            states[at], sens[at], failed = run_with_sensitivities(segment, numbers, start, which, range(len(STATES)))
         else:
             states[at], failed = run(segment, numbers, x0)
         if failed >= 0 and not message:
