@@ -19,8 +19,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from clutchid import Actuator, Load, Log, fit
-from clutchid.simulate import simulate
+from clutchid import Actuator, Load, Log, fit, simulate
 
 THETA = (8.6e5, -0.3e5, 1.0e5)
 NOISE = 3e-5

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from clutchid.log import Log
     from clutchid.model import Actuator, Load
     from clutchid.parameters import Parameters
-    from clutchid.simulate import Partition, Simulation, simulate
+    from clutchid.simulation import Partition, Simulation, simulate
     from clutchid.study import bundled_recording
 
 _HOME = {
@@ -35,8 +35,8 @@ _HOME = {
     "MissingExtra": "clutchid.errors",
     "ParameterError": "clutchid.errors",
     "Parameters": "clutchid.parameters",
-    "Partition": "clutchid.simulate",
-    "Simulation": "clutchid.simulate",
+    "Partition": "clutchid.simulation",
+    "Simulation": "clutchid.simulation",
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
     "fit": "clutchid.estimate",
@@ -44,12 +44,35 @@ _HOME = {
     "parameter_file": "clutchid.estimate.parameter_file",
     "read": "clutchid.io",
     "read_parameters": "clutchid.estimate.parameter_file",
-    "simulate": "clutchid.simulate",
+    "simulate": "clutchid.simulation",
     "write": "clutchid.io",
     "write_parameters": "clutchid.estimate.parameter_file",
 }
 
-__all__ = list(_HOME)
+__all__ = [
+    "Actuator",
+    "ClutchidError",
+    "DataError",
+    "ExportError",
+    "Fit",
+    "Load",
+    "Log",
+    "MissingExtra",
+    "ParameterError",
+    "Parameters",
+    "Partition",
+    "Simulation",
+    "SolveError",
+    "bundled_recording",
+    "fit",
+    "look",
+    "parameter_file",
+    "read",
+    "read_parameters",
+    "simulate",
+    "write",
+    "write_parameters",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -9,7 +9,7 @@ from clutchid.estimate import fit
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
-from clutchid.simulate import Partition, simulate
+from clutchid.simulation import Partition, simulate
 
 AFAR = Actuator(load=Load((6e5, 1e5, 0.0)))
 

@@ -7,8 +7,8 @@ from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.problem import linearise, problem, residuals
 from clutchid.log import Log
 from clutchid.model import Actuator
-from clutchid.simulate import Partition
-from clutchid.simulate.plan import plan
+from clutchid.simulation import Partition
+from clutchid.simulation.plan import plan
 
 SCALES = {"position": 1e-4, "pressure_a": 1e4}
 NAMES = ("theta_1", "theta_2", "theta_3", "A_A", "V_0A", "V_0B", "P_0", "P_S", "C_vs", "C_ve", "K_z", "F_C", "y_max")

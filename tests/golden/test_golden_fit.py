@@ -13,7 +13,7 @@ import pytest
 
 from clutchid.estimate import fit
 from clutchid.io import read
-from clutchid.simulate import Partition
+from clutchid.simulation import Partition
 
 FILE = Path(__file__).with_name("truck1_calibration.json")
 FITS = {

@@ -173,7 +173,7 @@ def test_a_gauge_pressure_below_vacuum(recording, save):
     assert problem.endswith("check the unit and --ambient.")
 
 
-def test_infinity(recording, save):
+def test_an_infinite_cell_is_a_problem(recording, save):
     time, position, duty, pressure = problems(
         save(recording(5, {(4, 0): "inf", (1, 1): "1e999", (2, 1): "-inf", (0, 2): "inf", (0, 4): "-inf"}))
     )

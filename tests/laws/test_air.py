@@ -12,8 +12,8 @@ from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.valves import breathing_flow, opening, orifice_flow, psi
 from clutchid.parameters import Parameters
-from clutchid.simulate import simulate
-from clutchid.simulate.stiffness import stiffness
+from clutchid.simulation import simulate
+from clutchid.simulation.stiffness import stiffness
 
 P = Parameters()
 shapes = st.one_of(st.sampled_from([-1.0, -0.7, 0.0, 0.1, 0.5, 1.0]), st.floats(-1, 1))

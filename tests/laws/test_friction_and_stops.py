@@ -9,8 +9,8 @@ from clutchid.model import Actuator, Load
 from clutchid.model.friction import deflection_rate, friction_force
 from clutchid.model.motion import acceleration, stop_force
 from clutchid.parameters import Parameters
-from clutchid.simulate import simulate
-from clutchid.simulate.stiffness import stiffness
+from clutchid.simulation import simulate
+from clutchid.simulation.stiffness import stiffness
 
 P = Parameters()
 REACH = P.F_C / P.K_z

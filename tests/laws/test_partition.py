@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
-from clutchid.simulate import Partition, simulate
+from clutchid.simulation import Partition, simulate
 
 
 @given(st.integers(1, 500), st.integers(1, 5000))

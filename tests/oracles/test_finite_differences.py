@@ -5,8 +5,8 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator
-from clutchid.simulate import Partition, simulate
-from clutchid.simulate.simulation import STATE_COLUMNS
+from clutchid.simulation import Partition, simulate
+from clutchid.simulation.simulation import STATE_COLUMNS
 
 STEPS = (1e-4, 1e-5, 1e-6, 1e-7)
 

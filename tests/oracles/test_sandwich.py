@@ -132,7 +132,7 @@ def test_nineteen_of_twenty_intervals_contain_the_truth_when_residuals_are_colou
         inside += np.abs(error) <= covariance.quantile() * np.sqrt(np.diag(covariance.matrix))
         white += np.abs(error) <= 1.96 * naive * np.std(r)
     # Bartlett's weights cut tails: a colour of (1 + rho) / (1 - rho) / 2 = 4.5 samples and a bandwidth of 45 lose 10 %
-    # of the variance, 5 % of the standard error; 1.96 * 0.95 covers 93.7 %. Between that and 95 % the count is binomial.
+    # of the variance, 5 % of the standard error; 1.96 * 0.95 covers 93.7 %. Between the two the count is binomial.
     low, high = binom.ppf(0.001, trials, 0.937), binom.ppf(0.999, trials, 0.95)
     assert np.all((inside >= low) & (inside <= high)), inside / trials
     # the usual formula for white residuals is short by sqrt(1.8 / 0.2) = 3: it covers what 1.96 / 3 covers, 49 %

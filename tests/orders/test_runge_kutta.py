@@ -6,8 +6,8 @@ import pytest
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
-from clutchid.simulate import simulate
-from clutchid.simulate.simulation import STATE_COLUMNS
+from clutchid.simulation import simulate
+from clutchid.simulation.simulation import STATE_COLUMNS
 
 #: A smooth stretch: chamber B sealed (no change of direction in its orifice), the supply weak enough for r > B_0 (no
 #: choking), a slow rise between the knots t_2 and t_3 with v > 0 throughout.

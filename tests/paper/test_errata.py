@@ -13,7 +13,7 @@ from clutchid.model.motion import acceleration
 from clutchid.model.static import balanced_pressure, static_load, static_pressure
 from clutchid.model.valves import breathing_flow, opening, orifice_flow, psi
 from clutchid.parameters import Parameters
-from clutchid.simulate import simulate
+from clutchid.simulation import simulate
 
 BALLISTIC = (9.3850e5, -0.5817e5, 0.3909e5)
 

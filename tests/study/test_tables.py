@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.model import Load
-from clutchid.simulate import Partition, simulate
+from clutchid.simulation import Partition, simulate
 from clutchid.study.equation_21 import computed, equation_21, printed
 from clutchid.study.fits import NUMBERS, Method, best_possible, load_error, methods
 from clutchid.study.printed import TABLE_1, TABLE_2

@@ -26,7 +26,7 @@ from clutchid.errors import ParameterError
 
 if TYPE_CHECKING:
     from clutchid.estimate import Fit
-    from clutchid.simulate import Partition
+    from clutchid.simulation import Partition
 
 
 def fit(
@@ -125,7 +125,7 @@ def _check(logs: tuple[Path, ...], free: str, save: Path | None, report: Path | 
 
 
 def _partition(every: int | None, parts: int | None, carry: Literal["p", "q"]) -> Partition | None:
-    from clutchid.simulate import Partition
+    from clutchid.simulation import Partition
 
     return None if every is None and parts is None else Partition(every=every, parts=parts, carry=carry)
 

@@ -55,8 +55,8 @@ def simulate(
         from clutchid.estimate.fit import starts_of
         from clutchid.io import write
         from clutchid.io.files import check_writable
-        from clutchid.simulate import Partition
-        from clutchid.simulate import simulate as simulate_log
+        from clutchid.simulation import Partition
+        from clutchid.simulation import simulate as simulate_log
 
         check_writable(out)
         if out.resolve() == log.resolve():

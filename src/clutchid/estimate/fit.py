@@ -17,9 +17,9 @@ from clutchid.estimate.summary import failed, summary
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters, unknown_name
-from clutchid.simulate.partition import Partition
-from clutchid.simulate.plan import plan
-from clutchid.simulate.stiffness import stiffness_over
+from clutchid.simulation.partition import Partition
+from clutchid.simulation.plan import plan
+from clutchid.simulation.stiffness import stiffness_over
 
 #: A parameter without own bounds stays within this factor of its start value.
 DEFAULT_RANGE = 3.0

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.estimate.least_squares import Failure, Linearisation, compress, triangular
 from clutchid.model.actuator import Actuator
-from clutchid.simulate.plan import Plan, Segment
-from clutchid.simulate.run import (
+from clutchid.simulation.plan import Plan, Segment
+from clutchid.simulation.run import (
     POSITION_START,
     PRESSURE_START,
     STATES,
@@ -24,7 +24,7 @@ from clutchid.simulate.run import (
     start_sensitivities,
     start_state,
 )
-from clutchid.simulate.simulation import failure_message
+from clutchid.simulation.simulation import failure_message
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from clutchid.estimate.least_squares import Failure, Solution
 from clutchid.estimate.problem import WEIGHT_UNIT, Problem, residuals, simulated_states
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, combined_errors, errors_between
 from clutchid.model.actuator import Actuator
-from clutchid.simulate.simulation import simulated_log
+from clutchid.simulation.simulation import simulated_log
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from clutchid.estimate import Fit, fit
 from clutchid.estimate.result import Recording
 from clutchid.log import Log
 from clutchid.model.actuator import Load
-from clutchid.simulate import Partition
+from clutchid.simulation import Partition
 from clutchid.study.recording import TrueLoad
 
 #: The paper's N.

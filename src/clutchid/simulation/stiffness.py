@@ -88,8 +88,8 @@ def substeps(dt: FloatArray, rate: float) -> NDArray[np.int32]:
     steps = np.maximum(1.0, np.ceil(dt * rate / STABLE_STEP * (1 - 1e-9)))
     if not steps.max(initial=1.0) <= MOST_SUBSTEPS:
         raise ParameterError(
-            f"the model is too stiff for this recording: its fastest mode, {rate:.3g} 1/s, needs {steps.max():.3g} steps "
-            f"in an interval of {dt.max():.3g} s, at most {MOST_SUBSTEPS} are taken; check the mass, the volumes and "
-            "the stiffnesses, their bounds, and the sample rate."
+            f"the model is too stiff for this recording: its fastest mode, {rate:.3g} 1/s, needs {steps.max():.3g} "
+            f"steps in an interval of {dt.max():.3g} s, at most {MOST_SUBSTEPS} are taken; check the mass, the "
+            "volumes and the stiffnesses, their bounds, and the sample rate."
         )
     return steps.astype(np.int32)

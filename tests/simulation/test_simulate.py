@@ -7,9 +7,10 @@ from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
-from clutchid.simulate import Partition, simulate
-from clutchid.simulate.plan import plan
-from clutchid.simulate.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness, stiffness_over, substeps
+from clutchid.simulation import Partition, simulate
+from clutchid.simulation.plan import plan
+from clutchid.simulation.run import Numbers, run
+from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness, stiffness_over, substeps
 
 STATES = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
 
@@ -205,6 +206,25 @@ def test_carrying_q_keeps_the_masses_of_air_across_a_reset_and_carrying_p_does_n
     else:
         assert changes[0] > 0.03
         assert changes[1] > 0.02
+
+
+@pytest.mark.parametrize("carry", ["p", "q"])
+def test_a_reset_with_pressure_takes_it_and_carries_chamber_b_alone(carry):
+    n, step = 200, 1e-3 / 16
+    sealed = Actuator(Parameters(C_r=0.0), Load((9e5, 0.0, 0.0)))
+    columns = {"duty_supply": 0.0, "duty_exhaust": 0.0, "position": 7e-3, "pressure_a": 5.0e5}
+    log = Log(np.arange(n) * step, {name: np.full(n, value) for name, value in columns.items()}, "shut")
+    segment = plan(log, sealed, stiffness(sealed), Partition(every=100, carry=carry), use_pressure=True).segments[0]
+    states, failed = run(segment, Numbers.of(sealed), np.array([6e-3, 0.0, 4.0e5, 1.095e5, 0.0]))
+    assert failed == -1
+    mass_a = states[:, 2] * (0.148e-3 + 12.3e-3 * states[:, 0])
+    mass_b = states[:, 3] * (1.2e-4 + 11.848e-3 * (25e-3 - states[:, 0]))
+    # chamber A holds what was measured: 5 bar at 7 mm; truncation as in the laws
+    assert mass_a[-1] == pytest.approx(5.0e5 * (0.148e-3 + 12.3e-3 * 7e-3), rel=4e-4)
+    if carry == "q":
+        assert mass_b[-1] == pytest.approx(mass_b[0], rel=4e-4)
+    else:
+        assert abs(mass_b[-1] / mass_b[0] - 1) > 0.02
 
 
 def test_a_slow_log_takes_smaller_steps_inside_its_intervals(truth):

@@ -13,9 +13,9 @@ from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import unknown_name
-from clutchid.simulate.partition import Partition
-from clutchid.simulate.plan import Plan, Segment, plan
-from clutchid.simulate.run import (
+from clutchid.simulation.partition import Partition
+from clutchid.simulation.plan import Plan, Segment, plan
+from clutchid.simulation.run import (
     STATES,
     Numbers,
     columns,
@@ -24,7 +24,7 @@ from clutchid.simulate.run import (
     start_sensitivities,
     start_state,
 )
-from clutchid.simulate.stiffness import stiffness
+from clutchid.simulation.stiffness import stiffness
 
 FloatArray = NDArray[np.float64]
 

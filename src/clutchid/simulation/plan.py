@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, Log
 from clutchid.model.actuator import Actuator
-from clutchid.simulate.partition import Partition
-from clutchid.simulate.stiffness import substeps
+from clutchid.simulation.partition import Partition
+from clutchid.simulation.stiffness import substeps
 
 FloatArray = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def plan(
     actuator : Actuator
         Ambient pressure and closing of the valves, to tell a vented start.
     rate : 1/s
-        Stiffness that the integration steps must follow, see `clutchid.simulate.stiffness`.
+        Stiffness that the integration steps must follow, see `clutchid.simulation.stiffness`.
     partition : Partition, optional
         Where the measured position is taken again; ballistic without.
     use_pressure : bool

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clutchid.model.actuator import Actuator, Load
 from clutchid.model.compiled import kernels
 from clutchid.parameters import Parameters
-from clutchid.simulate.plan import Segment
+from clutchid.simulation.plan import Segment
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
