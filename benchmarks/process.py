@@ -1,6 +1,8 @@
-"""A warm ``clutchid fit`` of a 30 s log as a whole process, against importing its libraries: ``python benchmarks/process.py``.
+"""A warm ``clutchid fit`` of a 30 s log as a whole process: ``python benchmarks/process.py``.
 
-With ``--hour`` also the peak memory and time of a fit of a one-hour log (3.6 million samples, three thetas).
+It is paired with a process that only imports SciPy's optimisers and Numba.
+
+With ``--hour`` also time and peak memory of a fit of a one-hour log (3.6 million samples, three thetas).
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 
 _APPENDIX = "Appendix A"
-_ERRATA = "deviation from the paper, see ERRATA"
+_ERRATA = "not in the paper, docs/deviations.md"
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,4 +194,5 @@ def _shown(name: str, value: float, row: Row) -> str:
 
 def _advice(item: Field[float], row: Row) -> str:
     noun = "a conductance" if item.name.startswith("C_") else "it"
-    return f"{noun} is {row.allowed}. {row.source.split(';')[0].split(',')[0]} has {item.default:g}."
+    origin = _APPENDIX if row.source == _APPENDIX else "The default"
+    return f"{noun} is {row.allowed}. {origin} {'has' if origin == _APPENDIX else 'is'} {item.default:g}."

@@ -25,8 +25,12 @@ def texts() -> list[Path]:
     return [
         path
         for path in ROOT.rglob("*")
-        if path.is_file() and path.suffix in TEXT and not SKIPPED & set(path.relative_to(ROOT).parts)
+        if path.is_file() and path.suffix in TEXT and not _skipped(path.relative_to(ROOT).parts)
     ]
+
+
+def _skipped(parts: tuple[str, ...]) -> bool:
+    return any(part in SKIPPED or part.startswith(".venv") for part in parts)
 
 
 def test_no_file_names_a_folder_of_somebodys_machine():

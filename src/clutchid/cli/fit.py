@@ -142,7 +142,7 @@ def _write(result: Fit, save: Path | None, report: Path | None) -> None:
 
 
 def fit_json(result: Fit) -> dict[str, Any]:
-    """The JSON object of a fit, see CONTRACT."""
+    """The JSON object of a fit, docs/formats.md."""
     curve = result.load_curve
     return {
         **EMPTY,

@@ -79,7 +79,7 @@ def fit(
 
     References
     ----------
-    Section 3.1; rules for missing samples, starts and resets: CONTRACT.
+    Section 3.1; rules for missing samples, starts and resets: docs/formats.md.
     """
     actuator = actuator or Actuator()
     recordings = _uniquely_named([logs] if isinstance(logs, Log) else list(logs))

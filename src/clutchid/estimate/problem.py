@@ -135,13 +135,12 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
         if isinstance(answer, Failure):
             return answer
         part, r, J = answer
-        with np.errstate(over="ignore", invalid="ignore"):
-            squares, derivatives = float(r @ r), float(np.vdot(J, J))
-        if not np.isfinite(squares + derivatives):
-            return Failure(f"{task.plans[part.log].log.name}: the simulation grows beyond all bounds")
         count += r.size
-        cost += 0.5 * squares
-        local = compress(J, r)
+        with np.errstate(over="ignore", invalid="ignore"):
+            local = compress(J, r)
+            cost += 0.5 * float(np.sum(local[:, -1] ** 2))
+        if not (np.isfinite(local).all() and np.isfinite(cost)):
+            return Failure(f"{task.plans[part.log].log.name}: the simulation grows beyond all bounds")
         rows = np.zeros((local.shape[0], width + 1))
         rows[:, [*range(len(task.names)), *part.start, width]] = local
         factor = np.vstack([factor, rows])

@@ -93,7 +93,7 @@ def errors_between(measured: Log, simulated: Log) -> Errors:
             continue
         difference = simulated[name] - measured[name]
         known = difference[np.isfinite(difference)]
-        sums[name] = (float(known @ known), known.size)
+        sums[name] = (float(np.sum(known**2)), known.size)
     return _errors(sums)
 
 
@@ -103,10 +103,10 @@ def combined_errors(pairs: Mapping[str, Recording]) -> Errors:
     for recording in pairs.values():
         for name in ("position", "pressure_a"):
             if name in recording.measured:
-                known = np.isfinite(recording.simulated[name] - recording.measured[name])
-                difference = (recording.simulated[name] - recording.measured[name])[known]
+                difference = recording.simulated[name] - recording.measured[name]
+                known = difference[np.isfinite(difference)]
                 total, count = sums.get(name, (0.0, 0))
-                sums[name] = (total + float(difference @ difference), count + difference.size)
+                sums[name] = (total + float(np.sum(known**2)), count + known.size)
     return _errors(sums)
 
 

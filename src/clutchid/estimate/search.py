@@ -82,7 +82,7 @@ def _noise_scales(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> 
         log, at = task.plans[part.log].log, slice(part.segment.start, part.segment.stop)
         sizes = [int(np.isfinite(log[name][at]).sum()) for name in task.measure]
         for name, piece in zip(task.measure, np.split(r, np.cumsum(sizes)[:-1]), strict=True):
-            sums[name][0] += float(piece @ piece) * scales[name] ** 2
+            sums[name][0] += float(np.sum(piece**2)) * scales[name] ** 2
             sums[name][1] += piece.size
     return {
         name: max(float(np.sqrt(total / max(1, count))), 1e-3 * FIRST_SCALES[name])

@@ -95,7 +95,7 @@ def _definitions(x: dict[str, Expr], p: dict[str, Expr], u_vs: Expr, u_ve: Expr)
 
 
 def _jumps(x: dict[str, Expr], p: dict[str, Expr], y_measured: Expr, p_A_measured: Expr) -> tuple[Jump, ...]:
-    """Resets of partitioned simulation: the pressures (p) or the masses of air (q) go on; see CONTRACT, Reset."""
+    """Resets of partitioned simulation: the pressures (p) or the masses of air (q) go on; docs/deviations.md."""
     y, v, p_A, p_B, z = x.values()
     squeeze_a = volume_a(y, p["V_0A"], p["A_A"]) / volume_a(y_measured, p["V_0A"], p["A_A"])
     squeeze_b = volume_b(y, p["V_0B"], p["A_B"], p["y_max"]) / volume_b(y_measured, p["V_0B"], p["A_B"], p["y_max"])
