@@ -184,8 +184,8 @@ def unknown_name(name: str, known: Iterable[str], kind: str = "parameter") -> st
     """
     names = list(known)
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-    hint = f" did you mean '{near[0]}'?" if near else ""
-    return f"no {kind} '{name}';{hint} Known are {', '.join(names)}."
+    hint = f"; did you mean '{near[0]}'?" if near else "."
+    return f"no {kind} '{name}'{hint} Known are {', '.join(names)}."
 
 
 def _shown(name: str, value: float, row: Row) -> str:

@@ -10,7 +10,7 @@ from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check
 from clutchid.io.files import atomic_write, digest
 from clutchid.io.look import Look, look
-from clutchid.io.table import open_table
+from clutchid.io.opening import open_table
 from clutchid.log import Log
 
 __all__ = ["AMBIENT", "Look", "atomic_write", "look", "read", "write"]

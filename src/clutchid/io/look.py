@@ -11,7 +11,8 @@ import numpy as np
 
 from clutchid.io.checks import AMBIENT, check, holes, in_si, intervals, usual_interval
 from clutchid.io.columns import Heading
-from clutchid.io.table import SHOWN, Table, and_more, open_table
+from clutchid.io.opening import open_table
+from clutchid.io.table import SHOWN, Table, and_more
 from clutchid.log import FloatArray
 
 

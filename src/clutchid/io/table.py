@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from os import PathLike
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.io.columns import Heading
-from clutchid.io.files import plain_file
 from clutchid.log import FloatArray
 
 Rows = NDArray[np.int64]
@@ -62,26 +60,6 @@ class Table:
     problems: tuple[str, ...] = ()
     unread: Mapping[int, Rows] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
-
-
-def open_table(path: str | PathLike[str], *, every: bool = False) -> Table:
-    """The numbers in a CSV or Parquet file; `every` column, or those whose name is known.
-
-    Raises
-    ------
-    DataError
-        If there is no plain file that can be read; what is wrong inside it is in ``Table.problems``.
-    """
-    file = plain_file(path)
-    with file.open("rb") as stream:
-        magic = stream.read(4)
-    if magic == b"PAR1":
-        from clutchid.io import parquet_file
-
-        return parquet_file.load(file, every=every)
-    from clutchid.io import csv_file
-
-    return csv_file.load(file, every=every)
 
 
 def wanted(columns: Sequence[Heading], every: bool) -> tuple[Heading, ...]:
