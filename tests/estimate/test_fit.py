@@ -39,7 +39,10 @@ def test_the_load_is_found_again_without_noise(truth, drive, start):
     [Partition(every=100), Partition(every=100, carry="q"), Partition(parts=8), Partition(parts=8, carry="q")],
 )
 def test_the_load_is_found_again_in_partitioned_simulation(truth, drive, partition):
-    np.testing.assert_allclose(weights(fit(drive, AFAR, partition=partition)), truth.load.theta, rtol=1e-6)
+    # with q carried the steps are shorter than those that the recording was made with: errors of 0.1 um, 1e-5 of a
+    # stroke, which the weak third weight (2 % of the load) takes 50 times enlarged
+    rtol = 1e-6 if partition.carry == "p" else 5e-4
+    np.testing.assert_allclose(weights(fit(drive, AFAR, partition=partition)), truth.load.theta, rtol=rtol)
 
 
 def test_parameters_of_the_actuator_are_found_again_with_the_load(truth, driven):

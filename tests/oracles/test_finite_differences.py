@@ -8,7 +8,7 @@ from clutchid.model import Actuator
 from clutchid.simulation import Partition, simulate
 from clutchid.simulation.simulation import STATE_COLUMNS
 
-STEPS = (1e-4, 1e-5, 1e-6, 1e-7)
+STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 
 
 def stack(log: Log) -> np.ndarray:

@@ -10,9 +10,11 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError
 
 from clutchid.cli.common import complain
+from clutchid.cli.drive import drive
 from clutchid.cli.fit import fit
 from clutchid.cli.look import look
 from clutchid.cli.paper import paper
+from clutchid.cli.prove import prove
 from clutchid.cli.simulate import simulate
 
 
@@ -24,7 +26,7 @@ def app() -> App:
         version=version("clutchid"),
         result_action="return_value",
     )
-    for verb in (fit, simulate, paper, look):
+    for verb in (fit, simulate, paper, look, drive, prove):
         application.command(verb)
     return application
 

@@ -19,7 +19,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan
-from clutchid.simulation.stiffness import stiffness_over
+from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
 
 #: A parameter without own bounds stays within this factor of its start value.
 DEFAULT_RANGE = 3.0
@@ -87,7 +87,7 @@ def fit(
     _check(recordings, measure)
     limits = _bounds(names, actuator, bounds or {})
     start = actuator.replace({name: float(np.clip(actuator.value(name), *limits[name])) for name in names})
-    rate = stiffness_over(start, limits)
+    rate = stiffness_over(start, limits, top_speed(partition))
     plans = [plan(log, start, rate, partition, "pressure_a" in measure) for log in recordings]
     task = problem(start, plans, names, measure, limits)
     _check_size(task)
@@ -210,7 +210,7 @@ def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) 
     DataError
         If a start is unknown and the recording has no position to estimate it from.
     """
-    prepared = plan(log, actuator, stiffness_over(actuator, {}), partition)
+    prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
     if all(segment.vented for segment in prepared.segments):
         return tuple((s.position_start, actuator.parameters.P_0) for s in prepared.segments)
     return fit(log, actuator, free=(), partition=partition).recordings[log.name].starts

@@ -24,7 +24,7 @@ from clutchid.simulation.run import (
     start_sensitivities,
     start_state,
 )
-from clutchid.simulation.stiffness import stiffness
+from clutchid.simulation.stiffness import stiffness, top_speed
 
 FloatArray = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def simulate(
     unknown = [unknown_name(name, actuator.names) for name in sensitivities if name not in actuator.names]
     if unknown:
         raise ParameterError("\n".join(unknown))
-    prepared = plan(log, actuator, stiffness(actuator), partition)
+    prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
     numbers, which = Numbers.of(actuator), columns(actuator, sensitivities)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
+from clutchid.simulation.partition import Partition
 
 FloatArray = NDArray[np.float64]
 
@@ -24,9 +25,18 @@ MOST_SUBSTEPS = 1000
 #: Fastest motion of the piston in m/s: a full stroke in a tenth of a second.
 TOP_SPEED = 0.3
 
+#: After a reset that carries the mass of air the pressure jumps, by bars where the simulation is far off.
+RESET_SPEED = 0.9
 
-def stiffness(actuator: Actuator) -> float:
-    """Largest eigenvalue magnitude in 1/s of the model's Jacobian over its operating range.
+
+def top_speed(partition: Partition | None) -> float:
+    """Fastest motion in m/s that the integration steps must follow."""
+    resets = partition is not None and partition.parts != 1
+    return RESET_SPEED if resets and partition.carry == "q" else TOP_SPEED
+
+
+def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
+    """Largest eigenvalue magnitude in 1/s of the model's Jacobian over its operating range, up to `speed` in m/s.
 
     Raises
     ------
@@ -45,7 +55,7 @@ def stiffness(actuator: Actuator) -> float:
         list(
             product(
                 (-2 * p.d_stop, p.d_stop, p.y_max / 2, p.y_max - p.d_stop, p.y_max + 2 * p.d_stop),
-                (-TOP_SPEED, 0.0, TOP_SPEED),
+                (-speed, 0.0, speed),
                 (p.P_0 + near, (p.P_0 + p.P_S) / 2, p.P_S - near),
                 (p.P_0 - near, p.P_0 + near, 1.3 * p.P_0),
                 (0.0,),
@@ -63,9 +73,9 @@ def stiffness(actuator: Actuator) -> float:
     return largest
 
 
-def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]]) -> float:
+def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]], speed: float = TOP_SPEED) -> float:
     """Largest `stiffness` with each parameter of `bounds` at either of its bounds; load weights do not count."""
-    return max([stiffness(actuator), *(stiffness(changed) for changed in _corners(actuator, bounds))])
+    return max(stiffness(one, speed) for one in (actuator, *_corners(actuator, bounds)))
 
 
 def _corners(actuator: Actuator, bounds: Mapping[str, tuple[float, float]]) -> Iterable[Actuator]:

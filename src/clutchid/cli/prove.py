@@ -1,0 +1,64 @@
+"""``clutchid prove``: a workflow on a fleet of virtual trucks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from clutchid.cli.common import DONE, FAILED, guarded, progress_bar
+from clutchid.errors import ParameterError
+
+
+def prove(
+    *,
+    out: Path,
+    trucks: int = 24,
+    seed: int = 0,
+    workflow: str = "paper",
+    workers: int = 1,
+    debug: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Score a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
+
+    Every truck's result is kept; a stopped run goes on where it was. Choose methods on seeds 0 to 23, report them on
+    1000 to 1023.
+
+    Parameters
+    ----------
+    out
+        Folder for the results; results of other workflows in it stand in the same table.
+    trucks
+        Number of trucks.
+    seed
+        Number of the first truck type.
+    workflow
+        paper, paper-every-200, paper-every-200-q, paper-8-parts, or an own one as MODULE:FUNCTION.
+    workers
+        Processes; the result does not depend on it.
+    debug
+        Show the traceback of an error.
+    """
+
+    def work() -> int:
+        from clutchid.report.files import write_text
+        from clutchid.report.tables import to_csv, to_text
+        from clutchid.study.proving import kept
+        from clutchid.study.proving import prove as run
+        from clutchid.study.standings import every_recording, standings
+
+        if trucks < 1 or seed < 0:
+            raise ParameterError(f"--trucks {trucks} --seed {seed}: at least 1 truck, and a seed of at least 0.")
+        numbers = range(seed, seed + trucks)
+        with progress_bar("prove") as show:
+            results = run(workflow, numbers, out, workers=workers, progress=show)
+        everyone = kept(out, numbers)
+        table = standings(everyone)
+        write_text(to_csv(table), out / "standings.csv")
+        write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
+        print(to_text(table), table.note, sep="\n\n")
+        print(f"written: {(out / 'recordings.csv').resolve()}")
+        return FAILED if all(result["failed"] for result in results) else DONE
+
+    return guarded(work, as_json=False, debug=debug)

@@ -1,0 +1,104 @@
+"""What a workflow answers for a worn recording, and how an answer is scored against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.log import Log
+from clutchid.truck import GRID, Truth
+
+FloatArray = NDArray[np.float64]
+
+#: Part of the grid around the touch point, in m.
+TOUCH = (5e-3, 8e-3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """A load curve in N over positions in m with its 95 % band, and the chamber pressure in Pa at every sample.
+
+    `kept` is anything worth keeping beside it, as plain numbers and texts.
+    """
+
+    position: FloatArray
+    force: FloatArray
+    low: FloatArray
+    high: FloatArray
+    pressure_a: FloatArray
+    kept: Mapping[str, Any] = field(default_factory=dict)
+
+
+#: From a calibration recording with pressure and worn recordings with position only to an answer for each of them.
+Workflow = Callable[[Log, Sequence[Log]], Sequence[Answer]]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Errors of one answer.
+
+    `load` is rms over 0.5 to 20 mm and `load_touch` over 5 to 8 mm, in % of the true peak; `half_load` the error of the
+    position where the rising load passes half its peak [mm]; `pressure` the rms error of the chamber pressure [kPa];
+    `coverage` the share of the grid where the band holds the true load.
+    """
+
+    load: float
+    load_touch: float
+    half_load: float
+    pressure: float
+    coverage: float
+
+
+def score(answer: Answer, truth: Truth) -> Score:
+    """Score `answer` against the truth of its recording.
+
+    Raises
+    ------
+    ValueError
+        If the curve does not span the grid or is not finite there.
+    """
+    force, low, high = (np.interp(GRID, answer.position, c) for c in (answer.force, answer.low, answer.high))
+    if answer.position[0] > GRID[0] or answer.position[-1] < GRID[-1] or not np.isfinite(force).all():
+        raise ValueError("the load curve must be finite from 0.5 to 20 mm")
+    true = truth.load(GRID)
+    error = (force - true) / true.max() * 100
+    near = (TOUCH[0] - 1e-9 < GRID) & (TOUCH[1] + 1e-9 > GRID)
+    fine = np.linspace(0.0, GRID[-1], 4001)
+    halves = [half_load(fine, np.interp(fine, answer.position, answer.force)), half_load(fine, truth.load(fine))]
+    pressure = answer.pressure_a - np.interp(answer_time(answer, truth), truth.time, truth.states["pressure_a"])
+    return Score(
+        load=_rms(error),
+        load_touch=_rms(error[near]),
+        half_load=(halves[0] - halves[1]) * 1e3,
+        pressure=_rms(pressure[np.isfinite(pressure)]) * 1e-3,
+        coverage=float(np.mean((low <= true) & (true <= high))),
+    )
+
+
+def answer_time(answer: Answer, truth: Truth) -> FloatArray:
+    """Times of the answer's pressure: the proving ground records with the controller, sample for sample."""
+    return truth.time[: answer.pressure_a.size]
+
+
+def half_load(position: FloatArray, force: FloatArray) -> float:
+    """Position where the rising load first passes half its peak, by linear interpolation; NaN where it never does.
+
+    Examples
+    --------
+    >>> float(half_load(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 2.0, 4.0, 1.0])))
+    1.0
+    """
+    half = 0.5 * force.max()
+    above = int(np.argmax(force >= half))
+    if above == 0:
+        return float("nan")
+    y0, y1, f0, f1 = position[above - 1], position[above], force[above - 1], force[above]
+    return float(y0 + (half - f0) / (f1 - f0) * (y1 - y0))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

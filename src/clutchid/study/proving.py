@@ -1,0 +1,202 @@
+"""The proving ground: a seeded fleet of virtual trucks, each with a calibration and two worn recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from importlib.metadata import version
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clutchid.errors import ExportError, ParameterError
+from clutchid.io.files import atomic_write
+from clutchid.log import Log
+from clutchid.study.answers import Answer, Workflow, score
+from clutchid.study.workflows import workflow
+from clutchid.truck import Drive, drive, truck
+
+#: Length of every recording in s.
+SECONDS = 30.0
+
+#: Wear of the facing in m in the two worn recordings, and strokes a metre of wear.
+WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
+STROKES = 3e8
+
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proof:
+    """One truck on the proving ground: a calibration recording with pressure, worn ones without, and their truths."""
+
+    calibration: Drive
+    worn: tuple[Drive, ...]
+
+
+def proof(number: int) -> Proof:
+    """The recordings of truck `number`; the same number gives the same recordings.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such truck.
+    """
+    kind = truck(number)
+    rng = np.random.default_rng([number, 1])
+    wear = [float(rng.uniform(*limits)) for limits in WEAR]
+    seeds = rng.integers(0, 2**31, 1 + len(wear)).tolist()
+    calibration = drive(kind, seconds=SECONDS, seed=seeds[0], name="calibration")
+    worn = tuple(
+        drive(kind, seconds=SECONDS, seed=s, wear=w, cycles=w * STROKES, pressure=False, name=f"worn{i}")
+        for i, (s, w) in enumerate(zip(seeds[1:], wear, strict=True), 1)
+    )
+    return Proof(calibration, worn)
+
+
+def prove_one(name: str, number: int) -> dict[str, Any]:
+    """Run the workflow `name` on truck `number`: scores, load curves and what the workflow keeps, as plain values.
+
+    A workflow that raises or gives no finite curve is a failure of that truck, with its reason.
+    """
+    ground = proof(number)
+    begin = time.perf_counter()
+    try:
+        answers = _answers(workflow(name), ground)
+        seconds = time.perf_counter() - begin
+        logs = {d.log.name: _scored(answer, d) for answer, d in zip(answers, ground.worn, strict=True)}
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        return {"truck": number, "failed": reason, "seconds": time.perf_counter() - begin, "logs": {}}
+    return {"truck": number, "failed": None, "seconds": seconds, "logs": logs}
+
+
+def _answers(method: Workflow, ground: Proof) -> Sequence[Answer]:
+    return method(ground.calibration.log, [_position_only(d.log) for d in ground.worn])
+
+
+def _position_only(log: Log) -> Log:
+    return replace(log, columns={name: v for name, v in log.columns.items() if name != "pressure_a"}, metadata={})
+
+
+def _scored(answer: Answer, driven: Drive) -> dict[str, Any]:
+    curve = {key: getattr(answer, key).tolist() for key in ("position", "force", "low", "high")}
+    wear = driven.truth.truck.wear
+    return {"score": asdict(score(answer, driven.truth)), "wear_m": wear, "curve": curve, "kept": dict(answer.kept)}
+
+
+def prove(
+    name: str,
+    numbers: Iterable[int],
+    out: Path,
+    *,
+    workers: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Run a workflow on the trucks `numbers` and keep every result under ``out/NAME/``; what is there is not repeated.
+
+    The results do not depend on the number of workers, nor on how often the run was stopped.
+
+    Raises
+    ------
+    ParameterError
+        For an unknown workflow or fewer than one worker.
+    ExportError
+        If `out` cannot be written, or holds results of other settings.
+    """
+    if workers < 1:
+        raise ParameterError(f"--workers {workers}: at least 1.")
+    workflow(name)
+    wanted = sorted(set(numbers))
+    folder = _folder(out, name)
+    done = {n: _read(folder / f"truck_{n:05d}.json") for n in wanted}
+    todo = [n for n, result in done.items() if result is None]
+    show = progress or (lambda _text, _fraction: None)
+    for result in _results(name, todo, workers):
+        _write(folder / f"truck_{result['truck']:05d}.json", result)
+        done[result["truck"]] = result
+        ready = sum(r is not None for r in done.values())
+        show(f"{ready} of {len(wanted)} trucks", ready / len(wanted))
+    return [result for result in done.values() if result is not None]
+
+
+def _results(name: str, numbers: Sequence[int], workers: int) -> Iterable[dict[str, Any]]:
+    """Results as they come; also a single worker is a process of its own, so that the numbers are the same."""
+    if not numbers:
+        return
+    with _one_thread(), ProcessPoolExecutor(min(workers, len(numbers)), mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(prove_one, name, n) for n in numbers]):
+            yield future.result()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """One thread of linear algebra in the processes that start meanwhile: the workers share the cores already."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@cache
+def settings() -> dict[str, str]:
+    """What results depend on besides an own workflow: version and source of clutchid, the fleet's ranges among it."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*")):
+        if path.suffix in (".py", ".j2", ".toml"):
+            digest.update(path.read_bytes())
+    return {"clutchid": version("clutchid"), "source": digest.hexdigest()[:16]}
+
+
+def _folder(out: Path, name: str) -> Path:
+    """The folder of a workflow's results, made where it does not exist, for these settings only."""
+    folder = out / name.replace(":", "_").replace("/", "_")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ExportError(f"{out}: the folder cannot be made ({error.strerror}).") from error
+    known = _read(folder / "settings.json")
+    if known is None:
+        _write(folder / "settings.json", settings())
+    elif known != settings():
+        raise ExportError(f"{folder}: holds results of another version or fleet; name another folder or delete it.")
+    return folder
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    if not path.exists():
+        return None
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(content), encoding="utf-8")
+
+
+def kept(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:
+    """Results of all workflows in `out` for the trucks `numbers`, the paper's method first."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for folder in sorted(out.iterdir(), key=lambda path: (path.name != "paper", path.name)):
+        if not folder.is_dir() or _read(folder / "settings.json") != settings():
+            continue
+        results = [result for n in sorted(set(numbers)) if (result := _read(folder / f"truck_{n:05d}.json"))]
+        if results:
+            found[folder.name] = results
+    return found

@@ -1,0 +1,102 @@
+"""The table of the proving ground: medians and worst cases of every workflow, and ratios to the paper's method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from clutchid.report.tables import Cell, Column, Table
+
+Results = Sequence[Mapping[str, Any]]
+
+#: Errors of a score: key, heading with unit, decimals.
+ERRORS = (
+    ("load", "load [%]", 2),
+    ("load_touch", "5-8 mm [%]", 2),
+    ("half_load", "half load [mm]", 3),
+    ("pressure", "p_A [kPa]", 1),
+)
+
+NOTE = """\
+Load: rms error over 0.5 to 20 mm, and over 5 to 8 mm, in % of the true peak. Half load: error of the position where the
+rising load passes half its peak. p_A: rms error of the chamber pressure. Ratio: median error over 5 to 8 mm against the
+paper's method. Covered: share of grid points where the 95 % band holds the true load, ± its 95 % interval with trucks
+taken as independent. Time: median of a truck."""
+
+#: The entrant that every other one is a ratio against.
+REFERENCE = "paper"
+
+
+def standings(results: Mapping[str, Results]) -> Table:
+    """One row a workflow: medians and worst cases over all worn recordings, coverage, failures and time.
+
+    The ratio is the median load error over 5 to 8 mm against that of the paper's method on the same trucks.
+    """
+    columns = [
+        Column("workflow", "workflow"),
+        Column("trucks", "trucks", decimals=0),
+        Column("failed", "failed", decimals=0),
+    ]
+    for key, heading, decimals in ERRORS:
+        columns.append(Column(f"{key} median", "median", decimals=decimals, group=heading))
+        columns.append(Column(f"{key} worst", "worst", decimals=decimals, group=heading))
+    columns += [
+        Column("ratio [1]", "ratio"),
+        Column("coverage [1]", "covered [%]", scale=0.01, decimals=1),
+        Column("coverage error [1]", "±", scale=0.01, decimals=1),
+        Column("seconds [s]", "time [s]"),
+    ]
+    rows = tuple(_row(name, one, results.get(REFERENCE, ())) for name, one in results.items())
+    return Table("Proving ground", tuple(columns), rows, note=NOTE)
+
+
+def _row(name: str, results: Results, reference: Results) -> tuple[Cell, ...]:
+    cells: list[Cell] = [name, len(results), sum(r["failed"] is not None for r in results)]
+    for key, _, _ in ERRORS:
+        values = np.abs(_scores(results, key))
+        cells += [_number(np.median(values)), _number(values.max())] if values.size else [None, None]
+    covered, error = coverage(results)
+    return (*cells, _ratio(results, reference), covered, error, _number(np.median([r["seconds"] for r in results])))
+
+
+def _ratio(results: Results, reference: Results) -> float | None:
+    both = {r["truck"] for r in results} & {r["truck"] for r in reference}
+    own, paper = (_scores([r for r in one if r["truck"] in both], "load_touch") for one in (results, reference))
+    return _number(np.median(own) / np.median(paper)) if own.size and paper.size else None
+
+
+def coverage(results: Results) -> tuple[float | None, float | None]:
+    """Share of grid points that the bands hold, and the half width of its 95 % interval clustered by truck."""
+    shares = [np.mean([log["score"]["coverage"] for log in r["logs"].values()]) for r in results if r["logs"]]
+    if not shares:
+        return None, None
+    half = 1.96 * np.std(shares, ddof=1) / np.sqrt(len(shares)) if len(shares) > 1 else np.nan
+    return float(np.mean(shares)), float(half)
+
+
+def _scores(results: Results, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([log["score"][key] for r in results for log in r["logs"].values()], dtype=np.float64)
+
+
+def _number(value: Any) -> float:
+    return float(value)
+
+
+def every_recording(results: Mapping[str, Results]) -> Table:
+    """One row a worn recording and workflow, with all its errors, for a CSV file."""
+    columns = [Column("workflow", "workflow"), Column("truck", "truck", decimals=0), Column("recording", "recording")]
+    columns += [Column("wear [m]", "wear [mm]", scale=1e-3)]
+    columns += [Column(key, heading, decimals=decimals) for key, heading, decimals in ERRORS]
+    columns += [Column("coverage [1]", "covered"), Column("failed", "failed")]
+    rows: list[tuple[Cell, ...]] = []
+    for name, one in results.items():
+        for r in one:
+            if r["failed"] is not None:
+                rows.append((name, r["truck"], None, None, *[None] * (len(ERRORS) + 1), r["failed"]))
+            for stem, log in r["logs"].items():
+                scores = log["score"]
+                cells = [scores[key] for key, _, _ in ERRORS]
+                rows.append((name, r["truck"], stem, log["wear_m"], *cells, scores["coverage"], None))
+    return Table("Every recording", tuple(columns), tuple(rows))

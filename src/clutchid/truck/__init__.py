@@ -1,0 +1,29 @@
+"""The virtual truck: recordings from a plant that is richer than the paper's model, with their truth apart.
+
+>>> from clutchid.truck import drive, truck
+>>> done = drive(truck(7), seconds=5, seed=1, wear=1e-3)
+>>> done.log.columns.keys() >= {"position", "duty_supply", "duty_exhaust", "pressure_a"}
+True
+"""
+
+from clutchid.truck.ageing import aged
+from clutchid.truck.driving import Drive, drive, life, respond
+from clutchid.truck.fleet import RANGES, truck
+from clutchid.truck.manoeuvres import MANOEUVRES
+from clutchid.truck.parameters import Truck
+from clutchid.truck.truth import GRID, Truth, write_truth
+
+__all__ = [
+    "GRID",
+    "MANOEUVRES",
+    "RANGES",
+    "Drive",
+    "Truck",
+    "Truth",
+    "aged",
+    "drive",
+    "life",
+    "respond",
+    "truck",
+    "write_truth",
+]

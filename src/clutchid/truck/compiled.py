@@ -1,0 +1,73 @@
+"""The compiled closed loop, from the cache or made from the equations."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from clutchid.codegen.cache import load_module
+from clutchid.truck.order import SETTINGS
+
+#: Functions and constants of `clutchid.truck.law` that the loop uses.
+_FUNCTIONS = ("magnet", "lift_rate", "settled", "governor", "quantised", "lagged", "request", "duty")
+_CONSTANTS = ("TICK", "SAMPLE", "TICKS", "FILTER_Y", "FILTER_V", "SLOW", "ENGAGED", "VENTING")
+
+_HERE = Path(__file__).parent
+
+
+@cache
+def loop(ledger: bool = False) -> ModuleType:
+    """The module with ``drive``; with `ledger`, of the plant that books what crosses its border.
+
+    A warm call neither imports SymPy nor compiles.
+
+    Raises
+    ------
+    OSError
+        If no cache folder can be written, not even a temporary one.
+    """
+    equations = [
+        _HERE / f"{name}.py" for name in ("air", "flow", "friction", "motion", "plant", "law", "compiled", "order")
+    ]
+    codegen = [path for path in (_HERE.parent / "codegen").rglob("*.py") if path.is_file()]
+    sources = [*equations, *codegen, _HERE / "templates" / "loop.py.j2"]
+    name = "truck_ledger" if ledger else "truck"
+    return load_module(name, sources, lambda: loop_source(ledger))
+
+
+def loop_source(ledger: bool) -> str:
+    """Source of the module: the plant's equations inside the loop of valves, sensor and controller.
+
+    The plant stands in the loop's own body rather than behind a call, so its states stay in registers.
+    """
+    import inspect
+
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from clutchid.codegen.numba_source import block
+    from clutchid.codegen.program import right_hand_side
+    from clutchid.codegen.staging import staged
+    from clutchid.truck import law
+    from clutchid.truck.plant import plant
+
+    system = plant(ledger)
+    statements, _ = right_hand_side(system)
+    parts = staged(statements, system.parameters, system.inputs)
+    environment = Environment(
+        loader=PackageLoader("clutchid.truck"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    text: str = environment.get_template("loop.py.j2").render(
+        name=system.name,
+        constants={key: repr(getattr(law, key)) for key in _CONSTANTS},
+        functions=[inspect.getsource(getattr(law, key)) for key in _FUNCTIONS],
+        parameters=system.parameter_names(),
+        settings=SETTINGS,
+        states=[str(state) for state in system.states],
+        program={part: block(getattr(parts, part)) for part in ("constants", "held", "stage")},
+    )
+    return text

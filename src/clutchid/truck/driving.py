@@ -1,0 +1,213 @@
+"""`drive`: a truck along a manoeuvre, recorded; `respond`: with given duty cycles; `life`: at several ages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+from clutchid.log import Log
+from clutchid.truck import sensors
+from clutchid.truck.ageing import aged
+from clutchid.truck.law import SAMPLE
+from clutchid.truck.load import LoadCurve, load_curve
+from clutchid.truck.manoeuvres import Feel, wanted_position
+from clutchid.truck.parameters import Truck
+from clutchid.truck.running import Course, Run, at_rest, run
+from clutchid.truck.truth import Truth, truth_of, write_truth
+
+FloatArray = NDArray[np.float64]
+
+#: Longest drive in s: an hour needs half a gigabyte.
+LONGEST = 3600.0
+#: How far from the far stop the transmission wants the piston, in m.
+MARGIN = 2e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drive:
+    """A recording and, apart from it, its truth; `wanted` is what the transmission asked for [m], sensor's zero."""
+
+    log: Log
+    truth: Truth
+    wanted: FloatArray
+
+    def write_truth(self, path: str | PathLike[str], stem: str = "") -> None:
+        """Write the truth as JSON, under the name `stem` (default: the log's), see `clutchid.truck.write_truth`.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written; an older file is then as it was.
+        """
+        write_truth({stem or self.log.name: self.truth}, path)
+
+
+def drive(
+    truck: Truck,
+    *,
+    manoeuvre: str = "mix",
+    seconds: float = 30.0,
+    seed: int = 0,
+    wear: float = 0.0,
+    cycles: float = 0.0,
+    temperature: float | None = None,
+    pressure: bool = True,
+    recorder: Literal["controller", "bus"] = "controller",
+    dropouts: int = 0,
+    stuck: tuple[float, float] | None = None,
+    name: str = "drive",
+) -> Drive:
+    """Drive `truck` in a closed position loop and record it.
+
+    Parameters
+    ----------
+    manoeuvre : name
+        One of `clutchid.truck.MANOEUVRES`; "mix" is a stretch of a day.
+    seconds : s
+        Length of the recording, 0.5 to 3600.
+    seed : int
+        For everything random: manoeuvre, noise, governor, clock. The same seed gives the same recording.
+    wear, cycles : m, 1
+        Wear of the facing and strokes, added to the truck's, see `aged`.
+    temperature : K, optional
+        Ambient temperature in place of the truck's.
+    pressure : bool
+        Whether the recording has the chamber's pressure.
+    recorder : 'controller' or 'bus'
+        1 kHz in the controller, or 100 Hz on the bus, with its own clock.
+    dropouts : int
+        Number of stretches of 5 to 60 ms without measurements (NaN).
+    stuck : (s, s), optional
+        From when to when the position sensor is stuck; the controller sees that too.
+    name : str
+        Name of the recording.
+
+    Raises
+    ------
+    ParameterError
+        For an impossible truck or option; wear beyond the facing; a manoeuvre that does not exist.
+    SolveError
+        If the run leaves the finite numbers.
+
+    Examples
+    --------
+    >>> done = drive(Truck(), manoeuvre="gear-shift", seconds=2.0)
+    >>> len(done.log), f"{done.truth.states['position'].max() * 1e3:.0f} mm"
+    (2000, '21 mm')
+    """
+    _check(seconds, seed, dropouts, recorder, stuck)
+    truck = aged(truck, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
+    curve = load_curve(truck)
+    of_course, of_noise, of_air, of_recorder = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
+    feel = Feel(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
+    wanted = wanted_position(manoeuvre, seconds, feel, of_course)
+    noise = sensors.position_noise(truck, wanted.size, of_noise)
+    course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck))
+    start, working = _morning(truck, curve, of_air)
+    done = run(truck, course, start=start, working=working)
+    read = sensors.measured_pressure(truck, done.pressure, of_air) if pressure else None
+    log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
+    if recorder == "bus":
+        log = sensors.bus_log(truck, log, of_recorder)
+    if dropouts:
+        log = sensors.with_dropouts(log, dropouts, of_recorder)
+    return Drive(log, truth_of(truck, curve, done), wanted)
+
+
+def life(
+    truck: Truck, ages: Sequence[tuple[float, float]], *, seconds: float = 30.0, seed: int = 0
+) -> tuple[Drive, ...]:
+    """The life of a vehicle: a drive at each age, the first with pressure (calibration), the rest without (worn1, ...).
+
+    Parameters
+    ----------
+    ages : (m, 1) each
+        Wear of the facing and strokes, counted from `truck`.
+    seconds, seed
+        As in `drive`; every drive gets a seed of its own.
+
+    Raises
+    ------
+    ParameterError
+        As `drive`.
+
+    Examples
+    --------
+    >>> new, worn = life(Truck(), [(0.0, 0.0), (2e-3, 4e5)], seconds=2)
+    >>> new.log.name, worn.log.name, "pressure_a" in new.log, "pressure_a" in worn.log
+    ('calibration', 'worn1', True, False)
+    """
+    seeds = [int(np.random.SeedSequence([seed, number]).generate_state(1)[0]) for number in range(len(ages))]
+    return tuple(
+        drive(
+            truck, seconds=seconds, seed=own, wear=wear, cycles=cycles, pressure=number == 0,
+            name=f"worn{number}" if number else "calibration",
+        )
+        for number, ((wear, cycles), own) in enumerate(zip(ages, seeds, strict=True))
+    )  # fmt: skip
+
+
+def respond(truck: Truck, duty_supply: FloatArray, duty_exhaust: FloatArray) -> Drive:
+    """`truck` from the engaged rest with given duty cycles at every millisecond, recorded without noise.
+
+    Between the starts of two periods (`T_pwm`) a duty cycle is held, as the valves' timer does it.
+
+    Raises
+    ------
+    ParameterError
+        If the duty cycles are not two columns of the same length within 0 to 1.
+    SolveError
+        If the run leaves the finite numbers.
+
+    Examples
+    --------
+    Fully open, the supply valve drives the piston 20 mm in 0.13 s:
+
+    >>> stroke = respond(Truck(), np.ones(300), np.zeros(300))
+    >>> f"{stroke.log.time[np.argmax(stroke.truth.states['position'] > 0.02)]:.2f} s"
+    '0.13 s'
+    """
+    forced = np.column_stack([duty_supply, duty_exhaust]).astype(np.float64)
+    if len(forced) < 2 or not np.all((forced >= 0) & (forced <= 1)):
+        raise ParameterError("duty cycles: two columns of at least 2 numbers between 0 and 1 are needed.")
+    curve, nothing = load_curve(truck), np.zeros(len(forced))
+    done = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
+    return Drive(_recorded(done, done.pressure, "response", {}), truth_of(truck, curve, done), nothing)
+
+
+def _samples(span: tuple[float, float] | None) -> tuple[int, int]:
+    """The samples from when to when, or none."""
+    return (-1, -1) if span is None else (round(span[0] / SAMPLE), round(span[1] / SAMPLE))
+
+
+def _recorded(done: Run, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
+    columns = {"position": done.measured, "duty_supply": done.duties[:, 0], "duty_exhaust": done.duties[:, 1]}
+    return Log(done.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
+
+
+def _morning(truck: Truck, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
+    """States at the start, somewhere on the governor's saw-tooth, and whether the compressor works."""
+    p_G = truck.P_S + truck.dP_G * rng.uniform(-0.95, 0.95)
+    return at_rest(truck, curve, p_G), bool(rng.uniform() < truck.r_down / (truck.r_up + truck.r_down))
+
+
+def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple[float, float] | None) -> None:
+    problems = []
+    if not 0.5 <= seconds <= LONGEST:
+        problems.append(f"seconds = {seconds:g}: a drive takes 0.5 to {LONGEST:g} s.")
+    if seed < 0:
+        problems.append(f"seed = {seed}: a seed is a whole number of at least 0.")
+    if dropouts < 0:
+        problems.append(f"dropouts = {dropouts}: a number of at least 0 is needed.")
+    if recorder not in ("controller", "bus"):
+        problems.append(f"recorder = {recorder!r}: must be controller or bus.")
+    if stuck is not None and not 0 <= stuck[0] < stuck[1]:
+        problems.append(f"stuck = {stuck}: give the start and the end in s, in this order.")
+    if problems:
+        raise ParameterError("\n".join(problems))

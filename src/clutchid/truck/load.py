@@ -1,0 +1,130 @@
+"""The load on the piston of a truck, solved once from its springs and held as a piecewise cubic table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+from clutchid.truck.ageing import worn_numbers
+from clutchid.truck.parameters import Truck
+from clutchid.truck.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
+
+FloatArray = NDArray[np.float64]
+
+#: Distance of the table's breakpoints, and how far it reaches beyond the far stop, in m.
+PITCH, BEYOND = 0.1e-3, 2e-3
+#: Travel at which Kluever's load stands for a clutch that takes hold, in m.
+KLUEVER_TOUCH = 6e-3
+#: Share of the clamping force that is left where the clutch takes hold.
+TOUCH = 0.15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadCurve:
+    """Load over the mechanical position of the piston, which is 0 at the engaged rest of the new clutch.
+
+    `breakpoints` [m] and `coefficients` [N/m^k], shape (s + 1, 4), in powers of the distance to the breakpoint on the
+    left, are what the kernel reads; `rest` and `touch` [m] are where the piston rests when the clutch is engaged, and
+    where the clutch takes hold.
+    """
+
+    breakpoints: FloatArray
+    coefficients: FloatArray
+    rest: float
+    touch: float
+
+    def force(self, position: FloatArray) -> FloatArray:
+        """Load in N at mechanical positions in m, without hysteresis and friction."""
+        y = np.asarray(position, dtype=np.float64)
+        segment = np.searchsorted(self.breakpoints, y, side="right")
+        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
+        c = self.coefficients[segment]
+        result: FloatArray = c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))
+        return result
+
+
+@lru_cache(maxsize=64)
+def load_curve(truck: Truck) -> LoadCurve:
+    r"""The load curve of `truck` at its age.
+
+    .. math:: y = y_r + i_l \left(s + \frac{F}{K_c}\right), \quad F = P_1(l_0 - w + s) - F_{cushion}(c_0 - s), \quad
+              f_l = \frac{F}{i_l} + F_r + k_r y
+
+    The pressure plate lifts by s; cover and fingers give way by F / K_c in series; the cushion, pressed by c_0 when the
+    clutch is engaged, helps until it is free. The return spring acts beside them.
+
+    Raises
+    ------
+    ParameterError
+        If the springs pull the piston somewhere in the stroke, or snap.
+
+    Examples
+    --------
+    >>> curve = load_curve(Truck())
+    >>> f"{curve.force(np.array([8.1e-3]))[0] - 40 - 1500 * 8.1e-3:.0f} N, holds from {curve.touch * 1e3:.1f} mm"
+    '4771 N, holds from 5.7 mm'
+    """
+    from scipy.interpolate import CubicSpline
+
+    worn = worn_numbers(truck)
+    rest = worn["y_r"]
+    travel = np.arange(0.0, truck.y_max - rest + BEYOND, PITCH)
+    force, touch = _diaphragm(truck, travel) if truck.load == "diaphragm" else _kluever(truck, travel)
+    spring = worn["F_r"] + truck.k_r * (rest + travel[:-1])
+    if np.any(force[:-1] + spring <= 0):
+        low = travel[np.argmin(force)] * 1e3
+        raise ParameterError(
+            f"springs: at {low:.1f} mm the clutch pulls the piston; it would stay open. Check H and h."
+        )
+    spline = CubicSpline(travel, force).c[::-1].T
+    engaged = np.array([[spring[0], truck.k_r, 0.0, 0.0]])
+    clutch = spline + np.column_stack([spring, np.full(spring.size, truck.k_r), np.zeros((spring.size, 2))])
+    breakpoints, coefficients = rest + travel[:-1], np.concatenate([engaged, clutch])
+    for array in (breakpoints, coefficients):
+        array.flags.writeable = False
+    return LoadCurve(breakpoints, coefficients, rest, rest + touch)
+
+
+def clutch_force(truck: Truck, travel: FloatArray) -> FloatArray:
+    """Force of the clutch alone in N over the travel from its engaged rest in m, without the return spring."""
+    return (_diaphragm if truck.load == "diaphragm" else _kluever)(truck, travel)[0]
+
+
+def _diaphragm(t: Truck, travel: FloatArray) -> tuple[FloatArray, float]:
+    """Force at the actuator over its travel, and the travel at which the clutch takes hold."""
+    steel = (t.E, t.nu, t.h, worn_numbers(t)["H"], t.R_d, t.r_d, t.R_1, t.r_1)
+    l_w = t.l_0 - t.wear
+    clamp = diaphragm_force(l_w, *steel)
+    if clamp <= 0:
+        raise ParameterError(f"springs: the diaphragm does not clamp at l = {l_w * 1e3:g} mm. Check H, h and l_0.")
+    c_0 = cushion_compression(clamp, t.F_cu, t.c_cu, t.n_cu)
+
+    def cushion(s: FloatArray) -> FloatArray:
+        force: FloatArray = cushion_force(np.maximum(c_0 - s, 0.0), t.F_cu, t.c_cu, t.n_cu)
+        return force
+
+    def rim(s: FloatArray) -> FloatArray:
+        force: FloatArray = diaphragm_force(l_w + s, *steel) - cushion(s)
+        return force
+
+    low, high = np.zeros_like(travel), travel / t.i_l + clamp / t.K_c
+    for _ in range(60):  # bisection: the travel rises with s as long as the springs in series are stable
+        middle = 0.5 * (low + high)
+        below = t.i_l * (middle + rim(middle) / t.K_c) < travel
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    lift = 0.5 * (low + high)
+    if np.abs(t.i_l * (lift + rim(lift) / t.K_c) - travel).max() > 1e-9 or np.any(
+        np.diff(lift) > 10 * np.diff(travel) / t.i_l
+    ):
+        raise ParameterError(f"K_c = {t.K_c:g} N/m: so soft a cover lets the diaphragm snap; it must be stiffer.")
+    free = c_0 - cushion_compression(TOUCH * clamp, t.F_cu, t.c_cu, t.n_cu)
+    return rim(lift) / t.i_l, float(t.i_l * (free + rim(np.array([free]))[0] / t.K_c))
+
+
+def _kluever(t: Truck, travel: FloatArray) -> tuple[FloatArray, float]:
+    force: FloatArray = (1 + t.a_k_w * t.wear) * kluever_force(travel, t.F_k, t.a_k, t.k_k)
+    return force, KLUEVER_TOUCH

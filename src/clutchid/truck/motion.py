@@ -1,0 +1,83 @@
+"""Motion of the piston between its stops."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from clutchid.codegen.system import Expr
+
+
+def acceleration(p_A: Expr, p_B: Expr, f: Expr, A_A: Expr, A_B: Expr, P_0: Expr, M: Expr) -> Expr:
+    r"""Newton's second law for the piston and what moves with it.
+
+    .. math:: \dot v = \frac{1}{M} \left(A_A (p_A - P_0) - A_B (p_B - P_0) - f\right)
+
+    Parameters
+    ----------
+    p_A, p_B : Pa
+        Pressure in the chambers.
+    f : N
+        All forces against positive motion: load, hysteresis, friction, stops.
+    A_A, A_B : m²
+        Areas of the piston, above 0.
+    P_0 : Pa
+        Ambient pressure, which acts on the rod.
+    M : kg
+        Moving mass, above 0.
+
+    Returns
+    -------
+    dv : m/s²
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    References
+    ----------
+    Textbook.
+
+    Examples
+    --------
+    >>> acceleration(1e5, 1e5, 0.0, 12.3e-3, 11.8e-3, 1e5, 10)
+    0.0
+    """
+    return (A_A * (p_A - P_0) - A_B * (p_B - P_0) - f) / M
+
+
+def stop_force(d: Expr, d_dot: Expr, K_stop: Expr, chi: Expr) -> Expr:
+    r"""Force of an end stop at the penetration d; one-sided, without a step, never pulling.
+
+    .. math:: f = K_{stop} \, d^{3/2} \max(0, 1 + \chi \dot d) \quad \text{for } d > 0
+
+    Parameters
+    ----------
+    d, d_dot : m, m/s
+        Penetration and its rate.
+    K_stop : N/m^1.5
+        Stiffness of the contact, above 0.
+    chi : s/m
+        Damping, at least 0: what an impact at the speed u loses is about 2/3 chi u of that speed.
+
+    Returns
+    -------
+    f : N
+        Never negative; 0 where d <= 0.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    References
+    ----------
+    Hunt and Crossley, J. Applied Mechanics 42 (1975).
+
+    Examples
+    --------
+    Full pressure presses the piston 0.3 mm into the stop:
+
+    >>> f"{stop_force(0.3e-3, 0.0, 1.15e9, 4):.0f} N"
+    '5976 N'
+    """
+    damped = 1 + chi * d_dot
+    return sp.Piecewise((K_stop * d * sp.sqrt(d) * sp.Piecewise((damped, damped > 0), (0, True)), d > 0), (0, True))

@@ -1,0 +1,137 @@
+"""The proving ground: the same result for any number of workers, kept, resumed, scored by hand-made answers."""
+
+import json
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ExportError, ParameterError
+from clutchid.study import answers, proving
+from clutchid.study.answers import Answer, half_load, score
+from clutchid.study.standings import coverage, every_recording, standings
+from clutchid.study.workflows import workflow
+from clutchid.truck import GRID
+
+
+@pytest.fixture(scope="module")
+def ground():
+    return proving.proof(3)
+
+
+def perfect(driven, **changes):
+    """An answer that is the truth, but for `changes`."""
+    y = np.linspace(0, 0.025, 501)
+    load = driven.truth.load(y)
+    values = {"position": y, "force": load, "low": load - 1, "high": load + 1} | {
+        "pressure_a": driven.truth.states["pressure_a"].copy()
+    }
+    return Answer(**(values | changes))
+
+
+def test_the_truth_itself_scores_zero_and_full_coverage(ground):
+    for driven in ground.worn:
+        scored = score(perfect(driven), driven.truth)
+        peak = driven.truth.load(GRID).max()
+        # 50 µm between the answer's points: the curve bends by less than f'' h^2 / 8 = 1 N there
+        assert scored.load < 1 / peak * 100
+        assert scored.load_touch < 1 / peak * 100
+        assert abs(scored.half_load) < 1e-3
+        assert scored.pressure == pytest.approx(0, abs=1e-9)
+
+
+def test_each_error_is_what_a_hand_makes_it(ground):
+    driven = ground.worn[0]
+    truth = perfect(driven)
+    peak = driven.truth.load(GRID).max()
+    shifted = score(perfect(driven, force=truth.force + 0.01 * peak), driven.truth)
+    assert shifted.load == pytest.approx(1.0, rel=0.02)
+    assert shifted.load_touch == pytest.approx(1.0, rel=0.02)
+    assert shifted.half_load < 0
+    assert score(perfect(driven, pressure_a=truth.pressure_a + 7e3), driven.truth).pressure == pytest.approx(7.0)
+    half = np.where(truth.position <= 0.010, 1e4, -1.0)
+    assert score(
+        perfect(driven, low=truth.force - 1e4, high=truth.force + half), driven.truth
+    ).coverage == pytest.approx(0.5, abs=0.03)
+
+
+def test_an_answer_that_is_not_finite_or_too_short_is_refused(ground):
+    driven = ground.worn[0]
+    truth = perfect(driven)
+    for broken in (
+        perfect(driven, force=np.full(truth.force.size, np.nan)),
+        perfect(driven, **{k: getattr(truth, k)[:200] for k in ("position", "force", "low", "high")}),
+    ):
+        with pytest.raises(ValueError, match="finite from"):
+            score(broken, driven.truth)
+
+
+def test_half_load_is_on_the_rising_side():
+    y = np.linspace(0, 20, 201)
+    assert half_load(y, np.sin(np.pi * y / 20)) == pytest.approx(20 / 6, rel=1e-3)
+    assert np.isnan(half_load(y, 1 - y / 100))
+
+
+def test_the_worn_recordings_have_no_pressure_and_another_load(ground):
+    assert "pressure_a" in ground.calibration.log
+    for driven in ground.worn:
+        assert "pressure_a" not in driven.log
+        assert len(driven.log) == 30000
+        change = np.abs(driven.truth.load(GRID) - ground.calibration.truth.load(GRID)).max()
+        assert change > 0.01 * driven.truth.load(GRID).max()
+
+
+def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, monkeypatch):
+    alone = proving.prove("paper", [0, 1, 2], tmp_path / "one")
+    stopped = proving.prove("paper", [1], tmp_path / "two")
+    calls = []
+    pair = proving.prove("paper", [0, 1, 2], tmp_path / "two", workers=2, progress=lambda *a: calls.append(a))
+    assert [r["truck"] for r in pair] == [0, 1, 2]
+    assert pair[1] == stopped[0]
+    for a, b in zip(alone, pair, strict=True):
+        # numbers, not times, are the same; logs hold curves, scores and parameters to the last digit
+        assert json.dumps(a["logs"]) == json.dumps(b["logs"])
+    assert calls[-1] == ("3 of 3 trucks", 1.0)
+    monkeypatch.setattr(proving, "ProcessPoolExecutor", lambda *a, **k: pytest.fail("a kept result was computed again"))
+    assert proving.prove("paper", [0, 1, 2], tmp_path / "two") == pair
+    assert proving.kept(tmp_path / "two", range(3)) == {"paper": pair}
+
+
+def test_a_workflow_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch):
+    (tmp_path / "broken_workflow.py").write_text("def run(calibration, worn):\n    raise ValueError('no idea')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    (result,) = proving.prove("broken_workflow:run", [5], tmp_path / "out")
+    assert result["failed"] == "ValueError: no idea"
+    found = proving.kept(tmp_path / "out", [5])
+    table = standings(found)
+    assert table.column("failed") == (1,)
+    assert every_recording(found).column("failed") == ("ValueError: no idea",)
+    assert coverage([result]) == (None, None)
+
+
+def test_unknown_workflows_and_foreign_folders_are_refused(tmp_path):
+    with pytest.raises(ParameterError, match="did you mean 'paper'"):
+        workflow("papper")
+    with pytest.raises(ParameterError, match="MODULE:FUNCTION"):
+        workflow("no_such_module:run")
+    with pytest.raises(ParameterError, match="at least 1"):
+        proving.prove("paper", [0], tmp_path, workers=0)
+    (tmp_path / "paper").mkdir()
+    (tmp_path / "paper" / "settings.json").write_text('{"clutchid": "0.0", "source": "other"}')
+    with pytest.raises(ExportError, match="another version or fleet"):
+        proving.prove("paper", [0], tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ExportError, match="cannot be made"):
+        proving.prove("paper", [0], tmp_path / "file")
+
+
+def test_the_table_has_medians_worst_cases_and_ratios():
+    def result(number, touch):
+        scores = {"load": 1.0, "load_touch": touch, "half_load": -0.1, "pressure": 5.0, "coverage": 0.9}
+        return {"truck": number, "failed": None, "seconds": 2.0, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
+
+    table = standings({"paper": [result(0, 8.0), result(1, 12.0)], "mine": [result(0, 1.0), result(1, 4.0)]})
+    assert table.column("load_touch median") == (10.0, 2.5)
+    assert table.column("load_touch worst") == (12.0, 4.0)
+    assert table.column("half_load worst") == (0.1, 0.1)
+    assert table.column("ratio") == (1.0, 0.25)
+    assert answers.TOUCH == (5e-3, 8e-3)

@@ -1,0 +1,156 @@
+"""Laws of the plant: nothing is lost or made, entropy never falls, air flows downhill, stops never pull."""
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given
+from hypothesis import strategies as st
+
+from clutchid.truck import Truck, aged
+from clutchid.truck.compiled import loop
+from clutchid.truck.flow import flow_function, line_flow, orifice_flow, slit_flow, valve_flow
+from clutchid.truck.load import LoadCurve, load_curve
+from clutchid.truck.motion import stop_force
+from clutchid.truck.order import LEDGER, STATES
+from clutchid.truck.running import at_rest
+
+LEAKY = Truck(C_AB=2e-11, C_A0=1e-11)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled_books() -> None:
+    loop(True)
+
+
+def books(states: np.ndarray, truck: Truck) -> tuple[np.ndarray, np.ndarray, float]:
+    """What is missing in the books of air [kg] and energy [J], and the energy that went through them."""
+    x = dict(zip((*STATES, *LEDGER), states.T, strict=True))
+    mass = x["m_A"] + x["m_B"] + x["m_S"]
+    energy = x["U_A"] + x["U_B"] + x["U_S"] + 0.5 * truck.M * x["v"] ** 2
+    return mass - mass[0] - x["m_in"], energy - energy[0] - x["E_in"], float(np.ptp(x["E_in"]))
+
+
+@pytest.mark.parametrize(
+    "truck", [Truck(), LEAKY, aged(Truck(T_0=250.0), wear=2e-3, cycles=1e6)], ids=["new", "leaky", "old"]
+)
+def test_air_and_energy_that_cross_the_border_are_what_is_inside(lab, truck):
+    duties = lab.forced(3000)
+    mass, energy, through = books(lab.states(truck, duties, 1, True), truck)
+    finer_mass, finer, _ = books(lab.states(truck, duties, 2, True), truck)
+    # air is a sum of states: Runge-Kutta keeps it but for rounding, one unit of the last place of the reservoir a step
+    rounding = np.finfo(float).eps * 30000 * truck.P_S * truck.V_S
+    assert np.abs(mass).max() < rounding / (truck.R * truck.T_0)
+    assert np.abs(finer_mass).max() < 2 * rounding / (truck.R * truck.T_0)
+    # energy has a square in it (M v^2 / 2): the integration error remains, 16 times less with half the step where all
+    # is smooth, at least 4 times less across kinks; below that only rounding of U_S
+    rounding /= truck.gamma - 1
+    assert np.abs(energy).max() < 1e-9 * through + rounding
+    assert np.abs(finer).max() < np.abs(energy).max() / 4 + 2 * rounding
+
+
+def closed(truck: Truck) -> Truck:
+    """`truck` with insulated walls, sealed valves and no way out of chamber B but the leak."""
+    return truck.replace({"h_A": 0.0, "h_B": 0.0, "C_s": 0.0, "C_e": 0.0, "C_r": 0.0, "C_A0": 0.0})
+
+
+@pytest.mark.parametrize("leak", [0.0, 2e-11])
+def test_entropy_never_falls_in_closed_insulated_chambers(lab, leak):
+    truck = closed(Truck(C_AB=leak))
+    start = lab.put(truck, at_rest(truck, load_curve(truck)), 6e-3, 8e5)
+    total = []
+    for substeps in (1, 2):
+        states = lab.states(truck, np.zeros((400, 2)), substeps, start=start)
+        total.append(lab.entropy(truck, states, "A") + lab.entropy(truck, states, "B"))
+    assert np.ptp(states[:, 0]) > 5e-3  # the piston springs over a fifth of its stroke
+    # the integration error of the coarse run is at most 16/15 of its distance to the fine one; and rounding
+    error = 2 * 16 / 15 * np.abs(total[0] - total[1]).max() + 1e-14 * np.abs(total[0]).max()
+    assert np.diff(total[0]).min() > -error
+    if leak:
+        assert total[0][-1] - total[0][0] > 100 * error
+    else:
+        assert abs(total[0][-1] - total[0][0]) < error
+
+
+def test_walls_that_take_heat_bring_the_air_to_their_temperature(lab):
+    truck = Truck(C_AB=0.0, C_A0=0.0, h_A=150.0)
+    states = lab.states(truck, lab.forced(6000, ((10, 100, 1.0, 0.0),)))
+    T_A = (truck.gamma - 1) * states[:, 3] / (states[:, 2] * truck.R)
+    wall = truck.T_0 + truck.dT_w
+    assert T_A.max() > wall + 30
+    # time constant m c_v / (h S sqrt(p/p_N)) < 1.5e-3 * 718 / (150 * 0.04 * 2) = 0.1 s; nothing is left after 5.9 s
+    assert T_A[-1] == pytest.approx(wall, abs=0.1)
+
+
+_r, _b, _m, _l, _p, _q, _C, _T = sp.symbols("r b m l p q C T", positive=True)
+psi = sp.lambdify((_r, _b, _m, _l), flow_function(_r, _b, _m, _l), "math")
+valve = sp.lambdify((_p, _q, _T, _C), valve_flow(_p, _q, _T, _C, 0.3, 0.55, 0.995), "math")
+orifice = sp.lambdify((_p, _q, _T, _C), orifice_flow(_p, _q, _T, 280, _C, 0.3, 0.55, 0.995), "math")
+slit = sp.lambdify((_p, _q, _T, _C), slit_flow(_p, _q, _T, _C), "math")
+line = sp.lambdify((_p, _q, _C), line_flow(_p, _q, _C), "math")
+_d, _v = sp.symbols("d v", real=True)
+stop = sp.lambdify((_d, _v), stop_force(_d, _v, 1.15e9, 4.0), "math")
+pressure = st.floats(5e4, 1.5e6)
+kelvin = st.floats(200, 450)
+conductance = st.floats(0, 1e-6)
+
+
+@given(pressure, pressure, kelvin, conductance)
+def test_air_never_flows_uphill(p, q, T, C):
+    assert valve(p, q, T, C) >= 0
+    assert line(p, q, C) >= 0
+    assert orifice(p, q, T, C) * (p - q) >= 0
+    assert slit(p, q, T, C) * (p - q) >= 0
+    if q >= p:
+        assert valve(p, q, T, C) == 0
+        assert line(p, q, C) == 0
+
+
+@given(st.floats(0, 1.5), st.floats(0, 0.6), st.floats(0.3, 3), st.floats(0.95, 0.9999))
+def test_the_flow_function_lies_between_0_and_1_and_falls_with_the_ratio(r, b, m, r_lam):
+    assert 0 <= psi(r, b, m, r_lam) <= 1
+    # not steeper than rounding allows: the square cancels near b
+    assert psi(r * 1.01, b, m, r_lam) <= psi(r, b, m, r_lam) + 1e-13
+
+
+@given(st.floats(0.05, 0.6), st.floats(0.3, 3), st.floats(0.95, 0.9999))
+def test_the_flow_function_has_no_step_at_its_seams(b, m, r_lam):
+    step = 1e-9
+    for seam in (b, r_lam, 1.0):
+        # the steepest place is the laminar line or the curve before it, at most 1 / (1 - r_lam) and m / (1 - r_lam)
+        jump = abs(psi(seam + step, b, m, r_lam) - psi(seam - step, b, m, r_lam))
+        assert jump <= 2 * step * (2 + 2 * m) / (1 - r_lam) / (1 - b)
+
+
+@given(st.floats(-1e-2, 1e-3), st.floats(-2, 2))
+def test_an_end_stop_never_pulls_and_acts_on_one_side(d, v):
+    force = stop(d, v)
+    assert force >= 0
+    if d <= 0:
+        assert force == 0
+    elif v > 0 and d > 1e-12:
+        assert force > 0
+
+
+def test_the_piston_stays_between_its_stops(lab):
+    truck = Truck(P_S=10e5)
+    y = lab.states(truck, lab.forced(1500, ((10, 600, 1.0, 0.0), (600, 1500, 0.0, 1.0))))[:, 0]
+    # 11 kN of air on a contact of 1.15e9 N/m^1.5: 0.45 mm at rest, twice the force at an impact 0.72 mm
+    assert y.max() < truck.y_max + 0.72e-3
+    assert y.max() > truck.y_max
+    assert y.min() > -0.1e-3
+
+
+def test_friction_only_takes_energy(lab):
+    curve = LoadCurve(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
+    truck = closed(Truck(C_AB=0.0))
+    start = lab.put(truck, at_rest(truck, curve), 6e-3, 4e5)
+    states = lab.states(truck, np.zeros((600, 2)), 4, start=start, curve=curve)
+    p_A, p_B, _ = lab.pressures(truck, states)
+    y, v, z, z_h = (states[:, STATES.index(name)] for name in ("y", "v", "z", "z_h"))
+    stored = states[:, 3] + states[:, 5] + 0.5 * truck.M * v**2 + 0.5 * truck.K_z * z**2 + 0.5 * truck.K_h * z_h**2
+    stored += truck.P_0 * (truck.A_A - truck.A_B) * y
+    assert v.max() > 0.1
+    # what is stored in air, motion and bristles never rises; 1e-10 of it is integration error
+    assert np.diff(stored).max() < 1e-9 * stored[0]
+    assert stored[0] - stored[-1] > 1.0
+    assert p_A[-1] > p_B[-1] > truck.P_0

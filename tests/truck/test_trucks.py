@@ -1,0 +1,118 @@
+"""Truck types and their numbers: drawn from the ranges, checked, aged."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.truck import Truck, aged, truck
+from clutchid.truck.ageing import worn_numbers
+from clutchid.truck.fleet import ranges
+from clutchid.truck.load import load_curve
+
+NUMBERS = [*range(24), *range(1000, 1024)]
+
+
+def test_a_number_is_always_the_same_truck_and_another_number_another():
+    trucks = [truck(n) for n in NUMBERS]
+    assert trucks == [truck(n) for n in NUMBERS]
+    assert len(set(trucks)) == len(NUMBERS)
+
+
+def test_trucks_lie_in_the_ranges_of_the_file():
+    for name, (low, high) in ranges()["uniform"].items():
+        values = np.array([getattr(truck(n), name) for n in NUMBERS])
+        assert np.all((values >= low) & (values <= high)), name
+        assert np.ptp(values) > 0.5 * (high - low), name
+
+
+def test_all_kinds_of_load_drive_and_period_occur():
+    trucks = [truck(n) for n in NUMBERS]
+    assert {t.load for t in trucks} == {"diaphragm", "kluever"}
+    assert {t.drive for t in trucks} == {"pwm", "bang-bang"}
+    assert {t.T_pwm for t in trucks if t.drive == "pwm"} == {0.005, 0.01, 0.02}
+
+
+def test_every_name_in_the_file_is_a_number_of_a_truck():
+    table = ranges()
+    for part in ("uniform", "share"):
+        assert set(table[part]) <= set(Truck.names())
+    assert isinstance(table["version"], int)
+
+
+@pytest.mark.parametrize("number", NUMBERS[:12])
+def test_every_truck_can_wear_to_the_end_of_its_facing(number):
+    new = truck(number)
+    peaks = [load_curve(aged(new, w, 3e5)).force(np.linspace(0, 0.02, 200)).max() for w in (0.0, new.w_max)]
+    assert min(peaks) > 3e3
+    assert max(peaks) < 6.5e3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"A_A": -1.0}, "A_A = -1 m²: area of the piston in chamber A is at least 0.001"),
+        ({"A_B": 0.02}, "must not exceed"),
+        ({"T_0": 400.0}, "ambient temperature"),
+        ({"P_S": float("nan")}, "P_S = nan Pa"),
+        ({"M": "heavy"}, "a number in kg"),
+        ({"M": True}, "a number in kg"),
+        ({"r_1": 0.21}, "radii must rise"),
+        ({"wear": 4e-3}, "wear = 4 mm is beyond the facing: this truck's can wear by 3.5 mm"),
+        ({"wear": 3e-3, "i_w": 6.3}, "beyond the end of chamber A"),
+        ({"e_in": 1e-3, "e_out": 1e-4}, "must not exceed"),
+        ({"load": "spring"}, "must be one of diaphragm, kluever"),
+        ({"drive": "steam"}, "must be one of pwm, bang-bang"),
+    ],
+)
+def test_an_impossible_truck_is_named_in_one_sentence(change, words):
+    with pytest.raises(ParameterError) as caught:
+        Truck(**change)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_all_impossible_numbers_are_told_at_once():
+    with pytest.raises(ParameterError) as caught:
+        Truck(A_A=-1.0, M=0.0, load="x")
+    assert len(str(caught.value).splitlines()) == 3
+
+
+def test_an_unknown_number_names_the_nearest():
+    with pytest.raises(ParameterError, match="did you mean 'UA_S'"):
+        Truck().replace({"U_AS": 0.0})
+    with pytest.raises(ParameterError, match="did you mean 'P_S'"):
+        Truck.row("P_SS")
+
+
+@pytest.mark.parametrize("number", [-1, 1.5, True])
+def test_truck_types_are_numbered_from_0(number):
+    with pytest.raises(ParameterError, match="numbered 0, 1, 2"):
+        truck(number)
+
+
+def test_every_number_has_a_unit_a_meaning_and_a_range_that_holds_its_default():
+    for name in Truck.names():
+        row = Truck.row(name)
+        assert row.unit
+        assert row.meaning
+        assert row.source
+        assert row.admits(getattr(Truck(), name))
+
+
+def test_age_adds_up_and_leaves_the_new_numbers_alone():
+    new = Truck()
+    once, twice = aged(new, 2e-3, 4e5), aged(aged(new, 1e-3, 1e5), 1e-3, 3e5)
+    assert once == twice
+    assert dataclasses.replace(once, wear=0.0, cycles=0.0) == new
+
+
+def test_strokes_raise_friction_and_leaks_and_settle_the_springs():
+    young, old = worn_numbers(Truck(cycles=1e5)), worn_numbers(Truck(cycles=1e6))
+    for name, sign in (("F_C", 1), ("C_AB", 1), ("C_A0", 1), ("H", -1), ("F_r", -1), ("y_r", 0)):
+        assert np.sign(old[name] - young[name]) == sign, name
+
+
+def test_wear_moves_the_engaged_rest():
+    assert worn_numbers(Truck(i_w=0.5, wear=2e-3))["y_r"] == pytest.approx(-1e-3)
