@@ -34,6 +34,9 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
 
 INPUTS = ("duty_supply", "duty_exhaust")
 
+#: An interval this many times longer than the median one is a hole; exactly five medians are not, rounding apart.
+HOLE = 5.0 * (1 + 1e-6)
+
 
 @dataclass(frozen=True, eq=False)
 class Log:

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import clutchid
+from clutchid.cli.common import guarded
 
 KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
 EXAMPLE = Path(clutchid.__file__).parent / "recordings" / "truck1_calibration.csv"
 
 
-def call(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def call(
+    *arguments: str | Path, cwd: Path | None = None, env: dict[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "clutchid", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -118,13 +123,28 @@ def test_look_lists_columns_units_and_ranges(recording: Path) -> None:
         (["fit", "LOG", "--ambient", "3"], ["--ambient", "between"]),
         (["fit", "LOG", "--start", "missing.toml"], ["missing.toml"]),
         (["fit", "LOG", "--nonsense"], ["--nonsense"]),
+        (["fit", "--verify", "LOG", "LOG"], ["no recording", "put the recordings before --verify and --bounds"]),
+        (["fit", "--bounds", "theta_1=0:1e6", "LOG"], ["no recording", "before --verify and --bounds"]),
+        (["fit", "LOG", "--carry", "p"], ["--carry p", "nothing is reset; give --every N or --parts N"]),
+        (["fit", "LOG", "--save", "LOG"], ["--save", "is a recording that is fitted"]),
+        (["fit", "LOG", "--report", "LOG"], ["--report", "is a recording that is fitted"]),
+        (["fit", "other.csv", "--verify", "LOG", "--save", "LOG"], ["--save", "is a recording to verify with"]),
+        (["fit", "LOG", "--start", "p.toml", "--save", "./p.toml"], ["--save", "is the start file itself"]),
+        (["fit", "LOG", "--save", "a", "--report", "../NAME/a"], ["--report", "is the file of --save too"]),
+        (["fit", "one.csv", "two.csv", "--verify", "three.csv"], ["one.csv", "two.csv", "three.csv"]),
         (["simulate", "LOG", "--parameters", "missing.toml", "--out", "x.csv"], ["missing.toml"]),
+        (["simulate", "LOG", "--parameters", "p.toml", "--out", "p.toml"], ["is the parameter file itself"]),
+        (["simulate", "LOG", "--parameters", "p.toml", "--out", "LOG"], ["is the recording itself"]),
+        (["simulate", "LOG", "--parameters", "p.toml", "--out", "x.csv", "--carry", "q"], ["nothing is reset"]),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_two(
     arguments: list[str], words: list[str], recording: Path, tmp_path: Path
 ) -> None:
-    done = call(*(recording if word == "LOG" else word for word in arguments), cwd=tmp_path)
+    before = recording.read_bytes()
+    words_given = [word.replace("NAME", tmp_path.name) for word in arguments]
+    done = call(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
+    assert recording.read_bytes() == before
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     for word in words:
@@ -150,10 +170,105 @@ def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(recor
     assert " s in " in answer["message"]
 
 
-def test_debug_shows_the_traceback(recording: Path) -> None:
-    done = call("fit", recording, "--free", "C_sv", "--debug")
+@pytest.mark.parametrize("arguments", [["--free", "C_sv"], ["--nonsense"]])
+def test_debug_shows_the_traceback_and_keeps_the_exit_code_and_the_object(
+    recording: Path, arguments: list[str]
+) -> None:
+    done = call("fit", recording, *arguments, "--debug")
+    assert done.returncode == 2
     assert "Traceback" in done.stderr
-    assert "ParameterError" in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("clutchid: ")
+    done = call("fit", recording, *arguments, "--debug", "--json")
+    assert done.returncode == 2
+    assert "Traceback" in done.stderr
+    assert json.loads(done.stdout)["status"] == "bad_input"
+
+
+def test_an_error_that_was_not_expected_is_told_in_every_way(capsys: pytest.CaptureFixture[str]) -> None:
+    def work() -> int:
+        raise ZeroDivisionError("by zero")
+
+    for debug, words in ((False, "Run again with --debug"), (True, "Report it with the traceback")):
+        assert guarded(work, as_json=True, debug=debug) == 1
+        out, err = capsys.readouterr()
+        assert words in json.loads(out)["message"]
+        assert ("Traceback" in err) == debug
+
+
+def test_results_are_printed_whatever_the_encoding_of_the_terminal(recording: Path, tmp_path: Path) -> None:
+    odd = tmp_path / "strøm \u2192.csv"
+    odd.write_bytes(recording.read_bytes())
+    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii:strict", "PYTHONUTF8": "0"}
+    done = call("fit", odd, env=ascii_only)
+    assert done.returncode == 0, done.stderr
+    assert "fitted str?m ?: position" in done.stdout
+    done = call("fit", odd, "--json", env=ascii_only)
+    assert json.loads(done.stdout)["logs"].keys() == {odd.stem}
+    assert done.stdout.isascii()
+
+
+@pytest.mark.skipif(not hasattr(os, "pipe2"), reason="pipes of POSIX are needed.")
+@pytest.mark.parametrize("arguments", [["look", "LOG"], ["fit", "LOG", "--json"], ["fit", "LOG"], ["--help"]])
+def test_a_reader_that_has_seen_enough_ends_the_output_quietly(recording: Path, arguments: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "clutchid", *(str(recording) if word == "LOG" else word for word in arguments)]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=300, check=False)
+    os.close(writer)
+    assert done.stderr == ""
+    assert done.returncode == 1
+
+
+def test_a_simulation_tells_the_warnings_of_the_recording(recording: Path, tmp_path: Path) -> None:
+    lines = recording.read_text().splitlines()
+    holed, start = tmp_path / "holed.csv", tmp_path / "p.toml"
+    holed.write_text("\n".join([lines[0], *lines[1:3000], *lines[3100:]]) + "\n")
+    start.write_text("[parameters]\ntheta_1 = 8.5e5\ntheta_2 = -2e4\ntheta_3 = 1e5\n")
+    arguments = ("simulate", holed, "--parameters", start, "--out", tmp_path / "s.csv")
+    done = call(*arguments, "--json")
+    answer = json.loads(done.stdout)
+    assert (done.returncode, answer["status"]) == (0, "warning")
+    assert clutchid.read(holed).warnings
+    assert set(clutchid.read(holed).warnings) <= set(answer["warnings"])
+    assert len(set(answer["warnings"])) == len(answer["warnings"])
+    done = call(*arguments)
+    assert done.stderr.splitlines() == [f"warning: {warning}" for warning in answer["warnings"]]
+    assert done.stdout.startswith("written: ")
+
+
+def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(recording: Path, tmp_path: Path) -> None:
+    lines = recording.read_text().splitlines()
+    moving, saved, out = tmp_path / "moving.csv", tmp_path / "fit.toml", tmp_path / "s.csv"
+    moving.write_text("\n".join([lines[0], *lines[200:]]) + "\n")
+    assert call("fit", moving, "--save", saved).returncode == 0
+    arguments = ("simulate", moving, "--parameters", saved, "--out", out, "--json")
+    content = clutchid.read_parameters(saved)
+    shifted = replace(content, starts={"moving": tuple((y + 1e-3, p) for y, p in content.starts["moving"])})
+    clutchid.write_parameters(shifted, saved)
+    assert json.loads(call(*arguments).stdout)["warnings"] == []
+    assert clutchid.read(out)["position"][0] == pytest.approx(shifted.starts["moving"][0][0], abs=1e-9)
+    moving.write_text("\n".join([lines[0], *lines[200:-1]]) + "\n")
+    answer = json.loads(call(*arguments).stdout)
+    assert answer["status"] == "warning"
+    assert "estimated anew" in answer["warnings"][0]
+    assert clutchid.read(out)["position"][0] == pytest.approx(content.starts["moving"][0][0], abs=1e-4)
+
+
+def test_the_peak_of_the_load_is_looked_for_where_was_driven(recording: Path) -> None:
+    done = call("fit", recording)
+    driven = float(np.nanmax(clutchid.read(recording)["position"])) * 1e3
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("peak load")]
+    assert line.endswith(f", within the {driven:.1f} mm that were driven")
+    assert driven < 24
+    assert float(line.split(" at ")[1].split()[0]) <= driven
+
+
+def test_the_noise_scales_stand_in_the_object_and_in_the_saved_file(recording: Path, tmp_path: Path) -> None:
+    saved = tmp_path / "fit.toml"
+    answer = json.loads(call("fit", recording, "--json", "--save", saved).stdout)
+    assert answer["noise_scales"].keys() == {"position"}
+    assert answer["noise_scales"]["position"] == pytest.approx(3e-5, rel=0.1)
+    assert clutchid.read_parameters(saved).fit["noise_scales"] == pytest.approx(answer["noise_scales"])
 
 
 def test_a_failed_save_leaves_the_old_file_as_it_was(recording: Path, tmp_path: Path) -> None:

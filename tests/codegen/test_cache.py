@@ -115,3 +115,47 @@ def test_a_failed_build_leaves_no_module_behind(source):
     with pytest.raises(NotImplementedError):
         load_module("numbers", [source], broken)
     assert load_module("numbers", [source], lambda: "value = 1\n").value == 1
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[: len(text) // 2],
+        lambda text: b"",
+        lambda text: text.replace(b"42", b"43"),
+        lambda text: text.partition(b"\n")[2],
+        lambda text: b"\xff\x00" + text,
+    ],
+    ids=["truncated", "empty", "a digit changed", "without the mark", "no text"],
+)
+def test_a_damaged_module_is_built_once_more(source, damage):
+    path = Path(load_module("numbers", [source], lambda: "value = 42\n").__file__)
+    whole = path.read_bytes()
+    path.write_bytes(damage(whole))
+    built = []
+
+    def build():
+        built.append(1)
+        return "value = 42\n"
+
+    assert load_module("numbers", [source], build).value == 42
+    assert load_module("numbers", [source], _never).value == 42
+    assert len(built) == 1
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("rest", [0, 8, 20])
+def test_a_damaged_compiled_file_of_python_is_made_again(source, rest, monkeypatch):
+    import importlib.util
+    import sys
+
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    path = Path(load_module("numbers", [source], lambda: "value = 42\n").__file__)
+    compiled = Path(importlib.util.cache_from_source(str(path)))
+    compiled.write_bytes(compiled.read_bytes()[:rest])
+    assert load_module("numbers", [source], _never).value == 42
+
+
+def test_an_error_in_a_module_is_told_as_it_is(source):
+    with pytest.raises(ValueError, match="as the module has it"):
+        load_module("numbers", [source], lambda: "raise ValueError('as the module has it')\n")

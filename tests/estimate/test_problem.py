@@ -24,7 +24,7 @@ def stacked(task, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     r_all, J_all = [], []
     for answer in residuals(task, x, SCALES):
         assert not isinstance(answer, Failure)
-        part, r, J = answer
+        part, r, J, _ = answer
         full = np.zeros((r.size, x.size))
         full[:, [*range(len(task.names)), *part.start]] = J
         r_all.append(r)

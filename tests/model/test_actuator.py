@@ -10,8 +10,12 @@ from clutchid.parameters import Parameters
 
 
 @pytest.mark.parametrize(
-    "knots", [(0, 1, 2), (0, 2, 2, 3), (0, 3, 2, 4), (3, 2, 1, 0), (0, 1, 2, 3, 4), (0, 1, 2, float("nan"))]
-)
+    "knots",
+    [
+        (0, 1, 2), (0, 2, 2, 3), (0, 3, 2, 4), (3, 2, 1, 0), (0, 1, 2, 3, 4), (0, 1, 2, float("nan")),
+        (0, 1, 2, float("inf")), (float("-inf"), 1, 2, 3),
+    ],
+)  # fmt: skip
 def test_knots_must_be_four_and_strictly_increasing(knots):
     with pytest.raises(ParameterError, match="four strictly increasing positions"):
         Load(knots=tuple(1e-3 * k for k in knots))

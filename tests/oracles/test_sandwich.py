@@ -1,6 +1,7 @@
 """The covariance for coloured residuals against plain loops, the white formula, and what it promises: coverage."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
@@ -137,3 +138,22 @@ def test_nineteen_of_twenty_intervals_contain_the_truth_when_residuals_are_colou
     assert np.all((inside >= low) & (inside <= high)), inside / trials
     # the usual formula for white residuals is short by sqrt(1.8 / 0.2) = 3: it covers what 1.96 / 3 covers, 49 %
     assert np.all(white <= binom.ppf(0.999, trials, 0.49 + 0.05))
+
+
+def test_unknown_starts_of_many_segments_do_not_cost_the_degrees_of_freedom_of_what_is_shared():
+    generator = np.random.default_rng(5)
+    segments, n = 40, 250
+    jacobians = []
+    for number in range(segments):
+        J = np.zeros((n, 1 + 2 * segments))
+        J[:, 0] = generator.standard_normal(n)
+        J[:, 1 + 2 * number : 3 + 2 * number] = generator.standard_normal((n, 2))
+        jacobians.append(J)
+    R = np.linalg.qr(np.vstack(jacobians), mode="r")
+    scores = [J * generator.standard_normal((n, 1)) for J in jacobians]
+    told = sandwich(R, scores, shared=1)
+    # white scores: one lag or two, so thousands of independent samples stand behind the shared parameter
+    assert told.degrees_of_freedom > 1000
+    assert told.quantile() == pytest.approx(1.96, abs=0.01)
+    # 1 / sum of squares, but for the sampling error of its estimate, sqrt(2 / 10^4), seven times
+    assert told.matrix[0, 0] == pytest.approx(1 / (R[0, 0] ** 2), rel=0.1)

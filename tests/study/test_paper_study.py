@@ -9,8 +9,10 @@ import pytest
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
 from clutchid.report.tables import to_csv
-from clutchid.study import PaperStudy, halves, paper_study
+from clutchid.study import PaperStudy, halves, paper, paper_study
 from clutchid.study.deviations import DEVIATIONS
+from clutchid.study.equation_21 import equation_21
+from clutchid.study.findings import FIGURES, TABLES, Findings
 
 
 @pytest.fixture(scope="module")
@@ -22,6 +24,8 @@ def test_the_folder_holds_the_page_seven_figures_and_a_csv_for_every_table(study
     names = {path.name for path in study.page.parent.iterdir()}
     assert names == {"index.html", *(f"figure_{n}.png" for n in range(2, 9)), *(f"{stem}.csv" for stem in study.tables)}
     assert names == {path.name for path in study.files}
+    assert set(study.tables) == set(TABLES)
+    assert tuple(range(2, 9)) == FIGURES
     assert {"equation_21", "table_1", "table_1_carry_q", "table_2", "table_2_carry_q", "verification"} < set(
         study.tables
     )
@@ -106,6 +110,48 @@ def test_a_study_that_fails_leaves_nothing_behind(logs, tmp_path):
     with pytest.raises(DataError, match="duty_supply"):
         paper_study(useless, logs[1], tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_that_fails_removes_every_folder_that_it_made(logs, tmp_path):
+    useless = Log(np.arange(5.0), {"position": np.zeros(5)})
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(DataError, match="duty_supply"):
+        paper_study(useless, logs[1], tmp_path / "mine" / "a" / "b" / "out")
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+def test_a_study_that_cannot_write_its_last_file_leaves_nothing_in_a_new_folder(logs, tmp_path, monkeypatch):
+    def without_figures(fit_log, verify_log, progress):
+        return Findings(fit_log, verify_log, (), None, {}, {"table_1": equation_21()}, {2: b"picture"})
+
+    def full(content, path):
+        if path.name == "index.html":
+            raise ExportError(f"{path}: no space left")
+        path.write_bytes(content)
+
+    monkeypatch.setattr(paper, "find", without_figures)
+    monkeypatch.setattr(paper, "study_page", lambda found, command: None)
+    monkeypatch.setattr(paper, "render", lambda page: "page")
+    monkeypatch.setattr(paper, "write_bytes", full)
+    with pytest.raises(ExportError, match="no space left"):
+        paper_study(*logs, tmp_path / "new" / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["index.html", "figure_2.png", "figure_8.png", "table_1.csv", "pressure_errors.csv"])
+def test_a_folder_in_the_place_of_a_file_is_refused_before_the_study(name, logs, tmp_path):
+    (tmp_path / name).mkdir()
+    with pytest.raises(ExportError, match=f"{name} is a folder") as caught:
+        paper_study(*logs, tmp_path, lambda *told: pytest.fail("the study was begun"))
+    assert len(str(caught.value).splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_study_that_fails_below_a_detour_leaves_older_files_as_they_were(logs, tmp_path):
+    (tmp_path / "index.html").write_text("old")
+    with pytest.raises(DataError):
+        paper_study(logs[0], Log(np.arange(5.0), {"position": np.zeros(5)}), tmp_path / "new" / "..")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
 
 
 def test_a_study_that_fails_leaves_older_files_as_they_were(logs, tmp_path):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.metadata import version
+from io import TextIOWrapper
 
 from cyclopts import App
 from cyclopts.exceptions import CycloptsError
 
-from clutchid.cli.common import complain
+from clutchid.cli.common import DONE, FAILED, complain
 from clutchid.cli.drive import drive
 from clutchid.cli.fit import fit
 from clutchid.cli.look import look
@@ -34,12 +38,35 @@ def app() -> App:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 failed, 2 bad input."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # no unit or name may stop the output of a result
+    try:
+        code = _run(tokens)
+        print(end="", flush=True)
+    except OSError as error:
+        code = FAILED
+        _silence()
+        if not isinstance(error, BrokenPipeError):  # else whoever reads has seen enough, as in `clutchid look F | head`
+            print(f"clutchid: standard output cannot be written ({error.strerror or error}).", file=sys.stderr)
+    sys.exit(code)
+
+
+def _run(tokens: list[str]) -> int:
     try:
         code = app()(tokens, exit_on_error=False, print_error=False)
     except CycloptsError as error:
+        if "--debug" in tokens:
+            traceback.print_exc()
         message = " ".join(str(error).split())
-        code = complain(f"{message} Try 'clutchid --help'.", as_json="--json" in tokens, status="bad_input")
-    sys.exit(code if isinstance(code, int) else 0)
+        return complain(f"{message} Try 'clutchid --help'.", as_json="--json" in tokens, status="bad_input")
+    return code if isinstance(code, int) else DONE
+
+
+def _silence() -> None:
+    """Let standard output lead nowhere, so that Python has nothing to say about it at its end."""
+    with suppress(OSError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -6,15 +6,19 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.units import UNITS, known_units
+
+if TYPE_CHECKING:
+    from clutchid.simulation import Partition
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
@@ -22,24 +26,29 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
     """Run `work` and turn an error of clutchid into one sentence and an exit code.
 
-    Bad input is 2, everything else that fails is 1; with `as_json` the one JSON object is printed here too.
+    Bad input is 2, everything else that fails is 1; with `as_json` the one JSON object is printed here too. With
+    `debug` the traceback goes to standard error first. A pipe that was closed is for `main`.
     """
     try:
         return work()
-    except ClutchidError as error:
+    except BrokenPipeError:
+        raise
+    except (Exception, KeyboardInterrupt) as error:
         if debug:
-            raise
+            traceback.print_exc()
+        message, status = _told(error, debug)
+        return complain(message, as_json=as_json, status=status)
+
+
+def _told(error: BaseException, debug: bool) -> tuple[str, str]:
+    """The sentence for an error and the status that goes with it."""
+    if isinstance(error, ClutchidError):
         bad = isinstance(error, (DataError, ParameterError, ExportError))
-        return complain(str(error), as_json=as_json, status="bad_input" if bad else "failed")
-    except (MemoryError, KeyboardInterrupt) as error:
-        if debug:
-            raise
-        return complain(f"stopped: {type(error).__name__}.", as_json=as_json, status="failed")
-    except Exception as error:
-        if debug:
-            raise
-        what = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
-        return complain(f"{what} Run again with --debug and report it.", as_json=as_json, status="failed")
+        return str(error), "bad_input" if bad else "failed"
+    if isinstance(error, (MemoryError, KeyboardInterrupt)):
+        return f"stopped: {type(error).__name__}.", "failed"
+    what = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
+    return f"{what} {'Report it with the traceback.' if debug else 'Run again with --debug and report it.'}", "failed"
 
 
 def complain(message: str, *, as_json: bool, status: str) -> int:
@@ -65,7 +74,7 @@ EMPTY: dict[str, Any] = {
 
 def print_json(content: dict[str, Any]) -> None:
     """Print `content` as one JSON object; numbers that are not finite become null."""
-    print(json.dumps(_finite(content), ensure_ascii=False))
+    print(json.dumps(_finite(content), ensure_ascii=True))  # whatever the encoding of standard output is
 
 
 def _finite(value: Any) -> Any:
@@ -133,18 +142,53 @@ def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
     return result
 
 
-def start_actuator(start: Path | None, model: str | None) -> tuple[Actuator, Any]:
-    """The actuator to start from, and the parameter file it came from, if any."""
+def partition_of(every: int | None, parts: int | None, carry: Literal["p", "q"] | None) -> Partition | None:
+    """The options --every, --parts and --carry; None is ballistic."""
+    from clutchid.simulation import Partition
+
+    if every is None and parts is None:
+        if carry is not None:
+            raise ParameterError(f"--carry {carry}: nothing is reset; give --every N or --parts N.")
+        return None
+    return Partition(every=every, parts=parts, carry=carry or "p")
+
+
+def check_outputs(outputs: Mapping[str, Path | None], inputs: Sequence[tuple[str, Path | None]]) -> None:
+    """Make sure, before any work, that `outputs` can be written, and replace neither an input nor each other.
+
+    `outputs` are paths by option, `inputs` are (what it is in words, path).
+    """
+    from clutchid.io.files import check_writable
+
+    taken = [(what, path) for what, path in inputs if path is not None]
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        for what, other in taken:
+            if _same(path, other):
+                raise ParameterError(f"{option} {path}: is {what}; name another file.")
+        check_writable(path)
+        taken.append((f"the file of {option} too", path))
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, over links or another spelling too."""
+    try:
+        return one.resolve() == other.resolve() or one.samefile(other)
+    except OSError:  # one of them is not there
+        return False
+
+
+def start_actuator(start: Path | None, model: str | None) -> Actuator:
+    """The actuator to start from: that of the parameter file `start`, if there is one."""
     from clutchid.estimate.parameter_file import read_parameters
 
     if start is None:
-        return Actuator(model=model or "isothermal"), None
-    content = read_parameters(start)
-    if model is not None and model != content.actuator.model:
-        raise ParameterError(
-            f"--model {model}: {start} is for the model '{content.actuator.model}'; leave --model out."
-        )
-    return content.actuator, content
+        return Actuator(model=model or "isothermal")
+    actuator = read_parameters(start).actuator
+    if model is not None and model != actuator.model:
+        raise ParameterError(f"--model {model}: {start} is for the model '{actuator.model}'; leave --model out.")
+    return actuator
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,8 +15,10 @@ from clutchid.cli.common import (
     EMPTY,
     FAILED,
     bounds,
+    check_outputs,
     guarded,
     names,
+    partition_of,
     pressure,
     print_json,
     progress_bar,
@@ -26,7 +29,6 @@ from clutchid.errors import ParameterError
 
 if TYPE_CHECKING:
     from clutchid.estimate import Fit
-    from clutchid.simulation import Partition
 
 
 def fit(
@@ -36,7 +38,7 @@ def fit(
     bounds_: Annotated[list[str] | None, Parameter(name="--bounds", consume_multiple=True)] = None,
     every: int | None = None,
     parts: int | None = None,
-    carry: Literal["p", "q"] = "p",
+    carry: Literal["p", "q"] | None = None,
     model: str | None = None,
     start: Path | None = None,
     verify: Annotated[list[Path] | None, Parameter(name="--verify", consume_multiple=True)] = None,
@@ -53,7 +55,8 @@ def fit(
     Parameters
     ----------
     logs
-        Recordings, CSV or Parquet; columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`.
+        Recordings, CSV or Parquet; columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`. They
+        stand before --verify and --bounds, which take all that follows.
     measure
         Measured columns to compare with: position, or position,pressure_a.
     free
@@ -65,7 +68,7 @@ def fit(
     parts
         Partitioned: take the measured position again at the start of N equal parts.
     carry
-        Across such a reset, carry the pressures (p, the paper) or the masses of air (q).
+        Across such a reset, carry the pressures (p, the paper and the default) or the masses of air (q).
     model
         Model variant: isothermal.
     start
@@ -87,19 +90,19 @@ def fit(
     def work() -> int:
         from clutchid.estimate import fit as fit_logs
 
-        actuator, _ = start_actuator(start, model)
-        _check(logs, free, save, report)
-        at = pressure(ambient, actuator.parameters.P_0)
-        recordings, verified = read_logs(logs, at), read_logs(verify or [], at)
+        _check(logs, verify or [], bounds_ or [], free)
+        _check_files(logs, verify or [], start, save, report)
+        actuator, partition = start_actuator(start, model), partition_of(every, parts, carry)
+        read = read_logs([*logs, *(verify or [])], pressure(ambient, actuator.parameters.P_0))
         with progress_bar("fit") as show:
             result = fit_logs(
-                recordings,
+                read[: len(logs)],
                 actuator,
                 measure=names(measure),
                 free=names(free),
                 bounds=bounds(bounds_ or []),
-                partition=_partition(every, parts, carry),
-                verify=verified,
+                partition=partition,
+                verify=read[len(logs) :],
                 progress=lambda stage, count: show(f"{stage} search, {count} simulations", -1.0),
             )
         _write(result, save, report)
@@ -112,22 +115,24 @@ def fit(
     return guarded(work, as_json=json, debug=debug)
 
 
-def _check(logs: tuple[Path, ...], free: str, save: Path | None, report: Path | None) -> None:
-    from clutchid.io.files import check_writable
-
+def _check(logs: Sequence[Path], verify: Sequence[Path], limits: Sequence[str], free: str) -> None:
+    if not logs and (verify or limits):
+        raise ParameterError(
+            "no recording given: --verify and --bounds take all that follows them; put the recordings before --verify "
+            "and --bounds."
+        )
     if not logs:
         raise ParameterError("no recording given; clutchid fit LOG.csv")
     if "auto" in names(free):
         raise ParameterError("--free auto is not in this version; name the parameters, for example load,P_S,C_vs.")
-    for path in (save, report):
-        if path is not None:
-            check_writable(path)
 
 
-def _partition(every: int | None, parts: int | None, carry: Literal["p", "q"]) -> Partition | None:
-    from clutchid.simulation import Partition
-
-    return None if every is None and parts is None else Partition(every=every, parts=parts, carry=carry)
+def _check_files(
+    logs: Sequence[Path], verify: Sequence[Path], start: Path | None, save: Path | None, report: Path | None
+) -> None:
+    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
+    inputs += [("a recording to verify with", path) for path in verify]
+    check_outputs({"--save": save, "--report": report}, [*inputs, ("the start file itself", start)])
 
 
 def _write(result: Fit, save: Path | None, report: Path | None) -> None:
@@ -161,6 +166,7 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "errors": _errors_json(result.errors),
         "logs": {name: _errors_json(recording.errors) for name, recording in result.recordings.items()},
         "verify": {name: _errors_json(recording.errors) for name, recording in result.verification.items()},
+        "noise_scales": dict(result.scales),
         "warnings": list(result.warnings),
     }
 
@@ -179,8 +185,7 @@ def _print(result: Fit, save: Path | None, report: Path | None) -> None:
     print(f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit")
     for name, e in result.parameters.items():
         print(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
-    peak = int(result.load_curve.force.argmax())
-    print(f"peak load {result.load_curve.force[peak]:.0f} N at {result.load_curve.position[peak] * 1e3:.2f} mm")
+    print(_peak(result))
     for title, recordings in (("fitted", result.recordings), ("verified", result.verification)):
         for name, recording in recordings.items():
             pressure_error = recording.errors.pressure_a_rms
@@ -191,3 +196,16 @@ def _print(result: Fit, save: Path | None, report: Path | None) -> None:
     for path in (save, report):
         if path is not None:
             print(f"written: {path.resolve()}")
+
+
+def _peak(result: Fit) -> str:
+    """The greatest load within the reach of the fitted recordings; beyond it the curve is not known."""
+    import numpy as np
+
+    measured = [recording.measured["position"] for recording in result.recordings.values()]
+    reach = max((float(np.nanmax(y)) for y in measured if np.isfinite(y).any()), default=0.0)
+    curve = result.load_curve
+    inside = curve.position <= max(reach, float(curve.position[0]))
+    peak = int(np.argmax(curve.force[inside]))
+    where = f"{curve.position[peak] * 1e3:.2f} mm"
+    return f"peak load {curve.force[peak]:.0f} N at {where}, within the {reach * 1e3:.1f} mm that were driven"

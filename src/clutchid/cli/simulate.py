@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json, read_logs, start_actuator
-from clutchid.errors import ParameterError
+from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, partition_of, pressure, print_json, read_logs
+
+if TYPE_CHECKING:
+    from clutchid.estimate.parameter_file import ParameterFile, Starts
+    from clutchid.log import Log
+    from clutchid.simulation import Partition
 
 
 def simulate(
@@ -19,7 +24,7 @@ def simulate(
     out: Path,
     every: int | None = None,
     parts: int | None = None,
-    carry: Literal["p", "q"] = "p",
+    carry: Literal["p", "q"] | None = None,
     ambient: str | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
@@ -27,7 +32,7 @@ def simulate(
     """Simulate an actuator with the inputs of a recording and write all states.
 
     Where the recording does not start vented and at rest, position and pressure at its start are taken from the
-    parameter file if it has them for this recording, else estimated from the measured position.
+    parameter file if it has them for this very file, else estimated from the measured position.
 
     Parameters
     ----------
@@ -42,7 +47,7 @@ def simulate(
     parts
         Take the measured position again at the start of N equal parts.
     carry
-        Across such a reset, carry the pressures (p) or the masses of air (q).
+        Across such a reset, carry the pressures (p, the default) or the masses of air (q).
     ambient
         Ambient pressure for gauge units, for example 1.013bar; default P_0 of the parameter file.
     json
@@ -52,25 +57,42 @@ def simulate(
     """
 
     def work() -> int:
-        from clutchid.estimate.fit import starts_of
+        from clutchid.estimate.parameter_file import read_parameters
         from clutchid.io import write
-        from clutchid.io.files import check_writable
-        from clutchid.simulation import Partition
         from clutchid.simulation import simulate as simulate_log
 
-        check_writable(out)
-        if out.resolve() == log.resolve():
-            raise ParameterError(f"--out {out}: is the recording itself; name another file.")
-        actuator, content = start_actuator(parameters, None)
-        recording = read_logs([log], pressure(ambient, actuator.parameters.P_0))[0]
-        partition = None if every is None and parts is None else Partition(every=every, parts=parts, carry=carry)
-        starts = content.starts.get(recording.name) or starts_of(recording, actuator, partition)
-        done = simulate_log(actuator, recording, partition=partition, starts=starts)
+        check_outputs({"--out": out}, [("the recording itself", log), ("the parameter file itself", parameters)])
+        partition, content = partition_of(every, parts, carry), read_parameters(parameters)
+        recording = read_logs([log], pressure(ambient, content.actuator.parameters.P_0))[0]
+        starts, told = _starts(recording, content, partition, parameters)
+        done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
         write(done.log, out)
+        warnings = list(dict.fromkeys((*recording.warnings, *told, *done.warnings)))
         if json:
-            print_json({**EMPTY, "status": "ok", "message": done.message, "warnings": list(done.warnings)})
-        else:
-            print(f"written: {out.resolve()}")
+            status = "warning" if warnings else "ok"
+            print_json({**EMPTY, "status": status, "message": done.message, "warnings": warnings})
+            return DONE
+        for warning in warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+        print(f"written: {out.resolve()}")
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
+
+
+def _starts(
+    recording: Log, content: ParameterFile, partition: Partition | None, file: Path
+) -> tuple[Starts, tuple[str, ...]]:
+    """The starts of the segments, from the parameter file `file` only if it has them for this very recording."""
+    from clutchid.estimate.fit import starts_of
+
+    kept = content.starts_for(recording)
+    if kept is not None:
+        return kept, ()
+    told: tuple[str, ...] = ()
+    if content.starts.get(recording.name):
+        told = (
+            f"{recording.name}: {file} has starts for a recording of this name, but not for this very file (sha256 in "
+            "[fit] data); they were estimated anew.",
+        )
+    return starts_of(recording, content.actuator, partition), told

@@ -16,14 +16,18 @@ from types import ModuleType
 
 _LIBRARIES = ("numba", "sympy", "numpy")
 
+#: First line of a module: this and the SHA-256 of all that follows, so that a damaged file is known.
+_MARK = b"# made by clutchid, sha256 of the rest: "
+
 
 def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) -> ModuleType:
     """The generated module `name`, built by `build` unless a cached one fits.
 
     The cache folder is keyed by the contents of `sources`, the versions of the libraries and the processor type; Numba
     keeps the machine code beside the module and checks the processor's features itself. The file appears under a
-    temporary name and is renamed, so processes that build at the same time do not disturb each other. Where the
-    user's cache folder cannot be written, a temporary folder serves.
+    temporary name and is renamed, so processes that build at the same time do not disturb each other. Its first line
+    holds the hash of the rest: a truncated or damaged file is built again. Where the user's cache folder cannot be
+    written, a temporary folder serves.
 
     Raises
     ------
@@ -32,15 +36,32 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
     """
     key = _key(sources)
     path = _folder(key) / f"{name}.py"
-    if not path.exists():
+    if not _whole(path):
         _write(path, build())
     spec = importlib.util.spec_from_file_location(f"clutchid_generated_{name}_{key}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # Numba's cache finds a kernel's globals by the module's name
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except (EOFError, ValueError, TypeError, ImportError):  # how Python's own compiled file beside it shows damage
+        Path(importlib.util.cache_from_source(str(path))).unlink(missing_ok=True)
+        spec.loader.exec_module(module)
     return module
+
+
+def _whole(path: Path) -> bool:
+    """Whether the module is there as it was written."""
+    try:
+        mark, _, text = path.read_bytes().partition(b"\n")
+    except OSError:
+        return False
+    return mark == _mark(text)
+
+
+def _mark(text: bytes) -> bytes:
+    return _MARK + hashlib.sha256(text).hexdigest().encode()
 
 
 def _key(sources: Iterable[Path]) -> str:
@@ -89,7 +110,8 @@ def _own(folder: Path) -> bool:
 
 
 def _write(path: Path, text: str) -> None:
+    content = text.encode("utf-8")
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
+    with os.fdopen(handle, "wb") as file:
+        file.write(_mark(content) + b"\n" + content)
     Path(temporary).replace(path)

@@ -31,7 +31,9 @@ class Covariance:
         return float(stdtrit(max(1.0, self.degrees_of_freedom), 0.975))
 
 
-def sandwich(R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool_] | None = None) -> Covariance:
+def sandwich(
+    R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool_] | None = None, shared: int | None = None
+) -> Covariance:
     r"""Covariance of a least-squares estimate with autocorrelated residuals.
 
     .. math:: P = H^{-1} \Big( \sum_{|l| \le b} (1 - |l| / (b + 1)) \sum_t s_t s_{t+l}^T \Big) H^{-1}, \quad H = R^T R
@@ -44,6 +46,9 @@ def sandwich(R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool
         ``J_t r_t``, sample by sample; segments are taken as independent.
     known : (k,), optional
         Parameters that the data say something about; by default those with a Jacobian column above rounding.
+    shared : int, optional
+        The first `shared` parameters belong to all segments, the others to one each: only the first cost degrees of
+        freedom of the whole, and only their scores choose the bandwidth. By default all.
 
     Raises
     ------
@@ -56,6 +61,7 @@ def sandwich(R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool
     intervals many times too narrow.
     """
     k = R.shape[0]
+    common = k if shared is None or shared == 0 else shared
     norms = np.sqrt(np.sum(R**2, axis=0))
     heard = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
     known = heard if known is None else heard & known
@@ -68,13 +74,15 @@ def sandwich(R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool
     inverse = _pseudo_inverse(R[:, known] / norms[known])
     size = max(1, -(-total // MAX_BLOCKS))
     blocks = [_block_sums(s[:, known] / norms[known], size) for s in scores]
-    bandwidth = _bandwidth(np.concatenate(blocks) @ inverse)
+    influence = np.concatenate(blocks) @ inverse
+    leading = influence[:, : max(1, int(known[:common].sum()))]
+    bandwidth = _bandwidth(leading)
     middle = sum((_lag_sum(block, bandwidth) for block in blocks), np.zeros((known.sum(), known.sum())))
     count = sum(block.shape[0] for block in blocks)
     root = (inverse / norms[known]).T @ _square_root(middle)
     inner = root @ root.T
-    matrix[np.ix_(known, known)] = inner * count / max(1.0, count - k)
-    return Covariance(matrix, max(1.0, 1.5 * count / (bandwidth + 1) - k))
+    matrix[np.ix_(known, known)] = inner * count / max(1.0, count - common)
+    return Covariance(matrix, max(1.0, 1.5 * count / (bandwidth + 1) - common))
 
 
 def _square_root(matrix: FloatArray) -> FloatArray:

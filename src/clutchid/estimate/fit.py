@@ -13,12 +13,12 @@ from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.problem import MEASURED, Problem, problem
 from clutchid.estimate.result import Fit, Recording
 from clutchid.estimate.search import Progress, two_stages
-from clutchid.estimate.summary import failed, summary
+from clutchid.estimate.summary import failed, plan_warnings, summary
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.simulation.partition import Partition
-from clutchid.simulation.plan import plan
+from clutchid.simulation.plan import outside_stroke, plan
 from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
 
 #: A parameter without own bounds stays within this factor of its start value.
@@ -71,9 +71,9 @@ def fit(
     Raises
     ------
     DataError
-        If a recording lacks a column, or nothing can be fitted.
+        If a recording lacks a column, has fewer samples than there are free numbers, or nothing can be fitted.
     ParameterError
-        For an unknown name, crossed bounds, or more free parameters than samples.
+        For an unknown name, or bounds that cross or are not admissible.
     SolveError
         If the start values cannot be simulated and `on_failure` is 'raise'.
 
@@ -84,7 +84,7 @@ def fit(
     actuator = actuator or Actuator()
     recordings = _uniquely_named([logs] if isinstance(logs, Log) else list(logs))
     names = free_names(free, actuator)
-    _check(recordings, measure)
+    _check([*recordings, *verify], measure, len(recordings), actuator.parameters.y_max)
     limits = _bounds(names, actuator, bounds or {})
     start = actuator.replace({name: float(np.clip(actuator.value(name), *limits[name])) for name in names})
     rate = stiffness_over(start, limits, top_speed(partition))
@@ -93,11 +93,19 @@ def fit(
     _check_size(task)
     solution, scales = two_stages(task, progress)
     if isinstance(solution, Failure):
+        message = " ".join([f"the start values cannot be simulated. {solution.message}", *plan_warnings(plans)])
         if on_failure == "raise":
-            raise SolveError(f"the start values cannot be simulated. {solution.message}")
-        return failed(task, solution.message)
-    result = summary(task, solution, scales)
-    return replace(result, verification=verification(result.actuator, verify, partition, measure))
+            raise SolveError(message)
+        return failed(task, message)
+    return _verified(summary(task, solution, scales), verify, partition, measure)
+
+
+def _verified(result: Fit, logs: Sequence[Log], partition: Partition | None, measure: Sequence[str]) -> Fit:
+    """`result` with the simulations of other recordings, and what is to be said of them."""
+    done, warnings = verification(result.actuator, logs, partition, measure)
+    told = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
+    status = "warning" if told and result.status == "ok" else result.status
+    return replace(result, verification=done, warnings=told, status=status)
 
 
 def free_names(free: Sequence[str], actuator: Actuator) -> tuple[str, ...]:
@@ -115,19 +123,23 @@ def free_names(free: Sequence[str], actuator: Actuator) -> tuple[str, ...]:
     return tuple(dict.fromkeys(expanded))
 
 
-def _check(recordings: Sequence[Log], measure: Sequence[str]) -> None:
+def _check(recordings: Sequence[Log], measure: Sequence[str], fitted: int, y_max: float) -> None:
+    """Refuse, before any work, recordings that lack a column; only the first `fitted` need all of `measure`."""
     unknown = [unknown_name(name, MEASURED, "measured column") for name in measure if name not in MEASURED]
     if unknown or not measure:
         raise ParameterError(
             "\n".join(unknown) or "measure: nothing to compare with; give position, pressure_a or both."
         )
-    if not recordings:
+    if fitted == 0:
         raise DataError("no recording given; a fit needs at least one.")
     problems = []
-    for log in recordings:
-        needed = dict.fromkeys(("duty_supply", "duty_exhaust", "position", *measure))
+    for number, log in enumerate(recordings):
+        compared = measure if number < fitted else ("position",)
+        needed = dict.fromkeys(("duty_supply", "duty_exhaust", "position", *compared))
         absent = [name for name in needed if name not in log]
-        empty = [name for name in measure if name in log and not np.isfinite(log[name]).any()]
+        empty = [name for name in compared if name in log and not np.isfinite(log[name]).any()]
+        sentences, alien = outside_stroke(log, y_max)
+        problems += sentences if alien else []
         problems += [f"{log.name}: no column '{name}'; it has {', '.join(log.columns)}." for name in absent]
         problems += [f"{log.name}: column '{name}' has no finite sample; nothing can be compared." for name in empty]
     if problems:
@@ -161,8 +173,15 @@ def _bounds(
         for name, (low, high) in given.items()
         if not low < high
     ]
-    if foreign or crossed:
-        raise ParameterError("\n".join(foreign + crossed))
+    outside = [
+        f"{name}: bound {bound:g} is not admissible, it is {Parameters.row(name).allowed} {Parameters.row(name).unit}."
+        for name, limits in given.items()
+        if name in Parameters.names()
+        for bound in limits
+        if np.isfinite(bound) and not Parameters.row(name).admits(bound)
+    ]
+    if foreign or crossed or outside:
+        raise ParameterError("\n".join(foreign + crossed + outside))
     return {name: given.get(name, _default_bounds(name, actuator)) for name in names}
 
 
@@ -170,35 +189,46 @@ def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
     if name in actuator.load.names:
         return (-np.inf, np.inf) if name == "theta_2" else (0.0, np.inf)
     row, value = Parameters.row(name), actuator.value(name)
-    if np.isfinite(row.high) or value <= 0.0:
+    if value <= 0.0:
         return row.low, row.high
-    return value / DEFAULT_RANGE, value * DEFAULT_RANGE
+    if not np.isfinite(row.high):
+        return value / DEFAULT_RANGE, value * DEFAULT_RANGE
+    return row.low if row.low_included else value / DEFAULT_RANGE, row.high
 
 
 def verification(
     actuator: Actuator, logs: Sequence[Log], partition: Partition | None, measure: Sequence[str] = ("position",)
-) -> dict[str, Recording]:
-    """Recordings simulated with `actuator`, nothing fitted but unknown starts, and their errors.
+) -> tuple[dict[str, Recording], list[str]]:
+    """Recordings simulated with `actuator`, nothing fitted but unknown starts, with their errors; and warnings.
+
+    A recording that cannot be simulated is left out and is a warning.
 
     Raises
     ------
     DataError
         If a recording lacks a column.
     """
-    used = [name for name in measure if all(name in log for log in logs)] or ["position"]
     done: dict[str, Recording] = {}
+    warnings: list[str] = []
     for log in _uniquely_named(list(logs)):
-        done |= fit([log], actuator, free=(), measure=used, partition=partition).recordings
-    return done
+        used = [name for name in measure if name in log] or ["position"]
+        result = fit([log], actuator, free=(), measure=used, partition=partition, on_failure="return")
+        done |= result.recordings
+        warnings += result.warnings if result.status != "failed" else [result.message]
+    return done, warnings
 
 
 def _uniquely_named(logs: list[Log]) -> list[Log]:
     """Logs with different names: a number is added where two files have the same stem."""
-    seen: dict[str, int] = {}
+    taken = {log.name for log in logs}
+    seen: set[str] = set()
     named = []
     for log in logs:
-        seen[log.name] = seen.get(log.name, 0) + 1
-        named.append(log if seen[log.name] == 1 else replace(log, name=f"{log.name} ({seen[log.name]})"))
+        name, number = log.name, 2
+        while name in seen or (name != log.name and name in taken):
+            name, number = f"{log.name} ({number})", number + 1
+        seen.add(name)
+        named.append(log if name == log.name else replace(log, name=name))
     return named
 
 

@@ -14,6 +14,9 @@ FloatArray = NDArray[np.float64]
 #: Two estimates that correlate more than this, in magnitude, are told as one sum only.
 CORRELATION = 0.98
 
+#: A singular value of the Jacobian with columns of length one below this is a direction that is not told.
+SINGULAR = 1e-3
+
 #: The recording says nothing about a number whose change by its natural size moves all residuals together by less
 #: than this many noise scales: alone, its standard error would exceed that size.
 SILENT = 1.0
@@ -34,18 +37,32 @@ def cannot_tell(
         Whether the measured pressure is in use already.
     """
     silent = ~heard(R)
-    warnings = _silence([name for i, name in enumerate(names) if silent[i]], reach)
-    others = np.flatnonzero(~silent)
-    if others.size > 1:
+    warnings = _silence([name for i, name in enumerate(names) if silent[i]], actuator, reach)
+    others = np.flatnonzero(~silent).tolist()
+    if len(others) > 1:
         correlation = correlations(R[:, others])
         pairs = [
             (names[others[i]], names[others[j]], correlation[i, j])
-            for i in range(others.size)
+            for i in range(len(others))
             for j in range(i)
             if others[i] < len(names) and others[j] < len(names) and abs(correlation[i, j]) > CORRELATION
         ]
         warnings += _alike(pairs, actuator, reach, with_pressure)
+        warnings += _together(R[:, others], [names[i] if i < len(names) else "" for i in others])
     return warnings
+
+
+def _together(R: FloatArray, names: Sequence[str]) -> list[str]:
+    """Warnings about three or more parameters of which only a combination is told."""
+    _, s, Vt = np.linalg.svd(R / np.sqrt(np.sum(R**2, axis=0)))
+    members = [i for row in np.flatnonzero(s < SINGULAR) for i in np.flatnonzero(np.abs(Vt[row]) > 0.1)]
+    group = [names[int(i)] for i in sorted(set(members)) if names[int(i)]]
+    if len(group) < 3:
+        return []
+    return [
+        f"of {listed(group)} only combinations are told by this recording: one change of them together leaves the "
+        "simulation as it is; fix some of them, their single values and intervals mean nothing."
+    ]
 
 
 def heard(R: FloatArray) -> NDArray[np.bool_]:
@@ -64,11 +81,13 @@ def correlations(R: FloatArray) -> FloatArray:
     return result
 
 
-def _silence(names: list[str], reach: float) -> list[str]:
+def _silence(names: list[str], actuator: Actuator, reach: float) -> list[str]:
     if not names:
         return []
-    text = f"the recording says nothing about {_listed(names)}"
-    if all(name.startswith("theta_") for name in names):
+    text = f"the recording says nothing about {listed(names)}"
+    begun = np.abs(actuator.load.phi(np.linspace(0.0, reach, 101))).max(axis=0) > 0.0
+    acts = dict(zip(actuator.load.names, begun.tolist(), strict=True))
+    if not any(acts.get(name, True) for name in names):
         text += f": it reaches y = {reach * 1e3:.1f} mm, where their part of the load has not begun"
     return [f"{text}; the interval is infinite."]
 
@@ -91,5 +110,6 @@ def _alike(pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float
     return warnings
 
 
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+def listed(names: Sequence[str]) -> str:
+    """Names in a sentence: ``a``, ``a and b``, ``a, b and c``."""
+    return "".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"

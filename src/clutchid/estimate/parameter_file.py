@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,11 +16,13 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.estimate.result import Fit
 from clutchid.io.files import atomic_write
+from clutchid.log import Log
 from clutchid.model.actuator import Actuator, Load
 from clutchid.parameters import Parameters, unknown_name
 
 _SECTIONS = ("model", "parameters", "recording", "fit")
 _MODEL_KEYS = ("variant", "load_basis", "knots", "phi2_slope")
+_START_KEYS = ("position_start", "pressure_a_start")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 
 Starts = tuple[tuple[float, float], ...]
@@ -35,6 +38,13 @@ class ParameterFile:
     actuator: Actuator
     starts: Mapping[str, Starts] = field(default_factory=dict)
     fit: Mapping[str, Any] = field(default_factory=dict)
+
+    def starts_for(self, log: Log) -> Starts | None:
+        """The starts of `log`, if they were estimated from just this file: the hash under [fit] data says so."""
+        data = self.fit.get("data")
+        known = data.get(log.name) if isinstance(data, Mapping) else None
+        same = isinstance(known, str) and known == log.metadata.get("sha256")
+        return (self.starts.get(log.name) or None) if same else None
 
 
 def parameter_file(fitted: Fit) -> ParameterFile:
@@ -136,7 +146,9 @@ def _all(path: str | PathLike[str], problems: list[str]) -> str:
 
 def _load(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, list[str]]:
     problems = [unknown_name(name, _MODEL_KEYS, "entry of [model]") for name in model if name not in _MODEL_KEYS]
-    basis = model.get("load_basis", "paper")
+    variant, basis = model.get("variant", "isothermal"), model.get("load_basis", "paper")
+    if not isinstance(variant, str):
+        problems.append(f"[model] variant = {variant!r}: a name in quotes is needed, for example 'isothermal'.")
     if basis != "paper":
         problems.append(unknown_name(str(basis), ("paper",), "load basis"))
     default = Load()
@@ -155,7 +167,13 @@ def _load(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, l
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    try:
+        float(value)  # TOML has no largest integer
+    except OverflowError:
+        return False
+    return True
 
 
 def _parameters(values: dict[str, Any], load: Load | None) -> tuple[Parameters | None, list[str]]:
@@ -173,9 +191,32 @@ def _starts(recordings: dict[str, Any]) -> tuple[dict[str, Starts], list[str]]:
     starts: dict[str, Starts] = {}
     problems = []
     for stem, entry in recordings.items():
-        position, pressure = entry.get("position_start", []), entry.get("pressure_a_start", [])
-        if len(position) != len(pressure) or not all(_is_number(v) for v in (*position, *pressure)):
-            problems.append(f"[recording.'{stem}']: position_start and pressure_a_start must be equally many numbers.")
+        wrong = _start_problems(stem, entry)
+        if wrong:
+            problems += wrong
         else:
-            starts[stem] = tuple(zip(map(float, position), map(float, pressure), strict=True))
+            pairs = zip(*(entry.get(key, []) for key in _START_KEYS), strict=True)
+            starts[stem] = tuple((float(position), float(pressure)) for position, pressure in pairs)
     return starts, problems
+
+
+def _start_problems(stem: str, entry: object) -> list[str]:
+    """What is wrong with the starts of one recording."""
+    if not isinstance(entry, dict):
+        return [f"[recording] {stem} = {entry!r}: a section [recording.'{stem}'] with {_in_words()} is needed."]
+    where = f"[recording.'{stem}']"
+    problems = [unknown_name(name, _START_KEYS, f"entry of {where}") for name in entry if name not in _START_KEYS]
+    lists = {key: entry.get(key, []) for key in _START_KEYS}
+    for key, values in lists.items():
+        if not isinstance(values, list) or not all(_is_number(v) and math.isfinite(v) for v in values):
+            problems.append(f"{where} {key} = {values!r}: a list of finite numbers is needed, one a segment.")
+        elif key == "pressure_a_start" and not all(v > 0 for v in values):
+            problems.append(f"{where} {key} = {values!r}: pressures are absolute, in Pa, and above 0.")
+    if not problems and len({len(values) for values in lists.values()}) > 1:
+        counts = " and ".join(str(len(values)) for values in lists.values())
+        problems.append(f"{where}: {_in_words()} must be equally many numbers, they are {counts}.")
+    return problems
+
+
+def _in_words() -> str:
+    return " and ".join(_START_KEYS)

@@ -27,9 +27,13 @@ from clutchid.simulation.run import (
 from clutchid.simulation.simulation import failure_message
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 #: State that a measured column is compared with.
 MEASURED = {"position": "y", "pressure_a": "p_A"}
+
+#: A recording whose position stays within this many m does not move.
+REST = 5e-4
 
 #: Natural size of a load weight in N/m, and of the start of a segment in m and Pa.
 WEIGHT_UNIT = 1e5
@@ -64,6 +68,12 @@ class Problem:
     low: FloatArray
     high: FloatArray
 
+    @property
+    def moves(self) -> bool:
+        """Whether the piston moves in any recording; where it rests, nothing is told about the actuator."""
+        spans = [p.log["position"][np.isfinite(p.log["position"])] for p in self.plans]
+        return any(span.size > 0 and float(np.ptp(span)) > REST for span in spans)
+
     def si(self, x: FloatArray) -> FloatArray:
         """`x` in SI units."""
         return x * self.unit
@@ -74,9 +84,10 @@ class Problem:
 
     def starts_at(self, x: FloatArray, log: int, actuator: Actuator) -> list[tuple[float, float]]:
         """Position and pressure at the start of every segment of a recording."""
-        return [self._start(part, x, actuator) for part in self.parts if part.log == log]
+        return [self.start_of(part, x, actuator) for part in self.parts if part.log == log]
 
-    def _start(self, part: Part, x: FloatArray, actuator: Actuator) -> tuple[float, float]:
+    def start_of(self, part: Part, x: FloatArray, actuator: Actuator) -> tuple[float, float]:
+        """Position and pressure at the start of one segment."""
         values = dict(zip(part.start_names, (float(self.si(x)[i]) for i in part.start), strict=True))
         position = values.get(POSITION_START, part.segment.position_start)
         return position, values.get(PRESSURE_START, guessed_pressure(part.segment, actuator))
@@ -134,7 +145,7 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
     for answer in residuals(task, x, scales):
         if isinstance(answer, Failure):
             return answer
-        part, r, J = answer
+        part, r, J, _ = answer
         count += r.size
         with np.errstate(over="ignore", invalid="ignore"):
             local = compress(J, r)
@@ -154,8 +165,11 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
 
 def residuals(
     task: Problem, x: FloatArray, scales: Mapping[str, float]
-) -> Iterator[tuple[Part, FloatArray, FloatArray] | Failure]:
-    """For each segment: scaled residuals (m,), missing samples left out, and their Jacobian to x (m, k_local)."""
+) -> Iterator[tuple[Part, FloatArray, FloatArray, IntArray] | Failure]:
+    """For each segment: scaled residuals (m,), their Jacobian to x (m, k_local), and the sample of each residual.
+
+    Missing samples are left out, element by element.
+    """
     try:
         actuator = task.actuator_at(x)
     except ParameterError as error:
@@ -166,7 +180,7 @@ def residuals(
     for part in task.parts:
         log, segment = task.plans[part.log].log, part.segment
         which = columns(actuator, [*task.names, *part.start_names])
-        x0 = start_state(segment, actuator, task._start(part, x, actuator))
+        x0 = start_state(segment, actuator, task.start_of(part, x, actuator))
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(part.start))
         states, sens, failed = run_with_sensitivities(segment, numbers, start, which, watched)
         if failed >= 0:
@@ -178,12 +192,13 @@ def residuals(
 
 def _compared(
     task: Problem, part: Part, states: FloatArray, sens: FloatArray, scales: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, IntArray]:
     log, segment = task.plans[part.log].log, part.segment
-    r_parts, J_parts = [], []
+    r_parts, J_parts, at_parts = [], [], []
     for i, name in enumerate(task.measure):
         difference = states[:, STATES.index(MEASURED[name])] - log[name][segment.start : segment.stop]
         known = np.isfinite(difference)
+        at_parts.append(np.flatnonzero(known))
         if known.all():
             r_parts.append(difference / scales[name])
             J_parts.append(sens[:, i] / scales[name])
@@ -191,8 +206,8 @@ def _compared(
             r_parts.append(difference[known] / scales[name])
             J_parts.append(sens[known, i] / scales[name])
     if len(r_parts) == 1:
-        return r_parts[0], J_parts[0]
-    return np.concatenate(r_parts), np.concatenate(J_parts)
+        return r_parts[0], J_parts[0], at_parts[0]
+    return np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
 
 
 def simulated_states(task: Problem, x: FloatArray, log: int) -> FloatArray:
@@ -202,6 +217,6 @@ def simulated_states(task: Problem, x: FloatArray, log: int) -> FloatArray:
     states = np.full((len(task.plans[log].log), len(STATES)), np.nan)
     for part in task.parts:
         if part.log == log:
-            x0 = start_state(part.segment, actuator, task._start(part, x, actuator))
+            x0 = start_state(part.segment, actuator, task.start_of(part, x, actuator))
             states[part.segment.start : part.segment.stop] = run(part.segment, numbers, x0)[0]
     return states

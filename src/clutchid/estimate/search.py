@@ -42,6 +42,8 @@ def two_stages(task: Problem, progress: Progress | None) -> tuple[Solution | Fai
     begin = _best_start(task, lambda x: evaluate(x, "coarse"))
     if isinstance(begin, Failure):
         return begin, scales
+    if not task.moves:
+        return Solution(task.x0, begin[1], "converged", count), scales
     coarse = minimise(lambda x: evaluate(x, "coarse"), begin, task.low, task.high, tolerance=1e-3)
     scales = _noise_scales(task, coarse.x, scales)
     again = evaluate(coarse.x, "fine")
@@ -56,20 +58,17 @@ def _best_start(
     """The best of some multiples of the load at the start values, where any load weight is free."""
     weights = [i for i, name in enumerate(task.names) if name in task.actuator.load.names]
     best: tuple[FloatArray, Linearisation] | None = None
-    first: Failure | None = None
+    failure: Failure | None = None
     for factor in COARSE_FACTORS if weights else (1.0,):
         x = task.x0.copy()
         x[weights] *= factor
         x = np.clip(x, task.low, task.high)
         answer = evaluate(x)
         if isinstance(answer, Failure):
-            if factor == 1.0:
-                return answer
-            first = first or answer
+            failure = failure or answer
         elif best is None or answer.cost < best[1].cost:
             best = x, answer
-    assert best is not None
-    return best
+    return best or failure or Failure("there is nothing to simulate")
 
 
 def _noise_scales(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> dict[str, float]:
@@ -78,7 +77,7 @@ def _noise_scales(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> 
     for answer in residuals(task, x, scales):
         if isinstance(answer, Failure):
             return dict(scales)
-        part, r, _ = answer
+        part, r, _, _ = answer
         log, at = task.plans[part.log].log, slice(part.segment.start, part.segment.stop)
         sizes = [int(np.isfinite(log[name][at]).sum()) for name in task.measure]
         for name, piece in zip(task.measure, np.split(r, np.cumsum(sizes)[:-1]), strict=True):

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.estimate.covariance import Covariance, sandwich
-from clutchid.estimate.identifiability import cannot_tell, heard
+from clutchid.estimate.identifiability import cannot_tell, heard, listed
 from clutchid.estimate.least_squares import Failure, Solution
 from clutchid.estimate.problem import WEIGHT_UNIT, Problem, residuals, simulated_states
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, combined_errors, errors_between
+from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
 
 FloatArray = NDArray[np.float64]
@@ -23,10 +25,14 @@ def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> F
     x, k = solution.x, len(task.names)
     covariance = _covariance(task, solution, scales)
     fitted = task.actuator_at(x)
-    reach = max(float(np.nanmax(p.log["position"])) for p in task.plans)
     recordings = _recordings(task, x, fitted)
-    warnings = [w for p in task.plans for w in (*p.log.warnings, *p.warnings)]
-    warnings += cannot_tell(solution.at.R, task.names, fitted, reach, "pressure_a" in task.measure)
+    warnings = plan_warnings(task.plans)
+    if task.moves:
+        reach = furthest([recording.measured for recording in recordings.values()])
+        warnings += cannot_tell(solution.at.R, task.names, fitted, reach, "pressure_a" in task.measure)
+        warnings += _does_not_move(recordings)
+    else:
+        warnings.append(_resting(task.names))
     warnings += _at_bounds(task, x)
     if solution.status == "limit":
         warnings.append(f"the search stopped after {solution.evaluations} evaluations without settling.")
@@ -46,6 +52,38 @@ def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> F
     )
 
 
+def plan_warnings(plans: Sequence[Plan]) -> list[str]:
+    """What is to be said of the recordings themselves."""
+    return [warning for prepared in plans for warning in (*prepared.log.warnings, *prepared.warnings)]
+
+
+def furthest(logs: Sequence[Log]) -> float:
+    """Furthest finite position in m; 0 where there is none."""
+    positions = [log["position"][np.isfinite(log["position"])] for log in logs]
+    return max((float(position.max()) for position in positions if position.size), default=0.0)
+
+
+def _resting(names: Sequence[str]) -> str:
+    return (
+        "the recording does not move, so it says nothing about "
+        f"{listed(names) or 'the actuator'}; the start values are kept, the intervals are infinite."
+    )
+
+
+def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
+    """A warning where the measured piston strokes and the simulated one hardly moves."""
+    stuck = [
+        name
+        for name, recording in recordings.items()
+        if furthest([recording.simulated]) < 0.1 * furthest([recording.measured])
+    ]
+    return [
+        f"{name}: the piston moves in the recording, not in the simulation; check that supply and exhaust are not "
+        "swapped, and the supply pressure P_S."
+        for name in stuck
+    ]
+
+
 def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> dict[str, Recording]:
     recordings = {}
     for number, prepared in enumerate(task.plans):
@@ -60,11 +98,27 @@ def _covariance(task: Problem, solution: Solution, scales: Mapping[str, float]) 
     scores = []
     for answer in residuals(task, solution.x, scales):
         assert not isinstance(answer, Failure)
-        part, r, J = answer
-        rows = np.zeros((r.size, solution.x.size))
-        rows[:, [*range(len(task.names)), *part.start]] = J * r[:, None]
+        part, r, J, at = answer
+        # all that is measured at one sample is one score, so that what they have in common is counted
+        local = np.zeros((len(part.segment), J.shape[1]))
+        np.add.at(local, at, J * r[:, None])
+        rows = np.zeros((len(part.segment), solution.x.size))
+        rows[:, [*range(len(task.names)), *part.start]] = local
         scores.append(rows)
-    return sandwich(solution.at.R, scores, heard(solution.at.R))
+    known = heard(solution.at.R) & ~_held(task, solution) & task.moves
+    return sandwich(solution.at.R, scores, known, len(task.names))
+
+
+def _held(task: Problem, solution: Solution) -> NDArray[np.bool_]:
+    """Parameters held by a bound against the data, load weights excepted: they are as if fixed there.
+
+    A weight at its bound stays uncertain in the load band: it may be larger.
+    """
+    x, gradient = solution.x, solution.at.R.T @ solution.at.q
+    held = ((x <= task.low) & (gradient > 0)) | ((x >= task.high) & (gradient < 0))
+    held[[i for i, name in enumerate(task.names) if name in task.actuator.load.names]] = False
+    held[len(task.names) :] = False
+    return held
 
 
 def _estimates(task: Problem, x: FloatArray, covariance: Covariance) -> dict[str, Estimate]:
@@ -72,7 +126,9 @@ def _estimates(task: Problem, x: FloatArray, covariance: Covariance) -> dict[str
     estimates = {}
     for i, name in enumerate(task.names):
         std, unit = float(np.sqrt(covariance.matrix[i, i])), float(task.unit[i])
-        low, high = max(task.low[i], x[i] - quantile * std), min(task.high[i], x[i] + quantile * std)
+        low, high = x[i] - quantile * std, x[i] + quantile * std
+        if np.isfinite(std):
+            low, high = max(task.low[i], low), min(task.high[i], high)
         estimates[name] = Estimate(
             float(x[i]) * unit, task.actuator.unit(name), std * unit, float(low) * unit, float(high) * unit
         )
@@ -99,7 +155,9 @@ def _at_bounds(task: Problem, x: FloatArray) -> list[str]:
             if x[i] == bound:
                 unit = task.actuator.unit(name)
                 value = bound * task.unit[i]
-                warnings.append(f"{name} lies at its {word} bound {value:g}{'' if unit == '1' else ' ' + unit}.")
+                shown = f"{value:g}{'' if unit == '1' else ' ' + unit}"
+                fixed = "" if name in task.actuator.load.names else "; the others' intervals take it as fixed there"
+                warnings.append(f"{name} lies at its {word} bound {shown}{fixed}.")
     return warnings
 
 

@@ -12,14 +12,13 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.io.columns import QUANTITIES, Heading, heading_problems, ignored
 from clutchid.io.table import SHOWN, Places, Rows, Table, and_more
-from clutchid.log import INPUTS, FloatArray
+from clutchid.log import HOLE, INPUTS, FloatArray
 from clutchid.units import UNITS, to_si
 
 #: Ambient pressure in Pa that gauge pressures are raised by, P_0 of Appendix A.
 AMBIENT = 1.095e5
 
 _DUTY_SLACK = 1e-9
-_HOLE = 5.0
 _ROUNDING = 1e-6
 _ABSOLUTE = ("pressure_a", "pressure_b")
 
@@ -96,7 +95,7 @@ def holes(time: FloatArray) -> Rows:
     >>> holes(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
     [3]
     """
-    return np.flatnonzero(intervals(time) > _HOLE * usual_interval(time) * (1 + _ROUNDING))
+    return np.flatnonzero(intervals(time) > HOLE * usual_interval(time))
 
 
 def intervals(time: FloatArray) -> FloatArray:

@@ -37,7 +37,7 @@ class Load:
     Raises
     ------
     ParameterError
-        If knots do not increase or a weight is not finite.
+        If knots do not increase, or a knot or a weight is not finite.
 
     Examples
     --------
@@ -57,9 +57,11 @@ class Load:
         problems = []
         if len(self.theta) != 3 or not all(math.isfinite(value) for value in self.theta):
             problems.append(f"theta = {self.theta}: three finite weights in N/m are needed.")
-        if len(self.knots) != 4 or not all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False)):
+        increasing = all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
+        if len(self.knots) != 4 or not increasing or not all(math.isfinite(knot) for knot in self.knots):
             problems.append(
-                f"knots = {self.knots} m: four strictly increasing positions are needed, the paper has {PAPER_KNOTS}."
+                f"knots = {self.knots} m: four strictly increasing positions are needed, all of them finite; "
+                f"the paper has {PAPER_KNOTS}."
             )
         if not math.isfinite(self.phi2_slope):
             problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")

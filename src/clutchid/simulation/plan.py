@@ -8,15 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import INPUTS, Log
+from clutchid.log import HOLE, INPUTS, Log
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 
 FloatArray = NDArray[np.float64]
 
-#: An interval this many times longer than the median is a hole.
-HOLE = 5.0
+#: Shorter stretches between holes tell less than their own unknown start takes.
+SHORTEST = 10
+
+#: A position further outside the stroke than this, in m, is no position of a piston: start and resets stop there.
+OUTSIDE = 2e-4
+
+#: Further outside than this part of the stroke, a position has another unit, sign or zero.
+ALIEN = 0.2
 
 #: A recording starts vented and at rest when it stays this near to zero, in m, and this still, for `REST_TIME` s or
 #: until the supply valve opens. The rest before that, up to `REST_WINDOW` s, tells the position at the start.
@@ -87,7 +93,9 @@ def plan(
     bounds = _stretches(log)
     if not bounds:
         raise DataError(f"{log.name}: no two neighbouring samples have both duty cycles; nothing can be simulated.")
+    y_max = actuator.parameters.y_max
     jump, measured = _resets(log, partition, use_pressure)
+    measured[:, 0] = np.clip(measured[:, 0], -OUTSIDE, y_max + OUTSIDE)
     segments = tuple(
         _segment(log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure)
         for start, stop in bounds
@@ -99,30 +107,34 @@ def plan(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."
         )
-    return Plan(log, segments, (*warnings, *_outside_stroke(log, actuator)))
+    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max)[0]))
 
 
-def _outside_stroke(log: Log, actuator: Actuator) -> list[str]:
-    """A warning where the measured position leaves the stroke by more than a millimetre."""
+def outside_stroke(log: Log, y_max: float) -> tuple[list[str], bool]:
+    """A sentence where the measured position leaves the stroke of `y_max` m, and whether it is no such piston's."""
     position = log["position"][np.isfinite(log["position"])] if "position" in log else np.zeros(0)
-    y_max = actuator.parameters.y_max
-    if position.size == 0 or (position.min() > -1e-3 and position.max() < y_max + 1e-3):
-        return []
-    return [
+    if position.size == 0:
+        return [], False
+    low, high = (float(q) for q in np.percentile(position, (0.5, 99.5)))
+    if low > -OUTSIDE and high < y_max + 5 * OUTSIDE:
+        return [], False
+    sentence = (
         f"{log.name}: the position runs from {position.min() * 1e3:.4g} to {position.max() * 1e3:.4g} mm, outside the "
         f"stroke of 0 to {y_max * 1e3:g} mm; check its unit, its sign and its zero."
-    ]
+    )
+    return [sentence], low < -ALIEN * y_max or high > (1 + ALIEN) * y_max
 
 
 def _stretches(log: Log) -> list[tuple[int, int]]:
-    """Sample ranges with known inputs and without holes in time, at least two samples each."""
+    """Sample ranges with known inputs and without holes in time; stretches that are too short are left out."""
     known = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
     dt = np.diff(log.time)
     if dt.size == 0:
         return []
     joined = known[:-1] & known[1:] & (dt <= HOLE * np.median(dt))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
-    return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    stretches = [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return stretches if len(stretches) < 2 else [(a, b) for a, b in stretches if b - a >= SHORTEST]
 
 
 def _resets(log: Log, partition: Partition | None, use_pressure: bool) -> tuple[NDArray[np.uint8], FloatArray]:
@@ -161,6 +173,7 @@ def _segment(
     pressure = log["pressure_a"][start:stop] if use_pressure else np.full(stop - start, np.nan)
     rest = _rest(log.time[start:stop], position, inputs[:, 0] <= actuator.parameters.R_0vs)
     vented = start == 0 and _vented(rest[: max(2, int(REST_TIME / dt[0]))], position)
+    first = float(np.median(rest)) if vented and rest.size else _first_finite(position, 0.0)
     jump = jump.copy()
     jump[0] = 0
     return Segment(
@@ -171,7 +184,7 @@ def _segment(
         substeps=substeps(dt, rate),
         jump=jump,
         measured=np.ascontiguousarray(measured),
-        position_start=float(np.median(rest)) if vented and rest.size else _first_finite(position, 0.0),
+        position_start=float(np.clip(first, -OUTSIDE, actuator.parameters.y_max + OUTSIDE)),
         pressure_start=_first_finite(pressure[: max(2, int(REST_TIME / dt[0]))], np.nan),
         vented=vented,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from itertools import product
 
@@ -31,8 +31,9 @@ RESET_SPEED = 0.9
 
 def top_speed(partition: Partition | None) -> float:
     """Fastest motion in m/s that the integration steps must follow."""
-    resets = partition is not None and partition.parts != 1
-    return RESET_SPEED if resets and partition.carry == "q" else TOP_SPEED
+    if partition is None or partition.parts == 1 or partition.carry == "p":
+        return TOP_SPEED
+    return RESET_SPEED
 
 
 def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
@@ -74,17 +75,18 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
 
 
 def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]], speed: float = TOP_SPEED) -> float:
-    """Largest `stiffness` with each parameter of `bounds` at either of its bounds; load weights do not count."""
-    return max(stiffness(one, speed) for one in (actuator, *_corners(actuator, bounds)))
+    """Largest `stiffness` within `bounds`: each parameter in turn goes to the bound that makes it larger, twice.
 
-
-def _corners(actuator: Actuator, bounds: Mapping[str, tuple[float, float]]) -> Iterable[Actuator]:
-    for name, limits in bounds.items():
-        if name in actuator.load.names:
-            continue
-        for bound in limits:
-            with suppress(ParameterError):
-                yield actuator.replace({name: bound})
+    Load weights do not count; combinations that contradict each other are left out.
+    """
+    stiffest, rate = actuator, stiffness(actuator, speed)
+    moving = [(name, limit) for name, limits in bounds.items() for limit in limits if name not in actuator.load.names]
+    for name, limit in moving * 2:
+        with suppress(ParameterError):
+            changed = stiffest.replace({name: limit})
+            if (faster := stiffness(changed, speed)) > rate:
+                stiffest, rate = changed, faster
+    return rate
 
 
 def substeps(dt: FloatArray, rate: float) -> NDArray[np.int32]:

@@ -20,6 +20,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+#: Stems of the tables and numbers of the figures that `find` makes.
+TABLES = (
+    "equation_21",
+    "table_1",
+    "table_1_carry_q",
+    "table_2",
+    "table_2_carry_q",
+    "verification",
+    "pressure_errors",
+)
+FIGURES = (2, 3, 4, 5, 6, 7, 8)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
     """What the study found; `second` are the pressures on the second recording by method, p carried."""

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from clutchid.errors import ExportError
+from clutchid.io.files import check_writable
 from clutchid.log import Log
 from clutchid.report.files import write_bytes
 from clutchid.report.html import render
 from clutchid.report.tables import Table, to_csv
-from clutchid.study.findings import Findings, find
+from clutchid.study.findings import FIGURES, TABLES, Findings, find
 from clutchid.study.fits import Case, Progress
 from clutchid.study.page import study_page
 
@@ -31,7 +33,8 @@ class PaperStudy:
 def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | None = None) -> PaperStudy:
     """Repeat Section 3 of the paper and write ``index.html``, ``figure_2.png`` to ``figure_8.png`` and a CSV a table.
 
-    Nothing is written before all is done; then each file is replaced in one step, the page last.
+    Nothing is written before all is done; then each file is replaced in one step, the page last. Folders that were made
+    for a study that fails are removed again.
 
     Parameters
     ----------
@@ -56,18 +59,18 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | N
     Section 3 of the paper; every deviation is listed on the page.
     """
     report, out = progress or _silent, Path(out)
-    made = _folder(out)
-    try:
+    with _folder(out):
         found = find(fit_log, verify_log, report)
         report("page", 0.95)
         page = render(study_page(found, _command(fit_log, verify_log, out)))
-    except BaseException:
-        if made:
-            out.rmdir()
-        raise
-    files = _written(found, page, out)
+        files = _written(found, page, out)
     report("done", 1.0)
     return PaperStudy(found.cases, found.tables, files[-1], files)
+
+
+def _names() -> list[str]:
+    """Names of all files of the study."""
+    return [*(f"{stem}.csv" for stem in TABLES), *(f"figure_{number}.png" for number in FIGURES), "index.html"]
 
 
 def _written(found: Findings, page: str, out: Path) -> tuple[Path, ...]:
@@ -84,20 +87,50 @@ def _silent(_text: str, _fraction: float) -> None:
     pass
 
 
-def _folder(out: Path) -> bool:
-    """Make the folder; whether it is new."""
-    if out.is_dir():
-        if not os.access(out, os.W_OK | os.X_OK):
-            raise ExportError(f"{out}: the folder is write-protected; name another one with --out.")
-        return False
+@contextmanager
+def _folder(out: Path) -> Iterator[None]:
+    """Make the folder and what is missing above it, and remove it again, with the study's files, if the study fails."""
+    folder = out.resolve()
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
-        out.mkdir(parents=True)
+        _make(out)
+        _check_files(out)
+        yield
+    except BaseException:
+        if missing:  # then all that is in the folder is ours
+            for name in _names():
+                with suppress(OSError):
+                    (folder / name).unlink(missing_ok=True)
+        for each in missing:
+            with suppress(OSError):
+                each.rmdir()
+        raise
+
+
+def _make(out: Path) -> None:
+    advice = "name another one with --out."
+    try:
+        out.resolve().mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        raise ExportError(f"{out}: is a file, the study needs a folder; name another one with --out.") from error
+        raise ExportError(f"{out}: is a file, the study needs a folder; {advice}") from error
     except OSError as error:
-        reason = error.strerror or "no reason given"
-        raise ExportError(f"{out}: the folder cannot be made ({reason}); name another one with --out.") from error
-    return True
+        raise ExportError(
+            f"{out}: the folder cannot be made ({error.strerror or 'no reason given'}); {advice}"
+        ) from error
+    try:
+        with tempfile.TemporaryFile(dir=out.resolve()):
+            pass
+    except OSError as error:
+        raise ExportError(f"{out}: the folder is write-protected ({error.strerror}); {advice}") from error
+
+
+def _check_files(out: Path) -> None:
+    folders = [name for name in _names() if (out.resolve() / name).is_dir()]
+    if folders:
+        what = f"{folders[0]} is a folder" if len(folders) == 1 else f"{', '.join(folders)} are folders"
+        raise ExportError(f"{out}: {what}, the study writes a file there; name another folder with --out.")
+    for name in _names():
+        check_writable(out / name)
 
 
 def _command(fit_log: Log, verify_log: Log, out: Path) -> str:

@@ -1,0 +1,85 @@
+"""Parameter files: what is written is read, and everything that is wrong is told in a sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.estimate.parameter_file import ParameterFile, read_parameters, write_parameters
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+
+STARTS = {"worn 1": ((0.0, 109500.0), (0.004, 2.5e5))}
+
+
+def test_a_written_file_is_read_as_it_was(tmp_path):
+    path = tmp_path / "fit.toml"
+    content = ParameterFile(Actuator(load=Load((8e5, -1e4, 2e4))), STARTS, {"data": {"worn 1": "abc"}})
+    write_parameters(content, path)
+    assert read_parameters(path) == content
+
+
+def test_a_file_names_only_what_differs_from_the_appendix(tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text("[parameters]\nP_S = 800000\n[recording.run]\n")
+    content = read_parameters(path)
+    assert content.actuator == Actuator().replace({"P_S": 8e5})
+    assert content.starts == {"run": ()}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[recording]\nworn1 = 5\n", ["[recording] worn1 = 5", "a section [recording.'worn1']"]),
+        ("[recording.a]\nposition_start = 0.0\n", ["[recording.'a'] position_start = 0.0", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = 'x'\n", ["position_start = 'x'", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [true]\npressure_a_start = [1e5]\n", ["[True]", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [nan]\npressure_a_start = [1e5]\n", ["[nan]", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [inf]\n", ["[inf]", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [0]\n", ["pressure_a_start = [0]", "above 0"]),
+        ("[recording.a]\nposition_start = [0.0]\n", ["equally many numbers", "they are 1 and 0"]),
+        ("[recording.a]\npositions_start = [0.0]\n", ["'positions_start'", "did you mean 'position_start'"]),
+        ("[recording.a]\npressure_start = [1e5]\n", ["'pressure_start'", "did you mean 'pressure_a_start'"]),
+        ("[model]\nvariant = 5\n", ["[model] variant = 5", "a name in quotes"]),
+        ("[model]\nload_basis = 5\n", ["no load basis '5'", "Known are paper"]),
+        ("[model]\nknots = [0.0, 0.002, 0.0085, inf]\n", ["knots", "finite"]),
+        ("[model]\nknots = 5\n", ["knots = 5", "numbers are needed"]),
+        (f"[model]\nphi2_slope = 1{400 * '0'}\n", ["phi2_slope", "numbers are needed"]),
+        ("recording = 5\n", ["[recording] must be a section"]),
+    ],
+)
+def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(text)
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert len(message.splitlines()) == 1
+    for word in words:
+        assert word in message
+
+
+def test_all_wrong_entries_are_told_at_once(tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(
+        "[model]\nvariant = 5\n[parameters]\nC_sv = 1.0\n[recording]\na = 5\n[recording.b]\npressure = [1.0]\n"
+    )
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path)
+    for word in ("4 problems", "variant", "C_sv", "a = 5", "'pressure'"):
+        assert word in str(caught.value)
+
+
+def test_starts_belong_to_one_file_and_not_to_its_name():
+    def log(name: str, **metadata: str) -> Log:
+        return Log(np.arange(3.0), {"position": np.zeros(3)}, name, metadata)
+
+    content = ParameterFile(Actuator(), STARTS, {"data": {"worn 1": "abc"}})
+    assert content.starts_for(log("worn 1", sha256="abc")) == STARTS["worn 1"]
+    assert content.starts_for(log("worn 1", sha256="other")) is None
+    assert content.starts_for(log("worn 1")) is None
+    assert content.starts_for(log("worn 2", sha256="abc")) is None
+    for about in ({}, {"data": 5}, {"data": {"worn 1": 5}}, {"data": {"worn 1": "unknown"}}):
+        assert ParameterFile(Actuator(), STARTS, about).starts_for(log("worn 1", sha256="abc")) is None
