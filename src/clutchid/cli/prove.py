@@ -44,9 +44,9 @@ def prove(
     def work() -> int:
         from clutchid.report.files import write_text
         from clutchid.report.tables import to_csv, to_text
-        from clutchid.study.proving import kept
-        from clutchid.study.proving import prove as run
-        from clutchid.study.standings import every_recording, standings
+        from clutchid.study.proving.ground import kept
+        from clutchid.study.proving.ground import prove as run
+        from clutchid.study.proving.standings import every_recording, standings
 
         if trucks < 1 or seed < 0:
             raise ParameterError(f"--trucks {trucks} --seed {seed}: at least 1 truck, and a seed of at least 0.")

@@ -1,6 +1,6 @@
-"""The paper's study (Section 3), repeated on a recording: `paper_study`, and the recording that comes with clutchid."""
+"""Studies: the paper's (Section 3), repeated on a recording, and the proving ground on a fleet of virtual trucks."""
 
-from clutchid.study.paper import PaperStudy, paper_study
-from clutchid.study.recording import bundled_recording, halves
+from clutchid.study.paper.recording import bundled_recording, halves
+from clutchid.study.paper.study import PaperStudy, paper_study
 
 __all__ = ["PaperStudy", "bundled_recording", "halves", "paper_study"]

@@ -10,11 +10,11 @@ from clutchid.log import Log
 from clutchid.report.figures import png
 from clutchid.report.style import BAR, MM
 from clutchid.report.tables import Table
-from clutchid.study import figures, state_figures, tables
-from clutchid.study.equation_21 import equation_21
-from clutchid.study.fits import Case, Method, Progress, all_cases
-from clutchid.study.pressure import Pressures, pressures
-from clutchid.study.recording import TrueLoad, true_load
+from clutchid.study.paper import figures, state_figures, tables
+from clutchid.study.paper.equation_21 import equation_21
+from clutchid.study.paper.fits import Case, Method, Progress, all_cases
+from clutchid.study.paper.pressure import Pressures, pressures
+from clutchid.study.paper.recording import TrueLoad, true_load
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.report.style import KN, MM
-from clutchid.study.figures import SLOW
-from clutchid.study.findings import Findings, bars, millimetres
-from clutchid.study.fits import Method, best_possible, load_error
-from clutchid.study.state_figures import CLOSE
+from clutchid.study.paper.figures import SLOW
+from clutchid.study.paper.findings import Findings, bars, millimetres
+from clutchid.study.paper.fits import Method, best_possible, load_error
+from clutchid.study.paper.state_figures import CLOSE
 
 _BALLISTIC, _PARTS_32 = Method("ballistic"), Method("parts", 32)
 

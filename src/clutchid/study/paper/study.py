@@ -15,9 +15,9 @@ from clutchid.log import Log
 from clutchid.report.files import write_bytes
 from clutchid.report.html import render
 from clutchid.report.tables import Table, to_csv
-from clutchid.study.findings import FIGURES, TABLES, Findings, find
-from clutchid.study.fits import Case, Progress
-from clutchid.study.page import study_page
+from clutchid.study.paper.findings import FIGURES, TABLES, Findings, find
+from clutchid.study.paper.fits import Case, Progress
+from clutchid.study.paper.page import study_page
 
 
 @dataclass(frozen=True, slots=True, eq=False)

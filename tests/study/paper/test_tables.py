@@ -7,10 +7,10 @@ import pytest
 
 from clutchid.model import Load
 from clutchid.simulation import Partition, simulate
-from clutchid.study.equation_21 import computed, equation_21, printed
-from clutchid.study.fits import NUMBERS, Method, best_possible, load_error, methods
-from clutchid.study.printed import TABLE_1, TABLE_2
-from clutchid.study.recording import TrueLoad, true_load
+from clutchid.study.paper.equation_21 import computed, equation_21, printed
+from clutchid.study.paper.fits import NUMBERS, Method, best_possible, load_error, methods
+from clutchid.study.paper.printed import TABLE_1, TABLE_2
+from clutchid.study.paper.recording import TrueLoad, true_load
 
 LABELS = (
     "ballistic",

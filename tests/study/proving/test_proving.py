@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ExportError, ParameterError
-from clutchid.study import answers, proving
-from clutchid.study.answers import Answer, half_load, score
-from clutchid.study.standings import coverage, every_recording, standings
-from clutchid.study.workflows import workflow
+from clutchid.study.proving import answers
+from clutchid.study.proving import ground as proving
+from clutchid.study.proving.answers import Answer, half_load, score
+from clutchid.study.proving.standings import coverage, every_recording, standings
+from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID
 
 

@@ -9,10 +9,11 @@ import pytest
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
 from clutchid.report.tables import to_csv
-from clutchid.study import PaperStudy, halves, paper, paper_study
-from clutchid.study.deviations import DEVIATIONS
-from clutchid.study.equation_21 import equation_21
-from clutchid.study.findings import FIGURES, TABLES, Findings
+from clutchid.study import PaperStudy, halves, paper_study
+from clutchid.study.paper import study as paper
+from clutchid.study.paper.deviations import DEVIATIONS
+from clutchid.study.paper.equation_21 import equation_21
+from clutchid.study.paper.findings import FIGURES, TABLES, Findings
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,8 @@ import numpy as np
 from clutchid.errors import ExportError, ParameterError
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
-from clutchid.study.answers import Answer, Workflow, score
-from clutchid.study.workflows import workflow
+from clutchid.study.proving.answers import Answer, Workflow, score
+from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, drive, truck
 
 #: Length of every recording in s.
@@ -157,7 +157,7 @@ def _one_thread() -> Iterator[None]:
 def settings() -> dict[str, str]:
     """What results depend on besides an own workflow: version and source of clutchid, the fleet's ranges among it."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*")):
+    for path in sorted(Path(__file__).parents[2].rglob("*")):
         if path.suffix in (".py", ".j2", ".toml"):
             digest.update(path.read_bytes())
     return {"clutchid": version("clutchid"), "source": digest.hexdigest()[:16]}

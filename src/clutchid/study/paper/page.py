@@ -9,12 +9,12 @@ from clutchid.log import Log
 from clutchid.report.html import Bullets, Notice, Page, Picture, Section, Text, escape
 from clutchid.report.provenance import provenance
 from clutchid.report.style import KN, MM
-from clutchid.study.captions import captions
-from clutchid.study.deviations import DEVIATIONS
-from clutchid.study.findings import Findings, bars, millimetres
-from clutchid.study.fits import Method, load_error
-from clutchid.study.printed import TABLE_2
-from clutchid.study.tables import rows_of
+from clutchid.study.paper.captions import captions
+from clutchid.study.paper.deviations import DEVIATIONS
+from clutchid.study.paper.findings import Findings, bars, millimetres
+from clutchid.study.paper.fits import Method, load_error
+from clutchid.study.paper.printed import TABLE_2
+from clutchid.study.paper.tables import rows_of
 
 _BALLISTIC = Method("ballistic")
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from clutchid.estimate.result import Errors
 from clutchid.report.style import BAR, MM
 from clutchid.report.tables import Cell, Column, Table
-from clutchid.study.fits import Carry, Case, Method, chosen, load_error
-from clutchid.study.pressure import Pressures
-from clutchid.study.printed import TABLE_1, TABLE_2
-from clutchid.study.recording import TrueLoad
+from clutchid.study.paper.fits import Carry, Case, Method, chosen, load_error
+from clutchid.study.paper.pressure import Pressures
+from clutchid.study.paper.printed import TABLE_1, TABLE_2
+from clutchid.study.paper.recording import TrueLoad
 
 #: Shown units: sums of squares in 10⁻⁴ m² and 10¹² Pa², weights in 10⁵ N/m, as in the print.
 _M2, _PA2, _WEIGHT = 1e-4, 1e12, 1e5

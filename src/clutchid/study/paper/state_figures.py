@@ -10,8 +10,8 @@ import numpy as np
 from clutchid.log import FloatArray, Log
 from clutchid.report.figures import draw, label, legend, new_figure
 from clutchid.report.style import BAR, MM, STYLE, Line
-from clutchid.study.fits import Case
-from clutchid.study.pressure import Pressures, measured_motion
+from clutchid.study.paper.fits import Case
+from clutchid.study.paper.pressure import Pressures, measured_motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ from clutchid.estimate.result import Recording
 from clutchid.log import Log
 from clutchid.model.actuator import Load
 from clutchid.simulation import Partition
-from clutchid.study.recording import TrueLoad
+from clutchid.study.paper.recording import TrueLoad
 
 #: The paper's N.
 NUMBERS = (2, 4, 8, 16, 32)

@@ -11,10 +11,10 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Load
 from clutchid.report.figures import draw, label, legend, mark_span, new_figure
 from clutchid.report.style import BAR, KN, MM, STYLE, Line
-from clutchid.study.fits import Case, chosen
-from clutchid.study.pressure import static_estimate
-from clutchid.study.printed import PRINTED_SLOPE, TABLE_1
-from clutchid.study.recording import TrueLoad
+from clutchid.study.paper.fits import Case, chosen
+from clutchid.study.paper.pressure import static_estimate
+from clutchid.study.paper.printed import PRINTED_SLOPE, TABLE_1
+from clutchid.study.paper.recording import TrueLoad
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

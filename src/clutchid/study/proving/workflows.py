@@ -12,7 +12,7 @@ from clutchid.estimate import Fit, fit
 from clutchid.log import Log
 from clutchid.parameters import unknown_name
 from clutchid.simulation import Partition, simulate
-from clutchid.study.answers import Answer, Workflow
+from clutchid.study.proving.answers import Answer, Workflow
 
 
 def paper_method(partition: Partition | None, calibration: Log, worn: Sequence[Log]) -> list[Answer]:

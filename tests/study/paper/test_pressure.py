@@ -7,7 +7,7 @@ from clutchid.estimate.result import Recording, errors_between
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.static import static_load, static_pressure
-from clutchid.study.pressure import measured_motion, pressures, static_estimate
+from clutchid.study.paper.pressure import measured_motion, pressures, static_estimate
 
 ACTUATOR = Actuator(load=Load((9e5, -0.3e5, 0.6e5)))
 P = ACTUATOR.parameters

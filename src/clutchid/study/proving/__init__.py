@@ -1,0 +1,7 @@
+"""The proving ground: workflows scored on a seeded fleet of virtual trucks."""
+
+from clutchid.study.proving.answers import Answer, Score, Workflow, score
+from clutchid.study.proving.ground import Proof, kept, proof, prove
+from clutchid.study.proving.standings import standings
+
+__all__ = ["Answer", "Proof", "Score", "Workflow", "kept", "proof", "prove", "score", "standings"]
