@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from clutchid.log import FloatArray
 
 #: Scores are summed in blocks, so that at most this many enter the lag sums.
 MAX_BLOCKS = 4096

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-
-FloatArray = NDArray[np.float64]
 
 #: Two estimates that correlate more than this, in magnitude, are told as one sum only.
 CORRELATION = 0.98

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from clutchid.log import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
 from clutchid.estimate.least_squares import Failure, Linearisation, compress, triangular
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import (
@@ -26,7 +27,6 @@ from clutchid.simulation.run import (
 )
 from clutchid.simulation.simulation import failure_message
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 #: State that a measured column is compared with.

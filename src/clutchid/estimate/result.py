@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from clutchid.log import Log
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-
-FloatArray = NDArray[np.float64]
 
 Status = Literal["ok", "warning", "failed"]
 
@@ -85,25 +82,13 @@ class Fit:
     verification: Mapping[str, Recording] = field(default_factory=dict)
 
 
-def errors_between(measured: Log, simulated: Log) -> Errors:
-    """Errors of `simulated` against the samples that `measured` has."""
-    sums = {}
-    for name in ("position", "pressure_a"):
-        if name not in measured:
-            continue
-        difference = simulated[name] - measured[name]
-        known = difference[np.isfinite(difference)]
-        sums[name] = (float(np.sum(known**2)), known.size)
-    return _errors(sums)
-
-
-def combined_errors(pairs: Mapping[str, Recording]) -> Errors:
-    """Errors over all recordings together."""
+def errors_over(pairs: Iterable[tuple[Log, Log]]) -> Errors:
+    """Errors of simulated against measured recordings, over all (measured, simulated) pairs and samples together."""
     sums: dict[str, tuple[float, int]] = {}
-    for recording in pairs.values():
+    for measured, simulated in pairs:
         for name in ("position", "pressure_a"):
-            if name in recording.measured:
-                difference = recording.simulated[name] - recording.measured[name]
+            if name in measured:
+                difference = simulated[name] - measured[name]
                 known = difference[np.isfinite(difference)]
                 total, count = sums.get(name, (0.0, 0))
                 sums[name] = (total + float(np.sum(known**2)), count + known.size)

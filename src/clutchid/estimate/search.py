@@ -6,12 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.estimate.least_squares import Failure, Linearisation, Solution, minimise
 from clutchid.estimate.problem import Problem, linearise, residuals
-
-FloatArray = NDArray[np.float64]
+from clutchid.log import FloatArray
 
 #: Scales of the first stage, in SI; the second stage takes the rms residuals of the first.
 FIRST_SCALES = {"position": 1e-4, "pressure_a": 1e4}

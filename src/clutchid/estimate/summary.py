@@ -11,13 +11,11 @@ from clutchid.estimate.covariance import Covariance, sandwich
 from clutchid.estimate.identifiability import cannot_tell, heard, listed
 from clutchid.estimate.least_squares import Failure, Solution
 from clutchid.estimate.problem import WEIGHT_UNIT, Problem, residuals, simulated_states
-from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, combined_errors, errors_between
-from clutchid.log import Log
+from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
-
-FloatArray = NDArray[np.float64]
 
 
 def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
@@ -44,7 +42,7 @@ def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> F
         covariance=covariance.matrix[:k, :k] * np.outer(task.unit[:k], task.unit[:k]),
         load_curve=_load_curve(fitted, task.names, covariance),
         recordings=recordings,
-        errors=combined_errors(recordings),
+        errors=errors_over((r.measured, r.simulated) for r in recordings.values()),
         scales=dict(scales),
         bounds=_bounds_of(task),
         evaluations=solution.evaluations,
@@ -89,7 +87,7 @@ def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> dict[str, Rec
     for number, prepared in enumerate(task.plans):
         simulated = simulated_log(prepared, simulated_states(task, x, number))
         starts = tuple(task.starts_at(x, number, fitted))
-        errors = errors_between(prepared.log, simulated)
+        errors = errors_over([(prepared.log, simulated)])
         recordings[prepared.log.name] = Recording(prepared.log, simulated, errors, starts)
     return recordings
 
@@ -180,7 +178,7 @@ def failed(task: Problem, message: str) -> Fit:
         covariance=np.full((len(task.names),) * 2, np.nan),
         load_curve=LoadCurve(y, unknown, unknown, unknown),
         recordings={},
-        errors=combined_errors({}),
+        errors=errors_over([]),
         scales={},
         bounds=_bounds_of(task),
         evaluations=0,

@@ -17,8 +17,8 @@ import numpy as np
 from clutchid.io.columns import Heading, headings
 from clutchid.io.csv_text import Head, read_text
 from clutchid.io.files import CHUNK
-from clutchid.io.table import EXAMPLE, Places, Table, wanted
-from clutchid.log import COLUMNS, FloatArray, Log
+from clutchid.io.table import EXAMPLE, Places, Table, to_frame, wanted
+from clutchid.log import FloatArray, Log
 
 #: Bytes up to which NumPy reads a file sooner than polars, which is faster but takes 80 ms to import.
 _SMALL = 8e6
@@ -74,10 +74,7 @@ def save(log: Log, path: Path) -> None:
     """
     import polars as pl
 
-    frame = pl.DataFrame(
-        {"time [s]": log.time, **{f"{name} [{COLUMNS[name]}]": values for name, values in log.columns.items()}}
-    )
-    frame.with_columns(pl.all().fill_nan(None)).write_csv(path)
+    to_frame(log).with_columns(pl.all().fill_nan(None)).write_csv(path)
 
 
 def _head(path: Path) -> Head | str:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.io.columns import Heading, headings, shortened
-from clutchid.io.table import EXAMPLE, Places, Table, wanted
-from clutchid.log import COLUMNS, Log
+from clutchid.io.table import EXAMPLE, Places, Table, to_frame, wanted
+from clutchid.log import Log
 
 if TYPE_CHECKING:
     import polars as pl
@@ -55,12 +55,7 @@ def save(log: Log, path: Path) -> None:
     OSError
         If the file cannot be written.
     """
-    import polars as pl
-
-    frame = pl.DataFrame(
-        {"time [s]": log.time, **{f"{name} [{COLUMNS[name]}]": values for name, values in log.columns.items()}}
-    )
-    frame.write_parquet(path, metadata={_KEY: json.dumps(dict(log.metadata))})
+    to_frame(log).write_parquet(path, metadata={_KEY: json.dumps(dict(log.metadata))})
 
 
 def _numeric(series: pl.Series) -> bool:

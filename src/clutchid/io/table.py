@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.io.columns import Heading
-from clutchid.log import FloatArray
+from clutchid.log import COLUMNS, FloatArray, Log
+
+if TYPE_CHECKING:
+    import polars as pl
 
 Rows = NDArray[np.int64]
 
@@ -60,6 +64,20 @@ class Table:
     problems: tuple[str, ...] = ()
     unread: Mapping[int, Rows] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+def to_frame(log: Log) -> pl.DataFrame:
+    """`log` as a frame of polars with headers in SI, time first.
+
+    Raises
+    ------
+    Nothing.
+    """
+    import polars as pl
+
+    return pl.DataFrame(
+        {"time [s]": log.time, **{f"{name} [{COLUMNS[name]}]": values for name, values in log.columns.items()}}
+    )
 
 
 def wanted(columns: Sequence[Heading], every: bool) -> tuple[Heading, ...]:

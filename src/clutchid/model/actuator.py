@@ -7,13 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
 from clutchid.model.compiled import VARIANTS, kernels
 from clutchid.parameters import Parameters, unknown_name
-
-FloatArray = NDArray[np.float64]
 
 #: Knots of the paper in m, Section 2.5.
 PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)

@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, INPUTS, Log
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
-
-FloatArray = NDArray[np.float64]
 
 #: Shorter stretches between holes tell less than their own unknown start takes.
 SHORTEST = 10

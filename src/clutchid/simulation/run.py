@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator, Load
 from clutchid.model.compiled import kernels
 from clutchid.parameters import Parameters
 from clutchid.simulation.plan import Segment
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STATES = ("y", "v", "p_A", "p_B", "z")

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.log import INPUTS, Log
+from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
@@ -25,8 +24,6 @@ from clutchid.simulation.run import (
     start_state,
 )
 from clutchid.simulation.stiffness import stiffness, top_speed
-
-FloatArray = NDArray[np.float64]
 
 #: Column of a `Log` for each state.
 STATE_COLUMNS = ("position", "velocity", "pressure_a", "pressure_b", "deflection")

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.partition import Partition
-
-FloatArray = NDArray[np.float64]
 
 #: Classical RK4 is stable for real eigenvalues down to -2.785 / h; 2.5 leaves a margin.
 STABLE_STEP = 2.5

@@ -43,25 +43,17 @@ def loop_source(ledger: bool) -> str:
     """
     import inspect
 
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     from clutchid.codegen.numba_source import block
     from clutchid.codegen.program import right_hand_side
     from clutchid.codegen.staging import staged
+    from clutchid.codegen.templates import template
     from clutchid.truck import law
     from clutchid.truck.plant import plant
 
     system = plant(ledger)
     statements, _ = right_hand_side(system)
     parts = staged(statements, system.parameters, system.inputs)
-    environment = Environment(
-        loader=PackageLoader("clutchid.truck"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    text: str = environment.get_template("loop.py.j2").render(
+    text: str = template("loop.py.j2", "clutchid.truck").render(
         name=system.name,
         constants={key: repr(getattr(law, key)) for key in _CONSTANTS},
         functions=[inspect.getsource(getattr(law, key)) for key in _FUNCTIONS],

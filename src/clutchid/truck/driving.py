@@ -8,10 +8,9 @@ from os import PathLike
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
-from clutchid.log import Log
+from clutchid.log import FloatArray, Log
 from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
 from clutchid.truck.law import SAMPLE
@@ -20,8 +19,6 @@ from clutchid.truck.manoeuvres import Feel, wanted_position
 from clutchid.truck.parameters import Truck
 from clutchid.truck.running import Course, Run, at_rest, run
 from clutchid.truck.truth import Truth, truth_of, write_truth
-
-FloatArray = NDArray[np.float64]
 
 #: Longest drive in s: an hour needs half a gigabyte.
 LONGEST = 3600.0

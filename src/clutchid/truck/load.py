@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
 from clutchid.truck.ageing import worn_numbers
 from clutchid.truck.parameters import Truck
 from clutchid.truck.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
-
-FloatArray = NDArray[np.float64]
 
 #: Distance of the table's breakpoints, and how far it reaches beyond the far stop, in m.
 PITCH, BEYOND = 0.1e-3, 2e-3

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
 from clutchid.parameters import unknown_name
 from clutchid.truck.law import SAMPLE
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

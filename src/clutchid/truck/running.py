@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError, SolveError
+from clutchid.log import FloatArray
 from clutchid.truck.ageing import worn_numbers
 from clutchid.truck.compiled import loop
 from clutchid.truck.law import SAMPLE, TICK
 from clutchid.truck.load import LoadCurve, load_curve
 from clutchid.truck.order import LEDGER, PARAMETERS, SETTINGS, STATES
 from clutchid.truck.parameters import Truck
-
-FloatArray = NDArray[np.float64]
 
 #: Request at which bang-bang drive opens a valve.
 BANG = 0.3

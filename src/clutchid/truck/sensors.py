@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from clutchid.log import INPUTS, Log
+from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.parameters import Truck
-
-FloatArray = NDArray[np.float64]
 
 #: Period of a message on the bus in s.
 BUS = 0.01

@@ -9,15 +9,12 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.io.files import atomic_write
-from clutchid.log import COLUMNS, Log
+from clutchid.log import COLUMNS, FloatArray, Log
 from clutchid.truck.load import LoadCurve
 from clutchid.truck.parameters import Truck
 from clutchid.truck.running import Run, column
-
-FloatArray = NDArray[np.float64]
 
 #: Positions in m, in the sensor's zero, at which a truth file gives the load.
 GRID = np.arange(1, 41) / 2000

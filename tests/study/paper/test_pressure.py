@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.estimate.result import Recording, errors_between
+from clutchid.estimate.result import Recording, errors_over
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.static import static_load, static_pressure
@@ -20,7 +20,7 @@ def moving(position, velocity, deflection, pressure=None):
     states = {"position": position, "velocity": velocity, "deflection": deflection, "pressure_b": vented}
     simulated = Log(T, {**states, "pressure_a": vented})
     measured = Log(T, {"position": position} | ({} if pressure is None else {"pressure_a": pressure}))
-    return Recording(measured, simulated, errors_between(measured, simulated), ())
+    return Recording(measured, simulated, errors_over([(measured, simulated)]), ())
 
 
 def test_at_rest_without_deflection_both_pressures_are_the_load_over_the_area():

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 
-def template(name: str) -> Any:
-    """The template in the file `name` of this folder.
+def template(name: str, package: str = "clutchid.codegen") -> Any:
+    """The template in the file `name` of the folder ``templates`` of `package`.
 
     Raises
     ------
@@ -16,7 +16,7 @@ def template(name: str) -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("clutchid.codegen"),
+        loader=PackageLoader(package),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from clutchid.log import Log
+from clutchid.log import FloatArray, Log
 from clutchid.truck import GRID, Truth
-
-FloatArray = NDArray[np.float64]
 
 #: Part of the grid around the touch point, in m.
 TOUCH = (5e-3, 8e-3)
@@ -69,7 +66,8 @@ def score(answer: Answer, truth: Truth) -> Score:
     near = (TOUCH[0] - 1e-9 < GRID) & (TOUCH[1] + 1e-9 > GRID)
     fine = np.linspace(0.0, GRID[-1], 4001)
     halves = [half_load(fine, np.interp(fine, answer.position, answer.force)), half_load(fine, truth.load(fine))]
-    pressure = answer.pressure_a - np.interp(answer_time(answer, truth), truth.time, truth.states["pressure_a"])
+    # the controller records the proving ground's drives, sample for sample
+    pressure = answer.pressure_a - truth.states["pressure_a"][: answer.pressure_a.size]
     return Score(
         load=_rms(error),
         load_touch=_rms(error[near]),
@@ -77,11 +75,6 @@ def score(answer: Answer, truth: Truth) -> Score:
         pressure=_rms(pressure[np.isfinite(pressure)]) * 1e-3,
         coverage=float(np.mean((low <= true) & (true <= high))),
     )
-
-
-def answer_time(answer: Answer, truth: Truth) -> FloatArray:
-    """Times of the answer's pressure: the proving ground records with the controller, sample for sample."""
-    return truth.time[: answer.pressure_a.size]
 
 
 def half_load(position: FloatArray, force: FloatArray) -> float:

@@ -56,15 +56,15 @@ def _row(name: str, results: Results, reference: Results) -> tuple[Cell, ...]:
     cells: list[Cell] = [name, len(results), sum(r["failed"] is not None for r in results)]
     for key, _, _ in ERRORS:
         values = np.abs(_scores(results, key))
-        cells += [_number(np.median(values)), _number(values.max())] if values.size else [None, None]
+        cells += [float(np.median(values)), float(values.max())] if values.size else [None, None]
     covered, error = coverage(results)
-    return (*cells, _ratio(results, reference), covered, error, _number(np.median([r["seconds"] for r in results])))
+    return (*cells, _ratio(results, reference), covered, error, float(np.median([r["seconds"] for r in results])))
 
 
 def _ratio(results: Results, reference: Results) -> float | None:
     both = {r["truck"] for r in results} & {r["truck"] for r in reference}
     own, paper = (_scores([r for r in one if r["truck"] in both], "load_touch") for one in (results, reference))
-    return _number(np.median(own) / np.median(paper)) if own.size and paper.size else None
+    return float(np.median(own) / np.median(paper)) if own.size and paper.size else None
 
 
 def coverage(results: Results) -> tuple[float | None, float | None]:
@@ -78,10 +78,6 @@ def coverage(results: Results) -> tuple[float | None, float | None]:
 
 def _scores(results: Results, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.array([log["score"][key] for r in results for log in r["logs"].values()], dtype=np.float64)
-
-
-def _number(value: Any) -> float:
-    return float(value)
 
 
 def every_recording(results: Mapping[str, Results]) -> Table:
