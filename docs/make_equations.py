@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
 from clutchid.codegen.latex import latex_source
-from clutchid.model.isothermal import isothermal
+from clutchid.model.compiled import system
 from clutchid.parameters import Parameters
 
 PAGE = Path(__file__).parent / "equations.md"
@@ -14,21 +16,74 @@ PAGE = Path(__file__).parent / "equations.md"
 HEAD = """# The model
 
 Made from the code by `python docs/make_equations.py`; do not edit. The derivations, and every deviation from the print,
-stand in the docstrings of `clutchid.model` and in [deviations.md](deviations.md).
+stand in the docstrings of `clutchid.model` and in [deviations.md](deviations.md). What the variants are for stands in
+[models.md](models.md).
 
-## Equations
+## The paper's model: `isothermal`
+
+"""
+
+STRIBECK = """## What `-stribeck` changes
+
+F_g takes the place of F_C in the rate of the deflection.
+
+"""
+
+BALANCE = """## What `energy-balance` changes
+
+p_A, p_B, T_A, T_B and p_S have the rates below; the flows know the temperature of the air before the orifice and the
+pressure in the reservoir. What is not listed is as in the paper's model.
+
+"""
+
+SWITCHED = """With a carrier (T_pwm above 0) the opening of a valve is the mean over a sample of the switched valve: a
+is the share of Eq. (11), s the phase at which the valve opens, c the phase at the start of the sample, d the part of a
+period that the sample lasts.
 
 """
 
 
 def page() -> str:
     """The text of the page."""
+    parts = [HEAD + _math(latex_source(system("isothermal")))]
+    parts.append(STRIBECK + _own("isothermal-stribeck"))
+    parts.append(BALANCE + _own("energy-balance"))
+    if len(system("energy-balance").inputs) > 2:
+        from clutchid.model.valves import switched_opening
+
+        parts.append(SWITCHED + _math(_formula(switched_opening)))
+    return "\n\n".join([*parts, "## Parameters", _rows()]) + "\n"
+
+
+def _own(variant: str) -> str:
+    """The equations of `variant` that the paper's model does not have; the switched valve is told by its formula."""
+    known = set(_lines("isothermal"))
+    lines = [line for line in _lines(variant) if line not in known and not re.match(r"[ay]_\{v[se]\}", line)]
+    return _math("\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}")
+
+
+def _lines(variant: str) -> list[str]:
+    return [line.removesuffix(r" \\") for line in latex_source(system(variant)).strip().splitlines()[1:-1]]
+
+
+def _formula(function: Callable[..., object]) -> str:
+    """The formula in the docstring of `function`."""
+    found = re.search(r"\.\. math:: (.*?)\n\n", function.__doc__ or "", re.DOTALL)
+    assert found, f"{function.__name__} has no formula"
+    return found[1]
+
+
+def _math(text: str) -> str:
+    return f"```math\n{text}\n```"
+
+
+def _rows() -> str:
     rows = ["| name | value | unit | meaning | allowed | source |", "|---|---|---|---|---|---|"]
     for item in fields(Parameters):
         row = item.metadata["row"]
         cells = (f"`{item.name}`", f"{item.default:g}", row.unit, row.meaning, row.allowed, row.source)
         rows.append("| " + " | ".join(cells) + " |")
-    return f"{HEAD}```math\n{latex_source(isothermal())}\n```\n\n## Parameters\n\n" + "\n".join(rows) + "\n"
+    return "\n".join(rows)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from hypothesis import settings
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import kernels
+from clutchid.model.compiled import VARIANTS, kernels, system
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -25,8 +25,9 @@ THETA = (9.0e5, -0.3e5, 0.6e5)
 
 @pytest.fixture(scope="session", autouse=True)
 def _compiled() -> None:
-    """Load the kernels from the user's cache once; no test compiles for itself."""
-    kernels("isothermal")
+    """Load the kernels of every variant from the user's cache once; no test compiles for itself."""
+    for variant in VARIANTS:
+        kernels(variant)
 
 
 @pytest.fixture(scope="session")
@@ -93,10 +94,12 @@ def closed_loop(actuator: Actuator, wanted: np.ndarray, name: str) -> Log:
     """Follow `wanted` with a proportional position controller on both valves, one kernel step a sample."""
     n, module, load = wanted.size, kernels(actuator.model), actuator.load
     p, breakpoints, table = actuator.parameters.array(), load.breakpoints, load.combined()
-    x = np.array([0.0, 0.0, actuator.parameters.P_0, actuator.parameters.P_0, 0.0])
+    q = actuator.parameters
+    vented = {"p_A": q.P_0, "p_B": q.P_0, "T_A": q.T_w, "T_B": q.T_w, "p_S": q.P_S}
+    x = np.array([vented.get(state, 0.0) for state in VARIANTS[actuator.model]])
     dt, one = np.array([1e-3]), np.ones(1, dtype=np.int32)
-    never, nothing, two = np.zeros(2, dtype=np.uint8), np.zeros((2, 2)), np.empty((2, 5))
-    inputs, states = np.zeros((n, 2)), np.empty((n, 5))
+    never, nothing, two = np.zeros(2, dtype=np.uint8), np.zeros((2, 2)), np.empty((2, x.size))
+    inputs, states = np.zeros((n, len(system(actuator.model).inputs))), np.empty((n, x.size))
     for k in range(n):
         states[k] = x
         error = wanted[k] - x[0]

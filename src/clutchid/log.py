@@ -27,6 +27,8 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "pressure_b": "Pa",
         "deflection": "m",
         "temperature_a": "K",
+        "temperature_b": "K",
+        "pressure_supply": "Pa",
         "pressure_a low": "Pa",
         "pressure_a high": "Pa",
     }

@@ -20,6 +20,9 @@ from clutchid.errors import ParameterError
 
 _APPENDIX = "Appendix A"
 _ERRATA = "not in the paper, docs/deviations.md"
+_BALANCE = "energy balance, docs/models.md"
+_SENSORS = "sensors, docs/methods.md"
+_STRIBECK = "Stribeck friction, docs/models.md"
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +114,29 @@ class Parameters:
     K_stop: float = _row(3e7, "N/m", "stiffness of the end stops", above=0, source=_ERRATA)
     D_stop: float = _row(1e4, "N·s/m", "damping of the end stops", at_least=0, source=_ERRATA)
     d_stop: float = _row(1e-4, "m", "penetration over which an end stop takes hold", above=0, source=_ERRATA)
+    gamma: float = _row(1.4, "1", "ratio of specific heats of air", above=1, at_most=2, source=_BALANCE)
+    T_w: float = _row(293.0, "K", "temperature of the chamber walls", above=0, source=_BALANCE)
+    h_A: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber A", at_least=0, source=_BALANCE)
+    h_B: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber B", at_least=0, source=_BALANCE)
+    V_S: float = _row(10e-3, "m³", "volume of the supply reservoir", above=0, source=_BALANCE)
+    tau_S: float = _row(0.6, "s", "time in which the reservoir recovers", above=0, source=_BALANCE)
+    R_S: float = _row(1.3, "1", "static over Coulomb friction", at_least=1, at_most=5, source=_STRIBECK)
+    v_S: float = _row(0.01, "m/s", "velocity at which static friction fades", above=0, source=_STRIBECK)
+    c_F: float = _row(1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", at_least=0, source=_STRIBECK)
+    T_pwm: float = _row(0.0, "s", "period of the valves' carrier; 0: averaged valves", at_least=0, source=_BALANCE)
+    s_pwm: float = _row(
+        0.0, "1", "phase at which a period starts in a recording", at_least=-0.5, at_most=0.5, source=_BALANCE
+    )
+    s_vs: float = _row(
+        0.0, "1", "supply valve: phase of its opening in the period", at_least=-0.5, at_most=0.5, source=_BALANCE
+    )
+    s_ve: float = _row(
+        0.0, "1", "exhaust valve: phase of its opening in the period", at_least=-0.5, at_most=0.5, source=_BALANCE
+    )
+    tau_y: float = _row(0.0, "s", "lag of the recorded position", at_least=-0.05, at_most=0.05, source=_SENSORS)
+    tau_p: float = _row(0.0, "s", "lag of the recorded pressure", at_least=-0.05, at_most=0.05, source=_SENSORS)
+    e_y: float = _row(0.0, "m", "offset of the recorded position", at_least=-2e-3, at_most=2e-3, source=_SENSORS)
+    e_p: float = _row(0.0, "Pa", "offset of the recorded pressure", at_least=-5e4, at_most=5e4, source=_SENSORS)
 
     def __post_init__(self) -> None:
         problems = []

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.friction import deflection_rate, friction_force
+from clutchid.model.friction import coulomb_force, deflection_rate, friction_force, stribeck_force
 from clutchid.model.motion import acceleration, stop_force
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
@@ -73,6 +73,36 @@ def test_the_simulated_bristle_stays_within_its_limit(pattern):
     # RK4 of a decay by h lambda is wrong by (h lambda)^5 / 120 a step, (h lambda)^4 / 120 of the limit altogether
     allowance = (1e-3 / fine * stiffness(actuator)) ** 4
     assert np.abs(log["deflection"]).max() <= REACH * (1 + allowance)
+
+
+@given(velocities, velocities, st.floats(1, 5), st.floats(1e-3, 0.1))
+def test_steady_friction_falls_from_static_to_coulomb_friction_and_knows_no_direction(one, other, R_S, v_S):
+    slow, fast = sorted((abs(one), abs(other)))
+    at = [float(stribeck_force(v, P.F_C, R_S, v_S)) for v in (slow, fast, -fast)]
+    rounded = 1 + 8 * 2.3e-16
+    assert P.F_C / rounded <= at[1] <= at[0] * rounded <= P.F_C * R_S * rounded**2
+    assert at[1] == at[2]
+    assert float(stribeck_force(0.0, P.F_C, R_S, v_S)) == P.F_C * (1 + (R_S - 1))
+    assert float(stribeck_force(one, P.F_C, 1.0, v_S)) == P.F_C
+
+
+@given(st.floats(1e5, 1e6), st.floats(1e5, 1e6), st.floats(0, 1e-3))
+def test_pressure_on_either_side_presses_the_seals_alike(p_A, p_B, c_F):
+    pressed = float(coulomb_force(p_A, p_B, P.F_C, c_F))
+    assert pressed == float(coulomb_force(p_B, p_A, P.F_C, c_F)) >= P.F_C
+    assert float(coulomb_force(p_A, p_A, P.F_C, c_F)) == float(coulomb_force(p_A, p_B, P.F_C, 0.0)) == P.F_C
+
+
+@given(velocities, st.floats(-1, 1), st.floats(0, 8e5))
+def test_stribeck_friction_never_gives_more_power_than_the_bristle_stores(v, part, dp):
+    pressed = float(coulomb_force(dp, 0.0, P.F_C, P.c_F))
+    steady = float(stribeck_force(v, pressed, P.R_S, P.v_S))
+    z = part * P.R_S * pressed / P.K_z  # as far as static friction can bend it
+    z_dot = float(deflection_rate(v, z, P.K_z, steady))
+    power = float(friction_force(v, z, z_dot, P.D_v, P.K_z, P.D_zdot)) * v
+    stored = P.K_z * z * z_dot
+    # D_zdot takes R_S - 1 = 0.3 of its share back at most, D_v gives as much as all of it
+    assert power - stored >= -1e-15 * (abs(power) + abs(stored))
 
 
 @given(depths, st.floats(-2, 2))

@@ -106,6 +106,6 @@ def test_unknown_names_are_refused_with_the_nearest():
         kernels("isotherm")
 
 
-def test_the_variant_of_the_paper_is_there():
-    assert VARIANTS[0] == "isothermal"
+def test_the_variant_of_the_paper_comes_first_and_is_the_default():
+    assert list(VARIANTS) == ["isothermal", "isothermal-stribeck", "energy-balance", "energy-balance-stribeck"]
     assert Actuator().model == "isothermal"

@@ -1,7 +1,8 @@
-"""The slow, plain twin of the model: typed from the paper and its errata, knows nothing of `clutchid.model`.
+"""The slow, plain twins of the model: typed from the paper and its errata, know nothing of `clutchid.model`.
 
-Scalars and `math` only, the printed letters, one branch a line of print. SciPy's Radau integrates it at 1e-10 and
-starts anew at every edge of an input.
+Scalars and `math` only, the printed letters, one branch a line of print. SciPy's Radau integrates them at 1e-10 and
+starts anew at every edge of an input. The rich twin counts mass and internal energy of the air, not pressure and
+temperature, so that it shares no form with the code.
 """
 
 from __future__ import annotations
@@ -22,6 +23,12 @@ APPENDIX = {
     "R_1vs": 0.93, "R_1ve": 0.93, "B_vs": 0.1, "B_ve": -0.7, "C_vs": 19e-9, "C_ve": 21.4e-9, "C_r": 5e-8,
     "B_0": 0.582, "B_in": 0.5, "B_out": 0.5,
     "rho_0": 1.185, "y_max": 25e-3, "r_lam": 0.999, "K_stop": 3e7, "D_stop": 1e4, "d_stop": 1e-4,
+}  # fmt: skip
+
+#: What the energy balance and the Stribeck friction add.
+BEYOND = {
+    "gamma": 1.4, "T_w": 293.0, "h_A": 50.0, "h_B": 50.0, "V_S": 10e-3, "tau_S": 0.6, "R_S": 1.3, "v_S": 0.01,
+    "c_F": 1.5e-4,
 }  # fmt: skip
 
 
@@ -91,20 +98,95 @@ def rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p: dic
     ]
 
 
+def chamber(m: float, U: float, V: float, q: SimpleNamespace) -> tuple[float, float]:
+    """Pressure and temperature of the air in a chamber from its mass and internal energy."""
+    return (q.gamma - 1) * U / V, (q.gamma - 1) * U / (m * q.R)
+
+
+def rich_rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p: dict[str, float]) -> list[float]:
+    """The energy balance with Stribeck friction; x = (y, v, m_A, m_B, z, U_A, U_B, m_S), masses and energies of air."""
+    q = SimpleNamespace(**p)
+    y, v, m_A, m_B, z, U_A, U_B, m_S = (float(value) for value in x)
+    V_A, V_B = q.V_0A + q.A_A * y, q.V_0B + q.A_B * (q.y_max - y)
+    p_A, T_A = chamber(m_A, U_A, V_A, q)
+    p_B, T_B = chamber(m_B, U_B, V_B, q)
+    p_S = m_S * q.R * q.T_0 / q.V_S
+    c_p = q.gamma * q.R / (q.gamma - 1)
+
+    def g(p_h: float, p_l: float, T_h: float, C: float, B: float) -> float:
+        """Eq. (10), with the density of air at T_h before the orifice as ISO 6358 has it."""
+        return q.rho_0 * C * psi(p_l / p_h, B, q.B_0, q.r_lam) * p_h * math.sqrt(q.T_0 / T_h)
+
+    w_vs = g(p_S, p_A, q.T_0, q.C_vs, q.B_vs) * opening(u[0], q.R_0vs, q.R_1vs)
+    w_ve = g(p_A, q.P_0, T_A, q.C_ve, q.B_ve) * opening(u[1], q.R_0ve, q.R_1ve)
+    w_in, w_out = g(q.P_0, p_B, q.T_0, q.C_r, q.B_in), g(p_B, q.P_0, T_B, q.C_r, q.B_out)
+    # a cylinder of length V / A: its round wall and its two ends
+    S_A, S_B = (2 * A + 2 * math.sqrt(math.pi * A) * V / A for A, V in ((q.A_A, V_A), (q.A_B, V_B)))
+    F = q.F_C + q.c_F * abs(p_A - p_B)
+    F *= 1 + (q.R_S - 1) * math.exp(-((v / q.v_S) ** 2))
+    z_dot = v - q.K_z / F * abs(v) * z
+    f_f = q.D_v * v + q.K_z * z + q.D_zdot * z_dot
+    f_s = stop(y - q.y_max, v, q.K_stop, q.D_stop, q.d_stop) - stop(-y, -v, q.K_stop, q.D_stop, q.d_stop)
+    force = q.A_A * p_A - q.A_B * p_B - (q.A_A - q.A_B) * q.P_0 - load(y, theta) - f_f - f_s
+    return [
+        v,
+        force / q.M,
+        w_vs - w_ve,
+        w_in - w_out,
+        z_dot,
+        c_p * (q.T_0 * w_vs - T_A * w_ve) + q.h_A * S_A * (q.T_w - T_A) - p_A * q.A_A * v,
+        c_p * (q.T_0 * w_in - T_B * w_out) + q.h_B * S_B * (q.T_w - T_B) + p_B * q.A_B * v,
+        (q.P_S - p_S) / q.tau_S * q.V_S / (q.R * q.T_0) - w_vs,
+    ]
+
+
+def content(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
+    """(y, v, m_A, m_B, z, U_A, U_B, m_S) of states (y, v, p_A, p_B, z, T_A, T_B, p_S), shape (8,) or (8, n)."""
+    q = SimpleNamespace(**p)
+    y, v, p_A, p_B, z, T_A, T_B, p_S = x
+    V_A, V_B = q.V_0A + q.A_A * y, q.V_0B + q.A_B * (q.y_max - y)
+    U_A, U_B = p_A * V_A / (q.gamma - 1), p_B * V_B / (q.gamma - 1)
+    return np.array([y, v, p_A * V_A / (q.R * T_A), p_B * V_B / (q.R * T_B), z, U_A, U_B, p_S * q.V_S / (q.R * q.T_0)])
+
+
+def state(c: np.ndarray, p: dict[str, float]) -> np.ndarray:
+    """The states of `content`, its inverse."""
+    q = SimpleNamespace(**p)
+    y, v, m_A, m_B, z, U_A, U_B, m_S = c
+    p_A, T_A = chamber(m_A, U_A, q.V_0A + q.A_A * y, q)
+    p_B, T_B = chamber(m_B, U_B, q.V_0B + q.A_B * (q.y_max - y), q)
+    return np.array([y, v, p_A, p_B, z, T_A, T_B, m_S * q.R * q.T_0 / q.V_S])
+
+
 def radau(time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], theta: Sequence[float]) -> np.ndarray:
     """States at `time`, shape (n, 5): Radau at 1e-10, a restart at every edge of an input."""
+    # a step may be wrong by 1e-10 of the usual size of a state: 10 mm, 0.1 m/s, 1 bar, 1 bar, 0.1 mm
+    usual = np.array([1e-2, 1e-1, 1e5, 1e5, 1e-4])
+    return integrated(lambda x, u: rates(x, u, theta, APPENDIX), time, inputs, x0, usual)
+
+
+def rich_radau(time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], theta: Sequence[float]) -> np.ndarray:
+    """As `radau`, for the energy balance with Stribeck friction; states (y, v, p_A, p_B, z, T_A, T_B, p_S)."""
+    p = APPENDIX | BEYOND
+    usual = content(np.array([1e-2, 1e-1, 1e5, 1e5, 1e-4, 300.0, 300.0, 1e5]), p)
+    start = content(np.asarray(x0, dtype=float), p)
+    return state(integrated(lambda x, u: rich_rates(x, u, theta, p), time, inputs, start, usual).T, p).T
+
+
+def integrated(
+    law: Callable[..., list[float]], time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], usual: np.ndarray
+) -> np.ndarray:
+    """Solution of dx/dt = law(x, u) at `time`: Radau at 1e-10 of x and of its usual size, anew at every edge of u."""
     edges = np.flatnonzero(np.any(np.diff(inputs, axis=0) != 0, axis=1)) + 1
     bounds = [0, *edges, time.size - 1]
-    states = np.empty((time.size, 5))
+    states = np.empty((time.size, len(x0)))
     states[0] = x0
-    # a step may be wrong by 1e-10 of the usual size of a state: 10 mm, 0.1 m/s, 1 bar, 1 bar, 0.1 mm
-    atol = 1e-10 * np.array([1e-2, 1e-1, 1e5, 1e5, 1e-4])
     for a, b in pairwise(bounds):
         if b == a:
             continue
         solved = solve_ivp(
-            lambda t, x, u=inputs[a]: rates(x, u, theta, APPENDIX),
-            (time[a], time[b]), states[a], "Radau", time[a : b + 1], rtol=1e-10, atol=atol,
+            lambda t, x, u=inputs[a]: law(x, u),
+            (time[a], time[b]), states[a], "Radau", time[a : b + 1], rtol=1e-10, atol=1e-10 * usual,
         )  # fmt: skip
         assert solved.success, solved.message
         states[a : b + 1] = solved.y.T
@@ -113,8 +195,9 @@ def radau(time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], theta: Sequ
 
 @pytest.fixture(scope="session")
 def twin() -> SimpleNamespace:
-    """The plain twin: `rates`, `load`, `psi`, `opening`, `stop`, `radau` and the numbers of the Appendix."""
+    """The plain twins: `rates`, `load`, `psi`, `opening`, `stop`, `radau`, the rich ones, and all numbers."""
     functions: dict[str, Callable[..., object]] = {
         "rates": rates, "load": load, "psi": psi, "opening": opening, "stop": stop, "radau": radau,
+        "rich_rates": rich_rates, "rich_radau": rich_radau, "content": content, "state": state,
     }  # fmt: skip
-    return SimpleNamespace(appendix=APPENDIX, **functions)
+    return SimpleNamespace(appendix=APPENDIX, beyond=BEYOND, **functions)

@@ -5,9 +5,10 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import kernels
+from clutchid.model.compiled import kernels, system
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
+from clutchid.simulation.simulation import STATE_COLUMNS
 
 THETA = (9e5, -0.3e5, 0.6e5)
 
@@ -20,13 +21,15 @@ def held(pattern: list[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndar
 
 
 def states_of(simulation) -> np.ndarray:
-    names = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
-    return np.column_stack([simulation.log[name] for name in names])
+    return np.column_stack([simulation.log[name] for name in STATE_COLUMNS.values() if name in simulation.log])
 
 
 def test_the_twin_and_the_package_hold_the_same_appendix(twin):
     parameters = Parameters()
-    assert {name: getattr(parameters, name) for name in Parameters.names()} == twin.appendix
+    numbers = {name: getattr(parameters, name) for name in Parameters.names()}
+    known = twin.appendix | twin.beyond
+    assert {name: numbers[name] for name in known} == known
+    assert not any(numbers[name] for name in numbers.keys() - known.keys())  # what the twin does not know is off
 
 
 @pytest.mark.parametrize("numbers", ["Appendix", "all different"])
@@ -88,3 +91,66 @@ def test_through_an_impact_on_the_end_stop_the_position_is_within_thirty_microme
         simulate(Actuator(load=Load(THETA)), Log(time, {"duty_supply": duties[:, 0], "duty_exhaust": duties[:, 1]}))
     )
     assert np.abs(simulated[:, 0] - reference[:, 0]).max() < 30e-6
+
+
+RICH = "energy-balance-stribeck"
+
+
+@pytest.mark.parametrize("numbers", ["Appendix", "all different"])
+def test_the_rates_of_the_energy_balance_are_those_of_mass_and_energy_in_the_twin(twin, numbers):
+    generator = np.random.default_rng(2)
+    n = 2000
+    low = np.array([-1e-3, -0.3, 0.8e5, 0.8e5, -2e-4, 240.0, 240.0, 5e5])
+    high = np.array([26e-3, 0.3, 10e5, 2e5, 2e-4, 380.0, 380.0, 9e5])
+    x, u = generator.uniform(low, high, (n, 8)), generator.uniform(0, 1, (n, 2))
+    x[: n // 4, 1] *= 0.05  # static friction fades within 10 mm/s
+    x[: n // 4, 3] = 1.095e5 * generator.uniform(0.998, 1.002, n // 4)  # both sides of the laminar line
+    load, p = Load(THETA), twin.appendix | twin.beyond
+    if numbers == "all different":
+        p = {name: value * generator.uniform(0.85, 1.0) for name, value in p.items()}
+        p |= {"A_A": 13e-3, "r_lam": 0.9985, "gamma": 1.32, "R_S": 1.2}
+    computed, jacobian = np.empty((n, 8)), np.empty((n, 8, 8))
+    values = Parameters().replace(p).array()
+    wide = np.pad(u, ((0, 0), (0, len(system(RICH).inputs) - 2)))
+    kernels(RICH).linearise(x, wide, values, load.breakpoints, load.combined(), computed, jacobian)
+    for i in range(n):
+        c = twin.content(x[i], p)
+        rate = np.array(twin.rich_rates(c, u[i], THETA, p))
+        y, v, m_A, m_B, _, U_A, U_B, m_S = c
+        pressures, temperatures = x[i, [2, 3, 7]], x[i, [5, 6]]
+        V_dot = np.array([p["A_A"] * v, -p["A_B"] * v])
+        V = np.array([p["V_0A"] + p["A_A"] * y, p["V_0B"] + p["A_B"] * (p["y_max"] - y)])
+        grown = rate[[5, 6]] / [U_A, U_B]  # p ~ U / V, T ~ U / m, p_S ~ m_S
+        expected = [
+            *rate[:2],
+            *pressures[:2] * (grown - V_dot / V),
+            rate[4],
+            *temperatures * (grown - rate[[2, 3]] / [m_A, m_B]),
+            pressures[2] * rate[7] / m_S,
+        ]
+        # as for the isothermal rates, a dozen terms that may cancel: 1e-12 of the largest rate over all the points
+        assert np.all(np.abs(computed[i] - expected) <= 1e-12 * np.abs(computed).max(axis=0))
+
+
+def test_the_energy_balance_moves_as_radau_on_mass_and_energy_to_a_micrometre(twin):
+    time, duties = held(
+        [
+            (0.02, 0, 0), (0.06, 0.8, 0), (0.10, 0, 0), (0.03, 0, 0.5), (0.10, 0, 0), (0.08, 0.15, 0), (0.08, 0, 0),
+            (0.05, 0.8, 0), (0.08, 0, 0), (0.05, 0, 1.0), (0.10, 0, 0), (0.04, 0.5, 0.2), (0.05, 0, 0.12), (0.06, 0, 0),
+        ]
+    )  # fmt: skip
+    reference = twin.rich_radau(time, duties, [0, 0, 1.095e5, 1.095e5, 0, 293, 293, 9e5], THETA)
+    assert reference[:, 0].min() > -1e-12
+    assert 0.01 < reference[:, 0].max() < 0.024
+    assert np.ptp(reference[:, 5]) > 30  # the air heats up and cools by tens of kelvin
+    assert np.ptp(reference[:, 7]) > 1e4  # and the supply sags
+    log = Log(time, {"duty_supply": duties[:, 0], "duty_exhaust": duties[:, 1]})
+    simulated = states_of(simulate(Actuator(load=Load(THETA), model=RICH), log))
+    difference = np.abs(simulated - reference).max(axis=0)
+    assert difference[0] < 1e-6
+    # what a micrometre is worth in the others: 1 ms of motion, what 5 bar change when 12 mm of air shrink, the same
+    # part of 300 K
+    assert difference[1] < 1e-6 / 1e-3
+    assert difference[2] < 5e5 / 12e-3 * 1e-6
+    assert difference[4] < 1e-6
+    assert difference[5] < 300 / 12e-3 * 1e-6

@@ -10,32 +10,39 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
+from clutchid.model.compiled import check_variant, kernels
 from clutchid.parameters import Parameters, unknown_name
 
 #: Knots of the paper in m, Section 2.5.
 PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
+
+#: Bases of the load by name.
+BASES = ("paper", "b-spline")
 
 
 @dataclass(frozen=True)
 class Load:
     r"""The clutch load over the piston position, Eq. (14).
 
-    .. math:: f_l(y) = \theta_1 \phi_1(y) + \theta_2 \phi_2(y) + \theta_3 \phi_3(y)
+    .. math:: f_l(y) = \sum_i \theta_i \phi_i(y)
 
     Parameters
     ----------
-    theta : N/m
-        Three weights. A weight means nothing without its basis, so knots and slope are kept with it.
+    theta : N/m or N
+        Weights: three in N/m for the paper's splines, number of knots + 2 in N for B-splines. A weight means nothing
+        without its basis, so basis, knots and slope are kept with it.
     knots : m
-        Four strictly increasing positions t_1 ... t_4.
+        Strictly increasing positions: four, t_1 ... t_4, for the paper's splines, at least two for B-splines.
     phi2_slope : 1
-        1 by the paper's stated conditions, 0.001 as published; see `clutchid.model.load.xi_2`.
+        1 by the paper's stated conditions, 0.001 as published; see `clutchid.model.load.xi_2`. Paper's splines only.
+    basis : 'paper' or 'b-spline'
+        Eqs. (15)-(17), or `clutchid.model.b_spline`.
 
     Raises
     ------
     ParameterError
-        If knots do not increase, or a knot or a weight is not finite.
+        If knots do not increase, the number of weights does not fit, or a number is not finite.
 
     Examples
     --------
@@ -49,17 +56,23 @@ class Load:
     theta: tuple[float, ...] = (9e5, 0.0, 0.0)
     knots: tuple[float, ...] = PAPER_KNOTS
     phi2_slope: float = 1.0
-    basis: str = field(default="paper", init=False)
+    basis: str = "paper"
 
     def __post_init__(self) -> None:
         problems = []
-        if len(self.theta) != 3 or not all(math.isfinite(value) for value in self.theta):
-            problems.append(f"theta = {self.theta}: three finite weights in N/m are needed.")
+        if self.basis not in BASES:
+            raise ParameterError(unknown_name(str(self.basis), BASES, "load basis"))
+        paper = self.basis == "paper"
+        count = 3 if paper else len(self.knots) + 2
+        if len(self.theta) != count or not all(math.isfinite(value) for value in self.theta):
+            number = "three" if paper else str(count)
+            problems.append(f"theta = {self.theta}: {number} finite weights in {self.unit} are needed.")
         increasing = all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
-        if len(self.knots) != 4 or not increasing or not all(math.isfinite(knot) for knot in self.knots):
+        enough = len(self.knots) == 4 if paper else len(self.knots) >= 2
+        if not enough or not increasing or not all(math.isfinite(knot) for knot in self.knots):
             problems.append(
-                f"knots = {self.knots} m: four strictly increasing positions are needed, all of them finite; "
-                f"the paper has {PAPER_KNOTS}."
+                f"knots = {self.knots} m: {'four' if paper else 'two or more'} strictly increasing positions are "
+                f"needed, all of them finite; the paper has {PAPER_KNOTS}."
             )
         if not math.isfinite(self.phi2_slope):
             problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")
@@ -73,15 +86,53 @@ class Load:
         """Names of the weights: theta_1, theta_2, ..."""
         return tuple(f"theta_{i + 1}" for i in range(len(self.theta)))
 
-    @cached_property
-    def breakpoints(self) -> FloatArray:
-        """Positions in m where the polynomials change, shape (s - 1,)."""
-        return _paper_table(self.knots, self.phi2_slope)[0]
+    @classmethod
+    def on_b_splines(cls, other: Load | None = None, knots: tuple[float, ...] = DEFAULT_KNOTS) -> Load:
+        """A load on cubic B-splines that comes as near as it can to `other`, by default to the paper's start.
+
+        Raises
+        ------
+        ParameterError
+            If knots do not increase.
+
+        Examples
+        --------
+        >>> load = Load.on_b_splines(Load((9.385e5, 0.0, 0.0)))
+        >>> f"{load.force(np.array([8.5e-3]))[0]:.0f} N"
+        '4927 N'
+        """
+        blank = cls((0.0,) * (len(knots) + 2), tuple(knots), 1.0, "b-spline")
+        y = np.linspace(knots[0], knots[-1], 20 * len(knots))
+        wanted = (cls() if other is None else other).force(y)
+        return replace(blank, theta=tuple(np.linalg.lstsq(blank.phi(y), wanted, rcond=None)[0].tolist()))
+
+    @property
+    def unit(self) -> str:
+        """Unit of the weights."""
+        return "N/m" if self.basis == "paper" else "N"
+
+    def curvature(self, y: FloatArray) -> FloatArray:
+        """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
+        y = np.asarray(y, dtype=np.float64)
+        segment = np.searchsorted(self.breakpoints, y, side="right")
+        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
+        c = self.coefficients[:, segment]
+        result: FloatArray = (2 * c[..., 2] + 6 * offset * c[..., 3]).T
+        return result
 
     @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        return _paper_table(self.knots, self.phi2_slope) if self.basis == "paper" else _b_splines(self.knots)
+
+    @property
+    def breakpoints(self) -> FloatArray:
+        """Positions in m where the polynomials change, shape (s - 1,)."""
+        return self._table[0]
+
+    @property
     def coefficients(self) -> FloatArray:
         """Coefficients of every basis function, shape (n_theta, s, 4), in powers of y - left breakpoint."""
-        return _paper_table(self.knots, self.phi2_slope)[1]
+        return self._table[1]
 
     def combined(self, theta: FloatArray | None = None) -> FloatArray:
         """Coefficients of the load itself, shape (s, 4), with the weights `theta` in place of the own ones."""
@@ -107,10 +158,18 @@ class Load:
 @cache
 def _paper_table(knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
     breakpoints, coefficients = kernels("isothermal").paper_table(*knots, phi2_slope)
-    table = np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64)
+    return _frozen(np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64))
+
+
+@cache
+def _b_splines(knots: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    return _frozen(*b_spline_table(knots))
+
+
+def _frozen(*table: FloatArray) -> tuple[FloatArray, FloatArray]:
     for array in table:
         array.flags.writeable = False
-    return table
+    return table[0], table[1]
 
 
 @dataclass(frozen=True)
@@ -133,8 +192,7 @@ class Actuator:
     model: str = "isothermal"
 
     def __post_init__(self) -> None:
-        if self.model not in VARIANTS:
-            raise ParameterError(unknown_name(self.model, VARIANTS, "model"))
+        check_variant(self.model)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -158,7 +216,7 @@ class Actuator:
 
     def unit(self, name: str) -> str:
         """Unit of a parameter or load weight."""
-        return "N/m" if name in self.load.names else Parameters.row(name).unit
+        return self.load.unit if name in self.load.names else Parameters.row(name).unit
 
     def replace(self, changes: dict[str, float]) -> Actuator:
         """A copy with other parameter values or load weights, checked again.

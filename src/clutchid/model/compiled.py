@@ -8,13 +8,49 @@ from pathlib import Path
 from types import ModuleType
 
 from clutchid.codegen.cache import load_module
+from clutchid.codegen.system import System
 from clutchid.errors import ParameterError
 from clutchid.parameters import unknown_name
 
-#: Model variants by name.
-VARIANTS = ("isothermal",)
+#: States of each gas model, in the order of the kernels; a variant is a gas model, with or without Stribeck friction.
+_GAS = {
+    "isothermal": ("y", "v", "p_A", "p_B", "z"),
+    "energy-balance": ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S"),
+}
+_STRIBECK = "-stribeck"
+
+#: Model variants by name, with their states.
+VARIANTS = {f"{gas}{friction}": states for gas, states in _GAS.items() for friction in ("", _STRIBECK)}
 
 _HERE = Path(__file__).parent
+
+
+def system(variant: str) -> System:
+    """The equations of a model variant.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    from clutchid.model.energy_balance import energy_balance
+    from clutchid.model.isothermal import isothermal
+
+    check_variant(variant)
+    gas = {"isothermal": isothermal, "energy-balance": energy_balance}[variant.removesuffix(_STRIBECK)]
+    return gas(stribeck=variant.endswith(_STRIBECK))
+
+
+def check_variant(variant: str) -> None:
+    """Refuse a variant that does not exist.
+
+    Raises
+    ------
+    ParameterError
+        The text has the nearest known one.
+    """
+    if variant not in VARIANTS:
+        raise ParameterError(unknown_name(variant, VARIANTS, "model"))
 
 
 @cache
@@ -28,11 +64,10 @@ def kernels(variant: str) -> ModuleType:
     ParameterError
         If there is no such variant.
     """
-    if variant not in VARIANTS:
-        raise ParameterError(unknown_name(variant, VARIANTS, "model"))
+    check_variant(variant)
     code = [path for folder in (_HERE, _HERE.parent / "codegen") for path in folder.rglob("*") if path.is_file()]
     sources = [path for path in code if path.suffix in (".py", ".j2")]
-    return load_module(variant, [*sources, _HERE.parent / "parameters.py"], _builder(variant))
+    return load_module(variant.replace("-", "_"), [*sources, _HERE.parent / "parameters.py"], _builder(variant))
 
 
 def _builder(variant: str) -> Callable[[], str]:
@@ -40,11 +75,9 @@ def _builder(variant: str) -> Callable[[], str]:
         import sympy as sp
 
         from clutchid.codegen.numba_source import function_source, numba_source
-        from clutchid.model.isothermal import isothermal
         from clutchid.model.load import table_expressions
 
         knots = sp.symbols("t_1:5 phi2_slope", real=True)
-        systems = {"isothermal": isothermal}
-        return numba_source(systems[variant]()) + function_source("paper_table", knots, table_expressions(*knots))
+        return numba_source(system(variant)) + function_source("paper_table", knots, table_expressions(*knots))
 
     return build

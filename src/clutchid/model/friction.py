@@ -76,3 +76,80 @@ def deflection_rate(v: Expr, z: Expr, K_z: Expr, F_C: Expr) -> Expr:
     True
     """
     return v - K_z / F_C * sp.Abs(v) * z
+
+
+def coulomb_force(p_A: Expr, p_B: Expr, F_C: Expr, c_F: Expr) -> Expr:
+    r"""Coulomb friction of seals that the pressure over the piston presses on.
+
+    .. math:: F = F_C + c_F \, |p_A - p_B|
+
+    Parameters
+    ----------
+    p_A, p_B : Pa
+        Absolute pressure in chambers A and B.
+    F_C : N
+        Coulomb friction without pressure, above 0.
+    c_F : m²
+        Rise with the pressure difference, at least 0.
+
+    Returns
+    -------
+    F : N
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    Not in the paper, whose friction does not know the pressure. Lip seals seal by being pressed on; measured pneumatic
+    cylinders show friction in proportion to the pressure difference.
+
+    Examples
+    --------
+    4 bar over the piston add 60 N:
+
+    >>> f"{coulomb_force(5.1e5, 1.1e5, 200, 1.5e-4):.0f} N"
+    '260 N'
+    """
+    return F_C + c_F * sp.Abs(p_A - p_B)
+
+
+def stribeck_force(v: Expr, F_C: Expr, R_S: Expr, v_S: Expr) -> Expr:
+    r"""Steady friction between static friction at rest and Coulomb friction at speed; g in the LuGre model.
+
+    .. math:: g = F_C \left(1 + (R_S - 1) \, e^{-(v / v_S)^2}\right)
+
+    Parameters
+    ----------
+    v : m/s
+        Piston velocity.
+    F_C : N
+        Coulomb friction, above 0.
+    R_S : 1
+        Static over Coulomb friction, at least 1; with 1 this is the paper's friction.
+    v_S : m/s
+        Stribeck velocity, above 0.
+
+    Returns
+    -------
+    g : N
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    The paper leaves the Stribeck effect out.
+
+    References
+    ----------
+    Canudas de Wit, Olsson, Åström and Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425.
+
+    Examples
+    --------
+    >>> f"{stribeck_force(0.0, 200, 1.3, 0.01):.0f} N at rest, {float(stribeck_force(0.1, 200, 1.3, 0.01)):.0f} N"
+    '260 N at rest, 200 N'
+    """
+    return F_C * (1 + (R_S - 1) * sp.exp(-((v / v_S) ** 2)))

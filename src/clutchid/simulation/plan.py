@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
+from clutchid.parameters import Parameters
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 
@@ -166,7 +168,7 @@ def _segment(
     use_pressure: bool,
 ) -> Segment:
     dt = np.diff(log.time[start:stop])
-    inputs = np.column_stack([log[name][start:stop] for name in INPUTS])
+    inputs = _inputs(log, actuator, start, stop)
     position = log["position"][start:stop] if "position" in log else np.full(stop - start, np.nan)
     pressure = log["pressure_a"][start:stop] if use_pressure else np.full(stop - start, np.nan)
     rest = _rest(log.time[start:stop], position, inputs[:, 0] <= actuator.parameters.R_0vs)
@@ -186,6 +188,23 @@ def _segment(
         pressure_start=_first_finite(pressure[: max(2, int(REST_TIME / dt[0]))], np.nan),
         vented=vented,
     )
+
+
+def _inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
+    """Held inputs at every sample: both duty cycles, and the valves' carrier where the model has one."""
+    columns = [log[name][start:stop] for name in INPUTS]
+    if "T_A" in VARIANTS[actuator.model]:
+        columns += carrier(log.time[start:stop], actuator.parameters)
+    return np.column_stack(columns)
+
+
+def carrier(time: FloatArray, p: Parameters) -> list[FloatArray]:
+    """Phase of the valves' carrier at each sample, in [0, 1), and the part of a period until the next; 0 without."""
+    if p.T_pwm == 0.0:
+        return [np.zeros(time.size), np.zeros(time.size)]
+    phase = (time / p.T_pwm) % 1.0
+    step = np.diff(time, append=2 * time[-1] - time[-2]) / p.T_pwm
+    return [phase, np.where(step < 1.0, step, 0.0)]
 
 
 def _rest(time: FloatArray, position: FloatArray, closed: NDArray[np.bool_]) -> FloatArray:

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator, Load
-from clutchid.model.compiled import kernels
+from clutchid.model.compiled import VARIANTS, kernels
 from clutchid.parameters import Parameters
 from clutchid.simulation.plan import Segment
 
 IntArray = NDArray[np.int64]
 
-STATES = ("y", "v", "p_A", "p_B", "z")
 #: Names of the unknown start of a segment, as sensitivities.
 POSITION_START, PRESSURE_START = "y_start", "p_A_start"
+#: Parameters that states start at.
+_START_ROWS = {"T_w": ("T_A", "T_B"), "P_S": ("p_S",)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,20 +73,23 @@ class Numbers:
 
 
 def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float] | None = None) -> FloatArray:
-    """State (y, v, p_A, p_B, z) at the start of `segment`: Eq. (24), or what is known of a start under pressure.
+    """State at the start of `segment`: Eq. (24), or what is known of a start under pressure.
+
+    Air has the temperature of the walls, the reservoir its full pressure.
 
     Parameters
     ----------
     start : (m, Pa), optional
         Position and pressure in chamber A, where they have been estimated.
     """
-    P_0 = actuator.parameters.P_0
+    p = actuator.parameters
     if start is not None:
         y, p_A = start
     else:
         y = segment.position_start
         p_A = guessed_pressure(segment, actuator)
-    return np.array([y, 0.0, p_A, P_0, 0.0])
+    known = {"y": y, "p_A": p_A, "p_B": p.P_0, "T_A": p.T_w, "T_B": p.T_w, "p_S": p.P_S}
+    return np.array([known.get(name, 0.0) for name in VARIANTS[actuator.model]])
 
 
 def guessed_pressure(segment: Segment, actuator: Actuator) -> float:
@@ -103,11 +107,11 @@ def _force(load: Load, y: float) -> float:
 
 
 def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray, int]:
-    """States at every sample, shape (n, 5), and the first sample that is not finite, or -1.
+    """States at every sample, shape (n, n_states), and the first sample that is not finite, or -1.
 
     Samples after a failure are NaN.
     """
-    out = np.empty((len(segment), len(STATES)))
+    out = np.empty((len(segment), x0.size))
     failed = kernels(numbers.model).run(
         x0.copy(), segment.inputs, numbers.parameters, segment.dt, segment.substeps, segment.jump, segment.measured,
         numbers.breakpoints, numbers.load, out,
@@ -122,14 +126,23 @@ def run_with_sensitivities(
 ) -> tuple[FloatArray, FloatArray, int]:
     """As `run`, with the sensitivities of the states `watched`, shape (n, len(watched), n_columns).
 
-    `start` is the state at the start and its sensitivities, shape (5, n_columns).
+    `start` is the state at the start and its sensitivities, shape (n_states, n_columns).
     """
-    out = np.empty((len(segment), len(STATES)))
+    out, sens, _, failed = run_to_end(segment, numbers, start, which, watched)
+    return out, sens, failed
+
+
+def run_to_end(
+    segment: Segment, numbers: Numbers, start: tuple[FloatArray, FloatArray], which: Columns, watched: Sequence[int]
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """As `run_with_sensitivities`, with the sensitivities of all states at the end, shape (n_states, n_columns)."""
+    out = np.empty((len(segment), start[0].size))
     sens = np.empty((len(segment), len(watched), len(which.names)))
+    end = start[1].copy()
     module = kernels(numbers.model)
     kernel = module.run_all if which.needs_parameters else module.run_table
     failed = kernel(
-        start[0].copy(), start[1].copy(), segment.inputs, numbers.parameters, segment.dt,
+        start[0].copy(), end, segment.inputs, numbers.parameters, segment.dt,
         segment.substeps, segment.jump, segment.measured, numbers.breakpoints, numbers.load, numbers.basis,
         which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,
         np.array(watched, dtype=np.int64), out, sens,
@@ -137,15 +150,16 @@ def run_with_sensitivities(
     if failed >= 0:
         out[failed + 1 :] = np.nan
         sens[failed:] = np.nan
-    return out, sens, int(failed)
+    return out, sens, end, int(failed)
 
 
 def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, estimated: bool) -> FloatArray:
-    """Sensitivities of the start, shape (5, n_columns); `estimated` where the start is a free number of its own.
+    """Sensitivities of the start, shape (n_states, n_columns); `estimated` where the start is a free number of its own.
 
     Chambers that start at P_0 move with it, and a pressure guessed by Eq. (26) moves with the load that it holds.
     """
-    S = np.zeros((len(STATES), len(which.names)))
+    states = VARIANTS[actuator.model]
+    S = np.zeros((len(states), len(which.names)))
     measured = bool(np.isfinite(segment.pressure_start))
     resting = not (segment.vented or estimated or measured)
     y, A_A = segment.position_start, actuator.parameters.A_A
@@ -156,6 +170,10 @@ def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, es
             S[0, column] = 1.0
         elif name == PRESSURE_START:
             S[2, column] = 1.0
+        elif name in _START_ROWS:
+            for row in _START_ROWS[name]:
+                if row in states:
+                    S[states.index(row), column] = 1.0
         elif name == "P_0":
             S[3, column] = 1.0
             S[2, column] = float(resting or (segment.vented and not measured))

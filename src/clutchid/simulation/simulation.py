@@ -11,11 +11,11 @@ import numpy as np
 from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Plan, Segment, plan
 from clutchid.simulation.run import (
-    STATES,
     Numbers,
     columns,
     run,
@@ -25,16 +25,25 @@ from clutchid.simulation.run import (
 )
 from clutchid.simulation.stiffness import stiffness, top_speed
 
-#: Column of a `Log` for each state.
-STATE_COLUMNS = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
+#: Column of a `Log` for each state that has one.
+STATE_COLUMNS = {
+    "y": "position",
+    "v": "velocity",
+    "p_A": "pressure_a",
+    "p_B": "pressure_b",
+    "z": "deflection",
+    "T_A": "temperature_a",
+    "T_B": "temperature_b",
+    "p_S": "pressure_supply",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulation:
     """A simulated recording, or where it left the finite numbers.
 
-    `sensitivities` holds, for each name asked for, the derivative of the five states in the order of `STATE_COLUMNS`,
-    shape (n, 5), in SI units of the state over SI units of the parameter.
+    `sensitivities` holds, for each name asked for, the derivative of the model's states in their order, shape
+    (n, n_states), in SI units of the state over SI units of the parameter.
     """
 
     log: Log
@@ -100,23 +109,24 @@ def simulate(
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
     numbers, which = Numbers.of(actuator), columns(actuator, sensitivities)
-    states = np.full((len(log), len(STATES)), np.nan)
-    sens = np.full((len(log), len(STATES), len(which.names)), np.nan)
+    names = VARIANTS[actuator.model]
+    states = np.full((len(log), len(names)), np.nan)
+    sens = np.full((len(log), len(names), len(which.names)), np.nan)
     message = ""
     for number, segment in enumerate(prepared.segments):
         x0 = start_state(segment, actuator, starts[number] if starts is not None else None)
         at = slice(segment.start, segment.stop)
         if which.names:
             start = x0, start_sensitivities(segment, actuator, which, starts is not None)
-            states[at], sens[at], failed = run_with_sensitivities(segment, numbers, start, which, range(len(STATES)))
+            states[at], sens[at], failed = run_with_sensitivities(segment, numbers, start, which, range(len(names)))
         else:
             states[at], failed = run(segment, numbers, x0)
         if failed >= 0 and not message:
-            message = failure_message(log, segment, states[at], failed)
+            message = failure_message(log, segment, states[at], failed, names)
     if message and on_failure == "raise":
         raise SolveError(message)
     return Simulation(
-        log=simulated_log(prepared, states),
+        log=simulated_log(prepared, states, names),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
         warnings=prepared.warnings,
@@ -124,17 +134,17 @@ def simulate(
     )
 
 
-def simulated_log(prepared: Plan, states: FloatArray) -> Log:
-    """A log with the simulated columns and the inputs they were made with."""
+def simulated_log(prepared: Plan, states: FloatArray, names: Sequence[str]) -> Log:
+    """A log with the simulated columns of the states `names` and the inputs they were made with."""
     log = prepared.log
-    simulated = {name: np.ascontiguousarray(states[:, i]) for i, name in enumerate(STATE_COLUMNS)}
+    simulated = {STATE_COLUMNS[name]: np.ascontiguousarray(states[:, i]) for i, name in enumerate(names)}
     inputs = {name: log[name] for name in INPUTS}
     return Log(log.time, {"position": simulated.pop("position"), **inputs, **simulated}, log.name, log.metadata)
 
 
-def failure_message(log: Log, segment: Segment, states: FloatArray, failed: int) -> str:
+def failure_message(log: Log, segment: Segment, states: FloatArray, failed: int, names: Sequence[str]) -> str:
     """Where a simulation left the finite numbers: time and state."""
-    bad = [name for name, value in zip(STATES, states[failed], strict=True) if not np.isfinite(value)]
+    bad = [name for name, value in zip(names, states[failed], strict=True) if not np.isfinite(value)]
     time = log.time[segment.start + failed]
     return (
         f"{log.name}: the simulation left the finite numbers at {time:.3f} s in {', '.join(bad) or 'all states'}; "

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels
+from clutchid.model.compiled import VARIANTS, kernels
 from clutchid.simulation.partition import Partition
 
 #: Classical RK4 is stable for real eigenvalues down to -2.785 / h; 2.5 leaves a margin.
@@ -51,22 +51,22 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     """
     p = actuator.parameters
     near = 5e-4 * p.P_0
-    x = np.array(
-        list(
-            product(
-                (-2 * p.d_stop, p.d_stop, p.y_max / 2, p.y_max - p.d_stop, p.y_max + 2 * p.d_stop),
-                (-speed, 0.0, speed),
-                (p.P_0 + near, (p.P_0 + p.P_S) / 2, p.P_S - near),
-                (p.P_0 - near, p.P_0 + near, 1.3 * p.P_0),
-                (0.0,),
-            )
-        )
-    )
-    rates, jacobian = np.empty_like(x), np.empty((x.shape[0], 5, 5))
+    ranges = {
+        "y": (-2 * p.d_stop, p.d_stop, p.y_max / 2, p.y_max - p.d_stop, p.y_max + 2 * p.d_stop),
+        "v": (-speed, 0.0, speed),
+        "p_A": (p.P_0 + near, (p.P_0 + p.P_S) / 2, p.P_S - near),
+        "p_B": (p.P_0 - near, p.P_0 + near, 1.3 * p.P_0),
+        "T_A": (0.8 * p.T_0, 1.3 * p.T_0),
+        "T_B": (p.T_0,),
+        "p_S": (p.P_S,),
+    }
+    x = np.array(list(product(*(ranges.get(name, (0.0,)) for name in VARIANTS[actuator.model]))))
+    rates, jacobian = np.empty_like(x), np.empty((*x.shape, x.shape[1]))
     largest = 0.0
     load = actuator.load
     for duty in ((1.0, 0.0), (0.0, 1.0)):
-        u = np.tile(np.array(duty), (x.shape[0], 1))
+        u = np.zeros((x.shape[0], 4))
+        u[:, :2] = duty
         kernels(actuator.model).linearise(x, u, p.array(), load.breakpoints, load.combined(), rates, jacobian)
         finite = jacobian[np.all(np.isfinite(jacobian), axis=(1, 2))]
         largest = max(largest, float(np.abs(np.linalg.eigvals(finite)).max()))

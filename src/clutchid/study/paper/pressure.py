@@ -117,9 +117,9 @@ def _texts(model: str) -> dict[str, Callable[..., FloatArray]]:
     """Friction, deflection rate and stop force of the model's own text, for arrays."""
     import sympy as sp
 
-    from clutchid.model.isothermal import isothermal
+    from clutchid.model.compiled import system as equations
 
-    system = {"isothermal": isothermal}[model]()
+    system = equations(model)
     text = {str(symbol): expression for symbol, expression in system.definitions}
     y, v, _, _, z = system.states
     z_dot = sp.Symbol("z_dot", real=True)

@@ -1,0 +1,61 @@
+"""What the model variants share: symbols, named definitions, flows through the valves, and forces on the piston."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+from clutchid.codegen.system import Expr
+from clutchid.model.friction import coulomb_force, deflection_rate, friction_force, stribeck_force
+from clutchid.model.motion import stop_force
+from clutchid.model.valves import opening, switched_opening
+from clutchid.parameters import Parameters
+
+
+class Book:
+    """Symbols by name; ``book.define(name, value)`` adds a named expression, in the order of computation."""
+
+    def __init__(self, states: tuple[str, ...]) -> None:
+        names = (*states, *Parameters.names(), "u_vs", "u_ve", "c_pwm", "d_pwm", "f_l", "y_measured", "p_A_measured")
+        self._symbols: dict[str, Expr] = {name: sp.Symbol(name, real=True) for name in names}
+        self.rows: list[tuple[Expr, Expr]] = []
+
+    def __getitem__(self, name: str) -> Expr:
+        return self._symbols[name]
+
+    def all(self, *names: str) -> tuple[Expr, ...]:
+        """Several symbols."""
+        return tuple(self._symbols[name] for name in names)
+
+    def define(self, name: str, value: Expr) -> Expr:
+        """The symbol `name` for the expression `value`."""
+        symbol = self._symbols[name] = sp.Symbol(name, real=True)
+        self.rows.append((symbol, value))
+        return symbol
+
+
+def openings(b: Book, switched: bool = False) -> None:
+    """Opening degrees of both valves, Eq. (11); with `switched` as the carrier opens them."""
+    for valve in ("vs", "ve"):
+        degree = opening(b[f"u_{valve}"], b[f"R_0{valve}"], b[f"R_1{valve}"])
+        if switched:
+            share = b.define(f"a_{valve}", degree)
+            degree = switched_opening(share, b["s_pwm"] + b[f"s_{valve}"], b["c_pwm"], b["d_pwm"])
+        b.define(f"y_{valve}", degree)
+
+
+def gated(opening_degree: Expr, flow: Expr) -> Expr:
+    """A flow that is computed only while its valve is open."""
+    return sp.Piecewise((opening_degree * flow, opening_degree > 0), (0, True))
+
+
+def friction_and_stops(b: Book, stribeck: bool) -> None:
+    """Rate of the deflection, friction and force of the end stops."""
+    y, v, z = b.all("y", "v", "z")
+    steady = b["F_C"]
+    if stribeck:
+        pressed = b.define("F_p", coulomb_force(b["p_A"], b["p_B"], b["F_C"], b["c_F"]))
+        steady = b.define("F_g", stribeck_force(v, pressed, b["R_S"], b["v_S"]))
+    z_dot = b.define("z_dot", deflection_rate(v, z, b["K_z"], steady))
+    b.define("f_f", friction_force(v, z, z_dot, *b.all("D_v", "K_z", "D_zdot")))
+    stop = b.all("K_stop", "D_stop", "d_stop")
+    b.define("f_s", stop_force(y - b["y_max"], v, *stop) - stop_force(-y, -v, *stop))

@@ -1,0 +1,104 @@
+"""The model with an energy balance in both chambers and a reservoir before the supply valve; beyond the paper."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import sympy as sp
+
+from clutchid.codegen.system import System, Table
+from clutchid.model.assembly import Book, friction_and_stops, gated, openings
+from clutchid.model.chambers import (
+    heated_pressure_rate,
+    reservoir_rate,
+    temperature_rate,
+    volume_a,
+    volume_b,
+    wall_area,
+)
+from clutchid.model.isothermal import resets
+from clutchid.model.motion import acceleration
+from clutchid.model.valves import orifice_flow, thermal_factor
+from clutchid.parameters import Parameters
+
+STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S")
+
+
+@cache
+def energy_balance(stribeck: bool = False) -> System:
+    r"""The paper's model with the energy balance in place of Eqs. (4) and (5), and a supply that sags.
+
+    .. math:: \dot x = f(x, u; p), \quad x = (y, v, p_A, p_B, z, T_A, T_B, p_S), \quad u = (u_{vs}, u_{ve}, c, d)
+
+    Parameters
+    ----------
+    stribeck : bool
+        Whether friction has static friction and pressed seals, `clutchid.model.friction.stribeck_force`.
+
+    Returns
+    -------
+    system : System
+        Inputs are the duty cycles, and phase and step of the valves' carrier; the load f_l(y) is a table; jumps take a
+        measured position or pressure.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    Air arrives at T_0 from supply and ambient, and leaves at the temperature of its chamber. A jump keeps temperatures.
+
+    Examples
+    --------
+    >>> [str(state) for state in energy_balance().states]
+    ['y', 'v', 'p_A', 'p_B', 'z', 'T_A', 'T_B', 'p_S']
+    """
+    b = Book(STATES)
+    openings(b, switched=True)
+    _flows(b)
+    V_A = b.define("V_A", volume_a(*b.all("y", "V_0A", "A_A")))
+    V_B = b.define("V_B", volume_b(*b.all("y", "V_0B", "A_B", "y_max")))
+    Q_A = b.define("Q_A", b["h_A"] * wall_area(V_A, b["A_A"]) * (b["T_w"] - b["T_A"]))
+    Q_B = b.define("Q_B", b["h_B"] * wall_area(V_B, b["A_B"]) * (b["T_w"] - b["T_B"]))
+    friction_and_stops(b, stribeck)
+    c_p = b["R"] * b["gamma"] / (b["gamma"] - 1)
+    V_A_dot, V_B_dot = b["A_A"] * b["v"], -b["A_B"] * b["v"]
+    H_A = c_p * (b["T_0"] * b["w_vs"] - b["T_A"] * b["w_ve"])
+    H_B = c_p * b["T_r"] * b["w_r"]
+    p_A_dot = b.define("p_A_dot", heated_pressure_rate(b["p_A"], V_A, V_A_dot, H_A, Q_A, b["gamma"]))
+    p_B_dot = b.define("p_B_dot", heated_pressure_rate(b["p_B"], V_B, V_B_dot, H_B, Q_B, b["gamma"]))
+    rates = (
+        b["v"],
+        acceleration(*b.all("p_A", "p_B", "f_l", "f_f", "f_s", "A_A", "A_B", "P_0", "M")),
+        p_A_dot,
+        p_B_dot,
+        b["z_dot"],
+        temperature_rate(b["T_A"], b["p_A"], p_A_dot, V_A, V_A_dot, b["w_vs"] - b["w_ve"], b["R"]),
+        temperature_rate(b["T_B"], b["p_B"], p_B_dot, V_B, V_B_dot, b["w_r"], b["R"]),
+        reservoir_rate(*b.all("p_S", "P_S", "tau_S", "w_vs", "V_S", "R", "T_0")),
+    )
+    return System(
+        name="energy_balance_stribeck" if stribeck else "energy_balance",
+        states=b.all(*STATES),
+        inputs=b.all("u_vs", "u_ve", "c_pwm", "d_pwm"),
+        parameters=b.all(*Parameters.names()),
+        definitions=tuple(b.rows),
+        derivatives=rates,
+        table=Table(b["f_l"], b["y"]),
+        measured=b.all("y_measured", "p_A_measured"),
+        jumps=resets(b, STATES),
+    )
+
+
+def _flows(b: Book) -> None:
+    """Mass flows with the temperature of where the air comes from."""
+    air = b.all("rho_0", "B_0", "r_lam")
+    b.define("w_vs", gated(b["y_vs"], orifice_flow(*b.all("p_S", "p_A", "C_vs", "B_vs"), *air)))
+    hot = thermal_factor(*b.all("T_0", "T_A"))
+    b.define("w_ve", gated(b["y_ve"], hot * orifice_flow(*b.all("p_A", "P_0", "C_ve", "B_ve"), *air)))
+    w_in = orifice_flow(*b.all("P_0", "p_B", "C_r", "B_in"), *air)
+    w_out = thermal_factor(*b.all("T_0", "T_B")) * orifice_flow(*b.all("p_B", "P_0", "C_r", "B_out"), *air)
+    breathing_in = b["p_B"] < b["P_0"]
+    b.define("w_r", sp.Piecewise((w_in, breathing_in), (-w_out, True)))
+    b.define("T_r", sp.Piecewise((b["T_0"], breathing_in), (b["T_B"], True)))

@@ -1,0 +1,195 @@
+"""Laws of the energy balance: mass and energy are kept, sealed air is adiabatic, the reservoir only gives."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.model.chambers import heated_pressure_rate, pressure_rate, reservoir_rate, temperature_rate, wall_area
+from clutchid.model.valves import thermal_factor
+from clutchid.parameters import Parameters
+from clutchid.simulation import simulate
+from clutchid.simulation.stiffness import stiffness
+
+EPS = 2.3e-16
+LOAD = Load((9e5, -0.3e5, 0.6e5))
+GAMMA, R, T_0, P_0 = 1.4, 288.0, 293.0, 1.095e5
+pressures = st.floats(5e4, 1.2e6)
+temperatures = st.floats(180, 500)
+volumes = st.floats(1e-5, 1e-3)
+growths = st.floats(-4e-3, 4e-3)
+flows = st.floats(-0.05, 0.05)
+
+
+def air(p: float, T: float, V: float, V_dot: float, w: float, H: float, Q: float) -> tuple[float, float]:
+    p_dot = float(heated_pressure_rate(p, V, V_dot, H, Q, GAMMA))
+    return p_dot, float(temperature_rate(T, p, p_dot, V, V_dot, w, R))
+
+
+@given(pressures, temperatures, volumes, growths, flows, st.floats(-3e4, 3e4), st.floats(-1e4, 1e4))
+def test_energy_and_mass_of_a_chamber_change_by_what_crosses_its_border(p, T, V, V_dot, w, H, Q):
+    p_dot, T_dot = air(p, T, V, V_dot, w, H, Q)
+    # U = p V / (gamma - 1) takes enthalpy and heat and gives work; m = p V / (R T) takes the flow
+    energy = (p_dot * V + p * V_dot) / (GAMMA - 1)
+    size = abs(H) + abs(Q) + GAMMA / (GAMMA - 1) * abs(p * V_dot)
+    assert abs(energy - (H + Q - p * V_dot)) <= 20 * EPS * size
+    m = p * V / (R * T)
+    shares = (p_dot / p, V_dot / V, -T_dot / T)
+    large = m * (abs(p_dot / p) + abs(V_dot / V)) + abs(w)
+    assert abs(m * sum(shares) - w) <= 40 * EPS * large
+
+
+@given(pressures, volumes, growths)
+def test_sealed_air_without_heat_is_adiabatic_and_sealed_air_of_constant_temperature_is_not(p, V, V_dot):
+    p_dot, T_dot = air(p, 300.0, V, V_dot, 0.0, 0.0, 0.0)
+    assert p_dot / p == pytest.approx(-GAMMA * V_dot / V, rel=1e-12)  # d ln(p V^gamma) = 0
+    assert T_dot / 300 == pytest.approx(-(GAMMA - 1) * V_dot / V, rel=1e-12, abs=EPS * abs(V_dot / V))
+    isothermal = float(pressure_rate(p, V, V_dot, 0.0, R, T_0))
+    assert p_dot == pytest.approx(GAMMA * isothermal, rel=1e-12)
+
+
+@given(pressures, temperatures, volumes, st.floats(1e-4, 0.05))
+def test_filling_a_rigid_chamber_drives_its_air_towards_gamma_times_the_supply_temperature(p, T, V, w):
+    c_p = R * GAMMA / (GAMMA - 1)
+    _, T_dot = air(p, T, V, 0.0, w, c_p * T_0 * w, 0.0)
+    # T_dot = R T w / (p V) (gamma T_0 - T)
+    assert T_dot == pytest.approx(R * T * w / (p * V) * (GAMMA * T_0 - T), rel=1e-9, abs=1e-9 * T * R * T * w / (p * V))
+
+
+@given(pressures, temperatures, volumes, st.floats(1e-4, 0.05))
+def test_venting_a_rigid_chamber_cools_what_stays(p, T, V, w):
+    c_p = R * GAMMA / (GAMMA - 1)
+    p_dot, T_dot = air(p, T, V, 0.0, -w, -c_p * T * w, 0.0)
+    assert T_dot < 0
+    assert T_dot / T == pytest.approx((1 - 1 / GAMMA) * p_dot / p, rel=1e-9)  # T^gamma ~ p^(gamma - 1)
+
+
+@given(temperatures, temperatures)
+def test_cold_air_is_dense_so_more_of_it_flows(one, other):
+    cold, warm = sorted((one, other))
+    assert float(thermal_factor(T_0, cold)) >= float(thermal_factor(T_0, warm))
+    assert float(thermal_factor(T_0, T_0)) == 1
+
+
+@given(st.floats(1e-3, 3e-2), volumes)
+def test_the_wall_of_a_chamber_is_that_of_a_cylinder(A, V):
+    d, length = np.sqrt(4 * A / np.pi), V / A
+    assert float(wall_area(V, A)) == pytest.approx(2 * A + np.pi * d * length, rel=1e-12)
+
+
+@given(st.floats(4e5, 9e5), st.floats(0.05, 3.0), st.floats(1e-3, 0.1))
+def test_a_reservoir_recovers_towards_the_supply_pressure_and_a_flow_only_lowers_it(p_S, tau_S, V_S):
+    at_rest = reservoir_rate(p_S, 9e5, tau_S, 0.0, V_S, R, T_0)
+    assert at_rest == (9e5 - p_S) / tau_S >= 0
+    assert reservoir_rate(p_S, 9e5, tau_S, 0.02, V_S, R, T_0) < at_rest
+    assert reservoir_rate(9e5, 9e5, tau_S, 0.0, V_S, R, T_0) == 0
+
+
+def shut(seconds: float, step: float) -> Log:
+    n = round(seconds / step)
+    return Log(np.arange(n) * step, {"duty_supply": np.zeros(n), "duty_exhaust": np.zeros(n)})
+
+
+def chambers(log: Log, p: Parameters) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Pressure, volume and temperature of A and B."""
+    V_A = p.V_0A + p.A_A * log["position"]
+    V_B = p.V_0B + p.A_B * (p.y_max - log["position"])
+    return [(log["pressure_a"], V_A, log["temperature_a"]), (log["pressure_b"], V_B, log["temperature_b"])]
+
+
+@pytest.mark.parametrize(("y", "p_A"), list(itertools.product((1e-3, 6e-3, 12e-3), (1.5e5, 4e5, 8.5e5))))
+def test_sealed_and_insulated_air_follows_the_adiabat_while_the_piston_springs(y, p_A):
+    step = 1e-3 / 64
+    parameters = Parameters(C_r=0.0, h_A=0.0, h_B=0.0)
+    actuator = Actuator(parameters, LOAD, "energy-balance")
+    log = simulate(actuator, shut(0.06, step), starts=[(y, p_A)]).log
+    assert np.ptp(log["position"]) > 5e-5
+    # RK4 keeps p V^gamma but for its truncation, as tests/laws/test_air.py: (h lambda)^4
+    tolerance = (step * stiffness(actuator)) ** 4
+    for p, V, T in chambers(log, parameters):
+        for kept in (p * V**GAMMA, T * V ** (GAMMA - 1), p * V / T):
+            assert np.abs(kept / kept[0] - 1).max() < tolerance
+        assert np.ptp(T) > 0.1
+
+
+@pytest.mark.parametrize("h", [0.0, 50.0, 5000.0])
+def test_a_sealed_chamber_changes_its_energy_by_heat_and_work_only(h):
+    step = 1e-3 / 32
+    parameters = Parameters(C_r=0.0, h_A=h, h_B=h, T_w=320.0)
+    actuator = Actuator(parameters, LOAD, "energy-balance")
+    log = simulate(actuator, shut(0.1, step), starts=[(8e-3, 2e5)]).log
+    for (p, V, T), A in zip(chambers(log, parameters), (parameters.A_A, parameters.A_B), strict=True):
+        heat = h * np.array([float(wall_area(v, A)) for v in V]) * (320.0 - T)
+        gained = p * V / (GAMMA - 1)
+        work = np.concatenate([[0], np.cumsum((p[1:] + p[:-1]) / 2 * np.diff(V))])
+        warmed = np.concatenate([[0], np.cumsum((heat[1:] + heat[:-1]) / 2 * step)])
+        # Trapezium rule on motions with rates up to lambda: (h lambda)^2 / 12 of all work and heat that moved.
+        moved = np.sum(np.abs(p[1:] * np.diff(V))) + np.sum(np.abs(heat)) * step
+        assert np.abs(gained - gained[0] - warmed + work).max() <= (step * stiffness(actuator)) ** 2 / 12 * moved
+
+
+@pytest.mark.parametrize("variant", ["energy-balance", "energy-balance-stribeck"])
+def test_what_flows_in_and_out_is_what_chambers_and_reservoir_hold(variant):
+    step = 1e-3 / 16
+    n = round(0.4 / step)
+    t = np.arange(n) * step
+    supply, exhaust = np.where(t < 0.09, 0.8, 0.0), np.where(t > 0.15, 0.6, 0.0)
+    parameters = Parameters(V_S=3e-3, tau_S=0.2)
+    actuator = Actuator(parameters, LOAD, variant)
+    log = simulate(actuator, Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})).log
+
+    def psi(r, B):  # Eqs. (6)-(9), typed again for arrays, with the laminar line
+        def printed(r):
+            ellipse = np.sqrt(1 - np.minimum(r, 1) ** 2)
+            choked = np.sqrt(np.maximum(0, 1 - (np.clip(r - 0.582, 0, 0.418) / 0.418) ** 2))
+            return ellipse + B * (choked - ellipse) if B > 0 else ellipse + B * (ellipse - (1 - r))
+
+        line = printed(np.array(0.999)) * (1 - r) / 1e-3
+        return np.where(r <= 0.999, printed(r), np.maximum(line, 0))
+
+    p_A, p_B, p_S = log["pressure_a"], log["pressure_b"], log["pressure_supply"]
+    T_A, T_B = log["temperature_a"], log["temperature_b"]
+    w_vs = 1.185 * 19e-9 * psi(p_A / p_S, 0.1) * p_S * np.clip((supply - 0.07) / 0.86, 0, 1)
+    w_ve = 1.185 * 21.4e-9 * psi(P_0 / p_A, -0.7) * p_A * np.sqrt(T_0 / T_A) * np.clip((exhaust - 0.07) / 0.86, 0, 1)
+    w_in = 1.185 * 5e-8 * psi(p_B / P_0, 0.5) * P_0
+    w_out = 1.185 * 5e-8 * psi(P_0 / p_B, 0.5) * p_B * np.sqrt(T_0 / T_B)
+    (_, V_A, _), (_, V_B, _) = chambers(log, parameters)
+    recovered = (9e5 - p_S) / 0.2 * 3e-3 / (R * T_0)
+    masses = {
+        "A": (p_A * V_A / (R * T_A), w_vs - w_ve),
+        "B": (p_B * V_B / (R * T_B), np.where(p_B < P_0, w_in, -w_out)),
+        "reservoir": (p_S * 3e-3 / (R * T_0), recovered - w_vs),
+    }
+    assert np.ptp(p_S) > 2e4
+    edges = (round(0.09 / step), round(0.15 / step) + 1)
+    for mass, rate in masses.values():
+        for a, b in itertools.pairwise((0, *edges, n)):
+            flown = np.trapezoid(rate[a:b], dx=step)
+            # as tests/laws/test_air.py: the trapezium rule on rates up to lambda, and the rounding of the masses
+            allowed = (step * stiffness(actuator)) ** 2 / 12 * np.trapezoid(np.abs(rate[a:b]), dx=step)
+            assert abs(mass[b - 1] - mass[a] - flown) <= allowed + 1e-13 * mass[a]
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1), st.integers(2, 60)), min_size=1, max_size=6))
+def test_bristle_temperatures_and_reservoir_stay_within_their_limits(pattern):
+    fine = 8
+    duties = np.repeat([[a, b] for a, b, _ in pattern], [fine * count for *_, count in pattern], axis=0)
+    time = np.arange(duties.shape[0]) * 1e-3 / fine
+    actuator = Actuator(load=LOAD, model="energy-balance-stribeck")
+    p = actuator.parameters
+    log = simulate(actuator, Log(time, {"duty_supply": duties[:, 0], "duty_exhaust": duties[:, 1]})).log
+    allowance = 1 + (1e-3 / fine * stiffness(actuator)) ** 4  # of RK4, as for the isothermal bristle
+    pressed = p.F_C + p.c_F * np.abs(log["pressure_a"] - log["pressure_b"]).max()
+    assert np.abs(log["deflection"]).max() <= p.R_S * pressed / p.K_z * allowance
+    assert log["pressure_supply"].max() <= p.P_S * allowance
+    # Filling heats to gamma T_0 at most, and squeezing chamber A by a retreating piston 25 mm of 37 mm long further.
+    hottest = p.gamma * p.T_0 * ((p.V_0A + p.A_A * p.y_max) / p.V_0A) ** (p.gamma - 1)
+    assert log["temperature_a"].max() <= hottest
+    # Venting from the supply pressure to the ambient without heat: T_0 (P_0 / P_S)^((gamma - 1) / gamma) of the start.
+    coldest = p.T_0 * (p.P_0 / p.P_S) ** ((p.gamma - 1) / p.gamma)
+    assert log["temperature_a"].min() >= coldest
