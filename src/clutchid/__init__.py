@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
     from clutchid.estimate import Fit, fit
+    from clutchid.estimate.calibration import Calibration
     from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
+    from clutchid.estimate.shooting.coordinates import Prior
     from clutchid.io import look, read, write
     from clutchid.log import Log
     from clutchid.model import Actuator, Load
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Actuator": "clutchid.model",
+    "Calibration": "clutchid.estimate.calibration",
     "ClutchidError": "clutchid.errors",
     "DataError": "clutchid.errors",
     "ExportError": "clutchid.errors",
@@ -36,6 +39,7 @@ _HOME = {
     "ParameterError": "clutchid.errors",
     "Parameters": "clutchid.parameters",
     "Partition": "clutchid.simulation",
+    "Prior": "clutchid.estimate.shooting.coordinates",
     "Simulation": "clutchid.simulation",
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
@@ -51,6 +55,7 @@ _HOME = {
 
 __all__ = [
     "Actuator",
+    "Calibration",
     "ClutchidError",
     "DataError",
     "ExportError",
@@ -61,6 +66,7 @@ __all__ = [
     "ParameterError",
     "Parameters",
     "Partition",
+    "Prior",
     "Simulation",
     "SolveError",
     "bundled_recording",

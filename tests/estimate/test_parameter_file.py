@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,12 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
+from clutchid.model.compiled import VARIANTS
+from clutchid.parameters import Parameters
+
+#: A load on two knots, and the four weights that it needs.
+SPLINE = "[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.02]\n"
+WEIGHTS = "[parameters]\ntheta_1 = 1.0\ntheta_2 = 2.0\ntheta_3 = 3.0\ntheta_4 = 4.0\n"
 
 STARTS = {"worn 1": ((0.0, 109500.0), (0.004, 2.5e5))}
 
@@ -28,6 +36,38 @@ def test_a_file_names_only_what_differs_from_the_appendix(tmp_path):
     assert content.starts == {"run": ()}
 
 
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(
+    "load",
+    [
+        Load((8e5, -1e4, 2e4)),
+        Load((8e5, 1 / 3, 1e-17), (0.0, 1e-3, 8e-3, 1.1e-2), 0.001),
+        Load.on_b_splines(),
+        Load((1.0, 2.0, 3.0, 0.1 + 0.2), (0.0, 0.02), basis="b-spline"),
+    ],
+    ids=["paper", "other knots and slope", "B-splines", "two knots"],
+)
+def test_every_variant_with_every_load_is_read_exactly_as_it_was_written(variant, load, tmp_path):
+    path = tmp_path / "fit.toml"
+    content = ParameterFile(Actuator(Parameters(h_A=1 / 3, R_S=1.7), load, variant), STARTS)
+    write_parameters(content, path)
+    assert read_parameters(path) == content
+    model = tomllib.loads(path.read_text(encoding="utf-8"))["model"]
+    assert (model["variant"], model["load_basis"]) == (variant, load.basis)
+    assert ("phi2_slope" in model) == (load.basis == "paper")
+
+
+def test_a_file_with_few_knots_and_many_weights_tells_only_what_is_wrong(tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(f"[model]\nload_basis = 'b-spline'\n{WEIGHTS}theta_9 = 1.0\nC_sv = 1e-8\n")
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path)
+    message = str(caught.value)
+    assert "2 problems" in message
+    assert "theta" not in message.partition("Known are")[0]
+    assert "'C_sv'" in message
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -42,7 +82,21 @@ def test_a_file_names_only_what_differs_from_the_appendix(tmp_path):
         ("[recording.a]\npositions_start = [0.0]\n", ["'positions_start'", "did you mean 'position_start'"]),
         ("[recording.a]\npressure_start = [1e5]\n", ["'pressure_start'", "did you mean 'pressure_a_start'"]),
         ("[model]\nvariant = 5\n", ["[model] variant = 5", "a name in quotes"]),
-        ("[model]\nload_basis = 5\n", ["no load basis '5'", "Known are paper"]),
+        ("[model]\nload_basis = 5\n", ["no load basis '5'", "Known are paper, b-spline"]),
+        ("[model]\nload_basis = ['paper']\n", ["no load basis", "Known are paper, b-spline"]),
+        ("[model]\nload_basis = 'b-splines'\n", ["did you mean 'b-spline'"]),
+        ("[model]\nvariant = 'energy'\n", ["did you mean 'energy-balance'"]),
+        ("[model]\nload_basis = 'b-spline'\n", ["[model] knots", "two or more positions in m"]),
+        ("[model]\nload_basis = 'b-spline'\nknots = 5\n", ["[model] knots", "two or more positions in m"]),
+        (f"{SPLINE}[parameters]\ntheta_1 = 1.0\ntheta_3 = 1.0\n", ["theta_2, theta_4:", "theta_1 to theta_4 in N"]),
+        (f"{SPLINE}[parameters]\nP_S = 8e5\n", ["theta_1, theta_2, theta_3, theta_4:", "2 knots", "the 4 weights"]),
+        (f"{SPLINE}phi2_slope = 1.0\n{WEIGHTS}", ["phi2_slope belongs to load_basis = 'paper'"]),
+        (f"{SPLINE}{WEIGHTS}theta_5 = 5.0\n", ["no parameter 'theta_5'", "theta_4"]),
+        (f"{SPLINE}{WEIGHTS}theta_0 = 5.0\n", ["no parameter 'theta_0'"]),
+        (f"{SPLINE}{WEIGHTS.replace('4.0', 'nan')}", ["theta = ", "4 finite weights in N"]),
+        (f"{SPLINE}{WEIGHTS.replace('4.0', 'true')}", ["theta = ", "numbers are needed"]),
+        (f"{SPLINE.replace('0.02', '0.0')}{WEIGHTS}", ["knots = ", "two or more strictly increasing"]),
+        ("[parameters]\ntheta_4 = 1.0\n", ["no parameter 'theta_4'", "theta_3"]),
         ("[model]\nknots = [0.0, 0.002, 0.0085, inf]\n", ["knots", "finite"]),
         ("[model]\nknots = 5\n", ["knots = 5", "numbers are needed"]),
         (f"[model]\nphi2_slope = 1{400 * '0'}\n", ["phi2_slope", "numbers are needed"]),

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
 from clutchid.log import Log
-from clutchid.model.actuator import Actuator
 from clutchid.units import UNITS, known_units
 
 if TYPE_CHECKING:
+    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimate.shooting.coordinates import Prior
     from clutchid.simulation import Partition
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
@@ -142,6 +143,25 @@ def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
     return result
 
 
+def priors(items: Sequence[str]) -> dict[str, Prior]:
+    """``NAME=VALUE±STD`` options."""
+    from clutchid.estimate.shooting.coordinates import Prior
+
+    result = {}
+    for item in items:
+        match = re.fullmatch(r"\s*([^=\s]+)\s*=\s*(.+?)\s*(?:±|\+-|\+/-)\s*(.+?)\s*", item)
+        try:
+            name, mean, std = match.groups() if match else ("", "x", "x")
+            result[name] = Prior(float(mean), float(std))
+        except ValueError:
+            result[name] = Prior(math.nan, math.nan)
+        if not (math.isfinite(result[name].mean) and 0.0 < result[name].std < math.inf):
+            raise ParameterError(
+                f"--prior {item}: write NAME=VALUE±STD in SI units, the STD above 0, for example P_S=8.5e5±5e3."
+            )
+    return result
+
+
 def partition_of(every: int | None, parts: int | None, carry: Literal["p", "q"] | None) -> Partition | None:
     """The options --every, --parts and --carry; None is ballistic."""
     from clutchid.simulation import Partition
@@ -179,16 +199,15 @@ def _same(one: Path, other: Path) -> bool:
         return False
 
 
-def start_actuator(start: Path | None, model: str | None) -> Actuator:
-    """The actuator to start from: that of the parameter file `start`, if there is one."""
+def start_file(start: Path, model: str | None) -> ParameterFile:
+    """The parameter file to start from; its model wins, another one beside it is an error."""
     from clutchid.estimate.parameter_file import read_parameters
 
-    if start is None:
-        return Actuator(model=model or "isothermal")
-    actuator = read_parameters(start).actuator
-    if model is not None and model != actuator.model:
-        raise ParameterError(f"--model {model}: {start} is for the model '{actuator.model}'; leave --model out.")
-    return actuator
+    content = read_parameters(start)
+    if model is not None and model != content.actuator.model:
+        known = content.actuator.model
+        raise ParameterError(f"--model {model}: {start} is for the model '{known}'; leave --model out.")
+    return content
 
 
 @contextmanager

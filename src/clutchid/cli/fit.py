@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -21,14 +22,17 @@ from clutchid.cli.common import (
     partition_of,
     pressure,
     print_json,
+    priors,
     progress_bar,
     read_logs,
-    start_actuator,
+    start_file,
 )
 from clutchid.errors import ParameterError
 
 if TYPE_CHECKING:
     from clutchid.estimate import Fit
+    from clutchid.estimate.calibration import Calibration
+    from clutchid.model.actuator import Actuator
 
 
 def fit(
@@ -40,6 +44,8 @@ def fit(
     parts: int | None = None,
     carry: Literal["p", "q"] | None = None,
     model: str | None = None,
+    method: Literal["simulation", "shooting"] | None = None,
+    prior: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
     start: Path | None = None,
     verify: Annotated[list[Path] | None, Parameter(name="--verify", consume_multiple=True)] = None,
     save: Path | None = None,
@@ -60,7 +66,8 @@ def fit(
     measure
         Measured columns to compare with: position, or position,pressure_a.
     free
-        Free parameters, comma-separated; `load` stands for all load weights.
+        Free parameters, comma-separated; `load` stands for all load weights, `auto` for all that a recording with
+        pressure can tell, `NAME@EACH` for an own number of every recording.
     bounds_
         Bounds in SI units, NAME=LOW:HIGH, several after each other; a side may be empty.
     every
@@ -70,9 +77,15 @@ def fit(
     carry
         Across such a reset, carry the pressures (p, the paper and the default) or the masses of air (q).
     model
-        Model variant: isothermal.
+        Model variant: isothermal (the paper), energy-balance, either with -stribeck. By default isothermal, and
+        energy-balance-stribeck for `--free auto`.
+    method
+        simulation (the paper) or shooting (many short simulations that meet softly); by default the one that what is
+        asked for needs. A calibration is one by shooting, and so is what starts from it.
+    prior
+        What is known before the data, NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), several after each other.
     start
-        Parameter file with model and start values.
+        Parameter file with model and start values; after a calibration only the load need be free.
     verify
         Recordings to simulate with the result, not fitted.
     save
@@ -87,52 +100,102 @@ def fit(
         Show the traceback of an error.
     """
 
-    def work() -> int:
-        from clutchid.estimate import fit as fit_logs
-
-        _check(logs, verify or [], bounds_ or [], free)
-        _check_files(logs, verify or [], start, save, report)
-        actuator, partition = start_actuator(start, model), partition_of(every, parts, carry)
-        read = read_logs([*logs, *(verify or [])], pressure(ambient, actuator.parameters.P_0))
-        with progress_bar("fit") as show:
-            result = fit_logs(
-                read[: len(logs)],
-                actuator,
-                measure=names(measure),
-                free=names(free),
-                bounds=bounds(bounds_ or []),
-                partition=partition,
-                verify=read[len(logs) :],
-                progress=lambda stage, count: show(f"{stage} search, {count} simulations", -1.0),
-            )
-        _write(result, save, report)
-        if json:
-            print_json(fit_json(result))
-        else:
-            _print(result, save, report)
-        return FAILED if result.status == "failed" else DONE
-
-    return guarded(work, as_json=json, debug=debug)
+    files = _Files(logs, tuple(verify or ()), start, save, report)
+    asked = _Asked(
+        measure, free, tuple(bounds_ or ()), tuple(prior or ()), (every, parts, carry), model, method, ambient
+    )
+    return guarded(lambda: _work(files, asked, json), as_json=json, debug=debug)
 
 
-def _check(logs: Sequence[Path], verify: Sequence[Path], limits: Sequence[str], free: str) -> None:
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Paths that a fit reads and writes."""
+
+    logs: tuple[Path, ...]
+    verify: tuple[Path, ...]
+    start: Path | None
+    save: Path | None
+    report: Path | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """Options of a fit as the user wrote them."""
+
+    measure: str
+    free: str
+    bounds: tuple[str, ...]
+    priors: tuple[str, ...]
+    partition: tuple[int | None, int | None, Literal["p", "q"] | None]
+    model: str | None
+    method: Literal["simulation", "shooting"] | None
+    ambient: str | None
+
+
+def _work(files: _Files, asked: _Asked, json: bool) -> int:
+    _check(files.logs, files.verify, (*asked.bounds, *asked.priors))
+    _check_files(files)
+    result = _fitted(files, asked)
+    _write(result, files.save, files.report)
+    if json:
+        print_json(fit_json(result))
+    else:
+        _print(result, files.save, files.report)
+    return FAILED if result.status == "failed" else DONE
+
+
+def _fitted(files: _Files, asked: _Asked) -> Fit:
+    from clutchid.estimate import fit as fit_logs
+
+    partition = partition_of(*asked.partition)
+    automatic = "auto" in names(asked.free)
+    shooting = partition is None and asked.method != "simulation"
+    actuator, calibration = _start(files.start, asked.model, automatic, shooting)
+    read = read_logs([*files.logs, *files.verify], pressure(asked.ambient, actuator.parameters.P_0))
+    with progress_bar("fit") as show:
+        return fit_logs(
+            read[: len(files.logs)],
+            actuator,
+            measure=names(asked.measure),
+            free=names(asked.free),
+            bounds=bounds(asked.bounds),
+            partition=partition,
+            verify=read[len(files.logs) :],
+            method=asked.method,
+            priors=priors(asked.priors),
+            calibration=None if automatic else calibration,
+            progress=lambda stage, count: show(f"{stage} search, {count} simulations", -1.0),
+        )
+
+
+def _check(logs: Sequence[Path], verify: Sequence[Path], limits: Sequence[str]) -> None:
     if not logs and (verify or limits):
         raise ParameterError(
-            "no recording given: --verify and --bounds take all that follows them; put the recordings before --verify "
-            "and --bounds."
+            "no recording given: --verify, --bounds and --prior take all that follows them; put the recordings before "
+            "--verify, --bounds and --prior."
         )
     if not logs:
         raise ParameterError("no recording given; clutchid fit LOG.csv")
-    if "auto" in names(free):
-        raise ParameterError("--free auto is not in this version; name the parameters, for example load,P_S,C_vs.")
 
 
-def _check_files(
-    logs: Sequence[Path], verify: Sequence[Path], start: Path | None, save: Path | None, report: Path | None
-) -> None:
-    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
-    inputs += [("a recording to verify with", path) for path in verify]
-    check_outputs({"--save": save, "--report": report}, [*inputs, ("the start file itself", start)])
+def _check_files(files: _Files) -> None:
+    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in files.logs]
+    inputs += [("a recording to verify with", path) for path in files.verify]
+    inputs.append(("the start file itself", files.start))
+    check_outputs({"--save": files.save, "--report": files.report}, inputs)
+
+
+def _start(
+    start: Path | None, model: str | None, automatic: bool, calibrated: bool
+) -> tuple[Actuator, Calibration | None]:
+    """The actuator to start from, and what a calibration left beside it, where that is wanted."""
+    from clutchid.estimate.shooting.automatic import AUTOMATIC
+    from clutchid.model.actuator import Actuator
+
+    if start is None:
+        return Actuator(model=model or (AUTOMATIC if automatic else "isothermal")), None
+    content = start_file(start, model)
+    return content.actuator, content.calibration if calibrated else None
 
 
 def _write(result: Fit, save: Path | None, report: Path | None) -> None:
@@ -168,6 +231,8 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "verify": {name: _errors_json(recording.errors) for name, recording in result.verification.items()},
         "noise_scales": dict(result.scales),
         "warnings": list(result.warnings),
+        "method": result.method,
+        "notes": list(result.notes),
     }
 
 
@@ -191,6 +256,8 @@ def _print(result: Fit, save: Path | None, report: Path | None) -> None:
             pressure_error = recording.errors.pressure_a_rms
             text = "" if pressure_error is None else f", pressure {pressure_error / 1e3:.1f} kPa rms"
             print(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}")
+    for note in result.notes:
+        print(note)
     for warning in result.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     for path in (save, report):

@@ -11,7 +11,8 @@ from cyclopts import Parameter
 from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, partition_of, pressure, print_json, read_logs
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile, Starts
+    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimate.recording_sections import Starts
     from clutchid.log import Log
     from clutchid.simulation import Partition
 

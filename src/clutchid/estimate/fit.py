@@ -9,20 +9,25 @@ from typing import Literal
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError, SolveError
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.problem import MEASURED, Problem, problem
 from clutchid.estimate.result import Fit, Recording
 from clutchid.estimate.search import Progress, two_stages
+from clutchid.estimate.shooting.automatic import AUTOMATIC
+from clutchid.estimate.shooting.calibrate import Request, fit_by_shooting
+from clutchid.estimate.shooting.coordinates import Prior
 from clutchid.estimate.summary import failed, plan_warnings, summary
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import outside_stroke, plan
 from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
 
-#: A parameter without own bounds stays within this factor of its start value.
-DEFAULT_RANGE = 3.0
+#: Methods by name: the paper's simulation error, ballistic or partitioned, and multiple shooting.
+METHODS = ("simulation", "shooting")
 
 
 def fit(
@@ -34,24 +39,31 @@ def fit(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     partition: Partition | None = None,
     verify: Sequence[Log] = (),
+    method: Literal["simulation", "shooting"] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    calibration: Calibration | None = None,
     on_failure: Literal["raise", "return"] = "raise",
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit the free parameters of `actuator` to recordings, by simulation, as the paper does.
+    """Fit the free parameters of `actuator` to recordings.
 
-    Two stages: the coarse one tries factors on the load and stops early; the fine one goes on from the best with the
-    noise scales found. Both are bounded Levenberg-Marquardt searches on exact sensitivities.
+    'simulation' is the paper's method, in two stages: the coarse one tries factors on the load and stops early; the
+    fine one goes on from the best with the noise scales found. 'shooting' lets many short simulations meet softly; it
+    knows priors, numbers of single recordings, and calibration. Both are bounded Levenberg-Marquardt searches on exact
+    sensitivities. docs/methods.md helps to choose.
 
     Parameters
     ----------
     logs : Log or several
         Recordings with both duty cycles and the columns in `measure`; all share the free parameters.
     actuator : Actuator, optional
-        Model and start values; by default the paper's Appendix A with theta = (9e5, 0, 0) N/m.
+        Model and start values; by default the paper's Appendix A with theta = (9e5, 0, 0) N/m, and for 'auto' the
+        energy balance with Stribeck friction and a load on B-splines.
     measure : 'position', 'pressure_a'
         Measured columns to compare with.
     free : names
-        Free parameters; 'load' stands for all load weights. Empty: only unknown starts are estimated.
+        Free parameters; 'load' stands for all load weights, NAME@EACH for an own number of every recording, 'auto' for
+        all that a recording with pressure may tell. Empty: only unknown starts are estimated.
     bounds : {name: (low, high)}, optional
         In SI. By default theta_1 and theta_3 are at least 0, theta_2 is free (it changes sign on a worn clutch), and
         every other parameter stays within a factor of three of its start, or in its range where that is finite.
@@ -59,6 +71,12 @@ def fit(
         Partitioned ballistic simulation; ballistic without.
     verify : logs
         Recordings that are simulated with the result, not fitted.
+    method : 'simulation' or 'shooting', optional
+        By default shooting where 'auto', priors, numbers of single recordings or a calibration ask for it.
+    priors : {name: Prior}, optional
+        What is known before the data, in SI; by default `clutchid.estimate.shooting.coordinates` says.
+    calibration : Calibration, optional
+        ``fit.calibration`` of a fit with pressure, whose actuator this one is.
     on_failure : 'raise' or 'return'
         What to do when the start values cannot be simulated.
     progress : function(stage, evaluations), optional
@@ -81,11 +99,14 @@ def fit(
     ----------
     Section 3.1; rules for missing samples, starts and resets: docs/formats.md.
     """
-    actuator = actuator or Actuator()
     recordings = _uniquely_named([logs] if isinstance(logs, Log) else list(logs))
+    request = Request(tuple(measure), tuple(free), bounds or {}, priors or {}, calibration)
+    if _chosen(method, request, partition) == "shooting":
+        return _shot(recordings, actuator, request, verify, (on_failure, progress))
+    actuator = actuator or Actuator()
     names = free_names(free, actuator)
     _check([*recordings, *verify], measure, len(recordings), actuator.parameters.y_max)
-    limits = _bounds(names, actuator, bounds or {})
+    limits = bounds_of(names, actuator, bounds or {})
     start = actuator.replace({name: float(np.clip(actuator.value(name), *limits[name])) for name in names})
     rate = stiffness_over(start, limits, top_speed(partition))
     plans = [plan(log, start, rate, partition, "pressure_a" in measure) for log in recordings]
@@ -100,27 +121,46 @@ def fit(
     return _verified(summary(task, solution, scales), verify, partition, measure)
 
 
+def _shot(
+    recordings: Sequence[Log],
+    actuator: Actuator | None,
+    request: Request,
+    verify: Sequence[Log],
+    how: tuple[Literal["raise", "return"], Progress | None],
+) -> Fit:
+    """A fit by multiple shooting, verified."""
+    actuator = actuator or Actuator(model=AUTOMATIC if "auto" in request.free else "isothermal")
+    _check([*recordings, *verify], request.measure, len(recordings), actuator.parameters.y_max)
+    result = fit_by_shooting(recordings, actuator, request, how[1])
+    if result.status == "failed":
+        if how[0] == "raise":
+            raise SolveError(result.message)
+        return result
+    return _verified(result, verify, None, request.measure)
+
+
+def _chosen(method: str | None, request: Request, partition: Partition | None) -> str:
+    """The method of a fit: shooting where something is asked for that only it knows."""
+    automatic = "auto" in request.free or any("@" in name for name in request.free)
+    asked = automatic or bool(request.calibration or request.priors)
+    chosen = method or ("shooting" if asked else "simulation")
+    if chosen not in METHODS:
+        raise ParameterError(unknown_name(chosen, METHODS, "method"))
+    if chosen == "shooting" and partition is not None:
+        raise ParameterError("a partition belongs to the method 'simulation'; shooting has windows of its own.")
+    if chosen == "simulation" and asked:
+        raise ParameterError(
+            "'auto', priors, numbers of single recordings and a calibration need the method 'shooting'."
+        )
+    return chosen
+
+
 def _verified(result: Fit, logs: Sequence[Log], partition: Partition | None, measure: Sequence[str]) -> Fit:
     """`result` with the simulations of other recordings, and what is to be said of them."""
     done, warnings = verification(result.actuator, logs, partition, measure)
     told = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
     status = "warning" if told and result.status == "ok" else result.status
     return replace(result, verification=done, warnings=told, status=status)
-
-
-def free_names(free: Sequence[str], actuator: Actuator) -> tuple[str, ...]:
-    """Names of the free parameters, with 'load' replaced by all load weights.
-
-    Raises
-    ------
-    ParameterError
-        For an unknown name; the text has the nearest known one.
-    """
-    expanded = [name for item in free for name in (actuator.load.names if item == "load" else (item,))]
-    unknown = [unknown_name(name, ("load", *actuator.names)) for name in expanded if name not in actuator.names]
-    if unknown:
-        raise ParameterError("\n".join(unknown))
-    return tuple(dict.fromkeys(expanded))
 
 
 def _check(recordings: Sequence[Log], measure: Sequence[str], fitted: int, y_max: float) -> None:
@@ -158,42 +198,6 @@ def _check_size(task: Problem) -> None:
             f"{task.plans[0].log.name}: {samples} measured samples for {task.x0.size} free numbers "
             f"({len(task.names)} parameters and the unknown starts); record at least a full stroke."
         )
-
-
-def _bounds(
-    names: Sequence[str], actuator: Actuator, given: Mapping[str, tuple[float, float]]
-) -> dict[str, tuple[float, float]]:
-    foreign = [
-        f"bounds for {name}, which is not free; free are {', '.join(names) or 'none'}."
-        for name in given
-        if name not in names
-    ]
-    crossed = [
-        f"{name}: lower bound {low:g} is not below upper bound {high:g}."
-        for name, (low, high) in given.items()
-        if not low < high
-    ]
-    outside = [
-        f"{name}: bound {bound:g} is not admissible, it is {Parameters.row(name).allowed} {Parameters.row(name).unit}."
-        for name, limits in given.items()
-        if name in Parameters.names()
-        for bound in limits
-        if np.isfinite(bound) and not Parameters.row(name).admits(bound)
-    ]
-    if foreign or crossed or outside:
-        raise ParameterError("\n".join(foreign + crossed + outside))
-    return {name: given.get(name, _default_bounds(name, actuator)) for name in names}
-
-
-def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
-    if name in actuator.load.names:
-        return (-np.inf, np.inf) if name == "theta_2" else (0.0, np.inf)
-    row, value = Parameters.row(name), actuator.value(name)
-    if value <= 0.0:
-        return row.low, row.high
-    if not np.isfinite(row.high):
-        return value / DEFAULT_RANGE, value * DEFAULT_RANGE
-    return row.low if row.low_included else value / DEFAULT_RANGE, row.high
 
 
 def verification(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,30 +14,55 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.recording_sections import Starts, is_number, own_values, starts_in
 from clutchid.estimate.result import Fit
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
-from clutchid.model.actuator import Actuator, Load
+from clutchid.model.actuator import BASES, Actuator, Load
 from clutchid.parameters import Parameters, unknown_name
 
 _SECTIONS = ("model", "parameters", "recording", "fit")
 _MODEL_KEYS = ("variant", "load_basis", "knots", "phi2_slope")
-_START_KEYS = ("position_start", "pressure_a_start")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
-
-Starts = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterFile:
     """An actuator with what a file says besides: starts of the segments of recordings by stem, and how it was fitted.
 
-    A start is (position in m, pressure in chamber A in Pa).
+    A start is (position in m, pressure in chamber A in Pa). `own` are parameters of single recordings, by stem.
     """
 
     actuator: Actuator
     starts: Mapping[str, Starts] = field(default_factory=dict)
     fit: Mapping[str, Any] = field(default_factory=dict)
+    own: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """What a calibration left in the file, if it is one.
+
+        Raises
+        ------
+        ParameterError
+            If the entry cannot be understood.
+        """
+        entry = self.fit.get("calibration")
+        if entry is None:
+            return None
+        try:
+            names, bias = tuple(map(str, entry["names"])), tuple(map(float, entry["bias"]))
+            covariance = np.array(entry["covariance"], dtype=np.float64).reshape(len(names), len(names))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ParameterError(
+                "[fit.calibration]: names, a square covariance and bias are needed; save the calibration again."
+            ) from error
+        if len(bias) not in (0, len(self.actuator.load.theta)):
+            raise ParameterError(
+                f"[fit.calibration] bias: {len(bias)} numbers for {len(self.actuator.load.theta)} load weights."
+            )
+        return Calibration(names, covariance, bias)
 
     def starts_for(self, log: Log) -> Starts | None:
         """The starts of `log`, if they were estimated from just this file: the hash under [fit] data says so."""
@@ -61,8 +86,20 @@ def parameter_file(fitted: Fit) -> ParameterFile:
         "data": {name: _hash(recording.measured.metadata) for name, recording in fitted.recordings.items()},
         "versions": {library: version(library) for library in _LIBRARIES},
     }
+    about["method"] = fitted.method
+    if fitted.calibration is not None:
+        about["calibration"] = {
+            "names": list(fitted.calibration.names),
+            "covariance": fitted.calibration.covariance.tolist(),
+            "bias": list(fitted.calibration.bias),
+        }
     starts = {name: recording.starts for name, recording in fitted.recordings.items()}
-    return ParameterFile(fitted.actuator, starts, about)
+    own: dict[str, dict[str, float]] = {}
+    for name, estimate in fitted.parameters.items():
+        base, at, stem = name.partition("@")
+        if at:
+            own.setdefault(stem, {})[base] = estimate.value
+    return ParameterFile(fitted.actuator, starts, about, own)
 
 
 def _hash(metadata: Mapping[str, str]) -> str:
@@ -86,13 +123,17 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
             "variant": actuator.model,
             "load_basis": load.basis,
             "knots": list(load.knots),
-            "phi2_slope": load.phi2_slope,
+            **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
         },
         "parameters": {name: actuator.value(name) for name in actuator.names},
     }
     if content.starts:
         document["recording"] = {
-            stem: {"position_start": [y for y, _ in starts], "pressure_a_start": [p for _, p in starts]}
+            stem: {
+                "position_start": [y for y, _ in starts],
+                "pressure_a_start": [p for _, p in starts],
+                **content.own.get(stem, {}),
+            }
             for stem, starts in content.starts.items()
         }
     if content.fit:
@@ -105,7 +146,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 
 
 def read_parameters(path: str | PathLike[str]) -> ParameterFile:
-    """Read a parameter file; what it does not name has the value of Appendix A.
+    """Read a parameter file; what it does not name has its default, but for the knots and weights of B-splines.
 
     Raises
     ------
@@ -128,7 +169,7 @@ def read_parameters(path: str | PathLike[str]) -> ParameterFile:
         raise ParameterError(_all(path, problems))
     load, load_problems = _load(document.get("model", {}), document.get("parameters", {}))
     parameters, parameter_problems = _parameters(document.get("parameters", {}), load)
-    starts, start_problems = _starts(document.get("recording", {}))
+    starts, start_problems = starts_in(document.get("recording", {}))
     problems = load_problems + parameter_problems + start_problems
     if problems or load is None or parameters is None:
         raise ParameterError(_all(path, problems))
@@ -136,7 +177,7 @@ def read_parameters(path: str | PathLike[str]) -> ParameterFile:
         actuator = Actuator(parameters, load, document.get("model", {}).get("variant", "isothermal"))
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
-    return ParameterFile(actuator, starts, document.get("fit", {}))
+    return ParameterFile(actuator, starts, document.get("fit", {}), own_values(document.get("recording", {})))
 
 
 def _all(path: str | PathLike[str], problems: list[str]) -> str:
@@ -149,74 +190,61 @@ def _load(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, l
     variant, basis = model.get("variant", "isothermal"), model.get("load_basis", "paper")
     if not isinstance(variant, str):
         problems.append(f"[model] variant = {variant!r}: a name in quotes is needed, for example 'isothermal'.")
-    if basis != "paper":
-        problems.append(unknown_name(str(basis), ("paper",), "load basis"))
-    default = Load()
-    theta = [values.get(name, value) for name, value in zip(default.names, default.theta, strict=True)]
-    knots, slope = model.get("knots", list(default.knots)), model.get("phi2_slope", default.phi2_slope)
-    numbers = {"knots": knots, "phi2_slope": [slope], "theta": theta}
+    if basis not in BASES:
+        return None, [*problems, unknown_name(str(basis), BASES, "load basis")]
+    numbers, lacking = _paper_numbers(model, values) if basis == "paper" else _spline_numbers(model, values)
+    problems += lacking
     for name, value in numbers.items():
-        if not isinstance(value, list) or not all(_is_number(v) for v in value):
+        if not isinstance(value, list) or not all(is_number(v) for v in value):
             problems.append(f"{name} = {value!r}: numbers are needed.")
     if problems:
         return None, problems
     try:
-        return Load(tuple(theta), tuple(knots), float(slope)), []
+        theta, knots = tuple(numbers["theta"]), tuple(numbers["knots"])
+        return Load(theta, knots, float(numbers["phi2_slope"][0]), basis), []
     except ParameterError as error:
         return None, str(error).splitlines()
 
 
-def _is_number(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    try:
-        float(value)  # TOML has no largest integer
-    except OverflowError:
-        return False
-    return True
+def _paper_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Weights, knots and slope of the paper's splines; what a file does not name is the paper's."""
+    default = Load()
+    theta = [values.get(name, value) for name, value in zip(default.names, default.theta, strict=True)]
+    knots, slope = model.get("knots", list(default.knots)), model.get("phi2_slope", default.phi2_slope)
+    return {"knots": knots, "phi2_slope": [slope], "theta": theta}, []
+
+
+def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Weights and knots of B-splines; all of them must be named, because none of them has a default."""
+    problems = []
+    if "phi2_slope" in model:
+        problems.append("[model] phi2_slope belongs to load_basis = 'paper'; take it out for 'b-spline'.")
+    knots = model.get("knots")
+    if not isinstance(knots, list):
+        problems.append("[model] knots: load_basis = 'b-spline' needs a list of two or more positions in m.")
+        return {}, problems
+    names = [f"theta_{i + 1}" for i in range(len(knots) + 2)]
+    missing = [name for name in names if name not in values]
+    if missing:
+        shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
+        problems.append(
+            f"[parameters] {shown}: not there; {len(knots)} knots of load_basis = 'b-spline' need the "
+            f"{len(names)} weights {names[0]} to {names[-1]} in N."
+        )
+    theta = [values[name] for name in names if name in values]
+    return {"knots": knots, "phi2_slope": [Load().phi2_slope], "theta": theta}, problems
 
 
 def _parameters(values: dict[str, Any], load: Load | None) -> tuple[Parameters | None, list[str]]:
-    weights = (load or Load()).names
-    known = (*Parameters.names(), *weights)
-    problems = [unknown_name(name, known) for name in values if name not in known]
+    known = (*Parameters.names(), *(load or Load()).names)
+    # Where the load itself is wrong, how many weights it has is not known.
+    problems = [
+        unknown_name(name, known)
+        for name in values
+        if name not in known and not (load is None and re.fullmatch(r"theta_[1-9]\d*", name))
+    ]
     try:
         parameters = Parameters().replace({name: v for name, v in values.items() if name in Parameters.names()})
     except ParameterError as error:
         return None, problems + str(error).splitlines()
     return parameters, problems
-
-
-def _starts(recordings: dict[str, Any]) -> tuple[dict[str, Starts], list[str]]:
-    starts: dict[str, Starts] = {}
-    problems = []
-    for stem, entry in recordings.items():
-        wrong = _start_problems(stem, entry)
-        if wrong:
-            problems += wrong
-        else:
-            pairs = zip(*(entry.get(key, []) for key in _START_KEYS), strict=True)
-            starts[stem] = tuple((float(position), float(pressure)) for position, pressure in pairs)
-    return starts, problems
-
-
-def _start_problems(stem: str, entry: object) -> list[str]:
-    """What is wrong with the starts of one recording."""
-    if not isinstance(entry, dict):
-        return [f"[recording] {stem} = {entry!r}: a section [recording.'{stem}'] with {_in_words()} is needed."]
-    where = f"[recording.'{stem}']"
-    problems = [unknown_name(name, _START_KEYS, f"entry of {where}") for name in entry if name not in _START_KEYS]
-    lists = {key: entry.get(key, []) for key in _START_KEYS}
-    for key, values in lists.items():
-        if not isinstance(values, list) or not all(_is_number(v) and math.isfinite(v) for v in values):
-            problems.append(f"{where} {key} = {values!r}: a list of finite numbers is needed, one a segment.")
-        elif key == "pressure_a_start" and not all(v > 0 for v in values):
-            problems.append(f"{where} {key} = {values!r}: pressures are absolute, in Pa, and above 0.")
-    if not problems and len({len(values) for values in lists.values()}) > 1:
-        counts = " and ".join(str(len(values)) for values in lists.values())
-        problems.append(f"{where}: {_in_words()} must be equally many numbers, they are {counts}.")
-    return problems
-
-
-def _in_words() -> str:
-    return " and ".join(_START_KEYS)

@@ -12,11 +12,11 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.least_squares import Failure, Linearisation, compress, triangular
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
 from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import (
     POSITION_START,
     PRESSURE_START,
-    STATES,
     Numbers,
     columns,
     guessed_pressure,
@@ -35,8 +35,8 @@ MEASURED = {"position": "y", "pressure_a": "p_A"}
 #: A recording whose position stays within this many m does not move.
 REST = 5e-4
 
-#: Natural size of a load weight in N/m, and of the start of a segment in m and Pa.
-WEIGHT_UNIT = 1e5
+#: Natural size of a load weight by its unit, and of the start of a segment in m and Pa.
+WEIGHT_UNITS = {"N/m": 1e5, "N": 1e3}
 _START_UNITS = {POSITION_START: 1e-3, PRESSURE_START: 1e5}
 
 
@@ -123,7 +123,7 @@ def problem(
 
 
 def _unit(name: str, actuator: Actuator) -> float:
-    return WEIGHT_UNIT if name in actuator.load.names else abs(actuator.value(name)) or 1.0
+    return WEIGHT_UNITS[actuator.load.unit] if name in actuator.load.names else abs(actuator.value(name)) or 1.0
 
 
 def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, float, float]]:
@@ -176,7 +176,8 @@ def residuals(
         yield Failure(str(error))
         return
     numbers = Numbers.of(actuator)
-    watched = [STATES.index(MEASURED[name]) for name in task.measure]
+    states_of = VARIANTS[actuator.model]
+    watched = [states_of.index(MEASURED[name]) for name in task.measure]
     for part in task.parts:
         log, segment = task.plans[part.log].log, part.segment
         which = columns(actuator, [*task.names, *part.start_names])
@@ -184,7 +185,7 @@ def residuals(
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(part.start))
         states, sens, failed = run_with_sensitivities(segment, numbers, start, which, watched)
         if failed >= 0:
-            yield Failure(failure_message(log, segment, states, failed))
+            yield Failure(failure_message(log, segment, states, failed, states_of))
             return
         unit = task.unit[[*range(len(task.names)), *part.start]]
         yield part, *_compared(task, part, states, sens * unit, scales)
@@ -195,8 +196,9 @@ def _compared(
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     log, segment = task.plans[part.log].log, part.segment
     r_parts, J_parts, at_parts = [], [], []
+    names = VARIANTS[task.actuator.model]
     for i, name in enumerate(task.measure):
-        difference = states[:, STATES.index(MEASURED[name])] - log[name][segment.start : segment.stop]
+        difference = states[:, names.index(MEASURED[name])] - log[name][segment.start : segment.stop]
         known = np.isfinite(difference)
         at_parts.append(np.flatnonzero(known))
         if known.all():
@@ -211,10 +213,10 @@ def _compared(
 
 
 def simulated_states(task: Problem, x: FloatArray, log: int) -> FloatArray:
-    """States of recording `log` at `x`, shape (n, 5); NaN outside segments and after a failure."""
+    """States of recording `log` at `x`, shape (n, n_states); NaN outside segments and after a failure."""
     actuator = task.actuator_at(x)
     numbers = Numbers.of(actuator)
-    states = np.full((len(task.plans[log].log), len(STATES)), np.nan)
+    states = np.full((len(task.plans[log].log), len(VARIANTS[actuator.model])), np.nan)
     for part in task.parts:
         if part.log == log:
             x0 = start_state(part.segment, actuator, task.start_of(part, x, actuator))

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from clutchid.estimate.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 
@@ -65,6 +66,8 @@ class Fit:
     `actuator` is the fitted one, `parameters` its free numbers with intervals, `covariance` theirs in the same order.
     `recordings` are the fitted ones by name, `verification` those that were simulated only. `scales` are the noise
     scales by which position (m) and pressure (Pa) residuals were divided, `bounds` the bounds of the free parameters.
+    `method` is how it was fitted, `notes` what the recordings told in words, `calibration` what the fit leaves to
+    later ones of the same actuator.
     """
 
     status: Status
@@ -80,6 +83,9 @@ class Fit:
     evaluations: int
     warnings: tuple[str, ...] = ()
     verification: Mapping[str, Recording] = field(default_factory=dict)
+    method: str = "simulation"
+    notes: tuple[str, ...] = ()
+    calibration: Calibration | None = None
 
 
 def errors_over(pairs: Iterable[tuple[Log, Log]]) -> Errors:

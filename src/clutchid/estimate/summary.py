@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from clutchid.estimate.covariance import Covariance, sandwich
 from clutchid.estimate.identifiability import cannot_tell, heard, listed
 from clutchid.estimate.least_squares import Failure, Solution
-from clutchid.estimate.problem import WEIGHT_UNIT, Problem, residuals, simulated_states
+from clutchid.estimate.problem import WEIGHT_UNITS, Problem, residuals, simulated_states
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
 
@@ -85,7 +86,7 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
 def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> dict[str, Recording]:
     recordings = {}
     for number, prepared in enumerate(task.plans):
-        simulated = simulated_log(prepared, simulated_states(task, x, number))
+        simulated = simulated_log(prepared, simulated_states(task, x, number), VARIANTS[fitted.model])
         starts = tuple(task.starts_at(x, number, fitted))
         errors = errors_over([(prepared.log, simulated)])
         recordings[prepared.log.name] = Recording(prepared.log, simulated, errors, starts)
@@ -138,7 +139,7 @@ def _load_curve(actuator: Actuator, names: Sequence[str], covariance: Covariance
     phi, force = actuator.load.phi(y), actuator.load.force(y)
     weights = [(i, actuator.load.names.index(name)) for i, name in enumerate(names) if name in actuator.load.names]
     rows, cols = [i for i, _ in weights], [j for _, j in weights]
-    P = covariance.matrix[np.ix_(rows, rows)] * WEIGHT_UNIT**2
+    P = covariance.matrix[np.ix_(rows, rows)] * WEIGHT_UNITS[actuator.load.unit] ** 2
     unknown = ~np.isfinite(np.diag(P)) if rows else np.zeros(0, dtype=bool)
     P = np.where(np.isfinite(P), P, 0.0)
     half = covariance.quantile() * np.sqrt(np.maximum(0.0, np.einsum("ni,ij,nj->n", phi[:, cols], P, phi[:, cols])))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 
-from clutchid.errors import ParameterError
+from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate import Fit, fit
+from clutchid.estimate.shooting.automatic import AUTOMATIC
 from clutchid.log import Log
+from clutchid.model.actuator import Actuator
 from clutchid.parameters import unknown_name
 from clutchid.simulation import Partition, simulate
 from clutchid.study.proving.answers import Answer, Workflow
@@ -21,11 +23,56 @@ def paper_method(partition: Partition | None, calibration: Log, worn: Sequence[L
     return [_answer(fit(log, partition=partition), log) for log in worn]
 
 
+def calibrated(
+    model: str, change: Callable[[Fit], Fit], adapt: Callable[[Fit, Log], Fit], calibration: Log, worn: Sequence[Log]
+) -> list[Answer]:
+    """Calibrate once with pressure, then read the load of every worn recording from position alone."""
+    once = change(fit(calibration, Actuator(model=model), measure=("position", "pressure_a"), free=("auto",)))
+    return [_answer(adapt(once, log), log) for log in worn]
+
+
+def by_shooting(once: Fit, log: Log) -> Fit:
+    """The default: only the load is free, what position alone missed on the calibration recording is taken off."""
+    return fit(log, once.actuator, calibration=once.calibration)
+
+
+def by_simulation(partition: Partition | None, once: Fit, log: Log) -> Fit:
+    """The paper's simulation error with the calibrated actuator; nothing is known of the load but its start."""
+    return fit(log, once.actuator, partition=partition)
+
+
+def not_adapted(once: Fit, log: Log) -> Fit:
+    """The load of the new clutch."""
+    return replace(fit(log, once.actuator, free=()), load_curve=once.load_curve)
+
+
+def as_it_is(once: Fit) -> Fit:
+    """The calibration unchanged."""
+    return once
+
+
+def without_correction(once: Fit) -> Fit:
+    """The calibration without what position alone misses."""
+    assert once.calibration is not None
+    return replace(once, calibration=replace(once.calibration, bias=()))
+
+
+def with_mean_valves(once: Fit) -> Fit:
+    """The calibration with valves that are averaged over the period in later fits, as in the paper."""
+    return replace(once, actuator=once.actuator.replace({"T_pwm": 0.0}))
+
+
 def _answer(result: Fit, log: Log) -> Answer:
-    """The load of a fit, and the pressure of a ballistic simulation with it."""
+    """The load of a fit, and the pressure: as fitted by shooting, else of a ballistic simulation."""
+    if result.status == "failed":
+        raise SolveError(result.message)
     curve = result.load_curve
-    starts = result.recordings[log.name].starts
-    pressure = simulate(result.actuator, log, starts=starts, on_failure="return").log["pressure_a"]
+    recording = result.recordings[log.name]
+    if result.method == "shooting":
+        pressure = recording.simulated["pressure_a"]
+    else:
+        done = simulate(result.actuator, log, starts=recording.starts, on_failure="return")
+        pressure = done.log["pressure_a"]
     kept = {
         "parameters": {name: asdict(estimate) for name, estimate in result.parameters.items()},
         "position_rms_m": result.errors.position_rms,
@@ -41,6 +88,14 @@ WORKFLOWS: dict[str, Workflow] = {
     "paper-every-200": partial(paper_method, Partition(every=200)),
     "paper-every-200-q": partial(paper_method, Partition(every=200, carry="q")),
     "paper-8-parts": partial(paper_method, Partition(parts=8)),
+    "calibrated": partial(calibrated, AUTOMATIC, as_it_is, by_shooting),
+    "calibrated-uncorrected": partial(calibrated, AUTOMATIC, without_correction, by_shooting),
+    "calibrated-mean-valves": partial(calibrated, AUTOMATIC, with_mean_valves, by_shooting),
+    "calibrated-no-stribeck": partial(calibrated, "energy-balance", as_it_is, by_shooting),
+    "calibrated-isothermal": partial(calibrated, "isothermal-stribeck", as_it_is, by_shooting),
+    "calibrated-not-adapted": partial(calibrated, AUTOMATIC, as_it_is, not_adapted),
+    "calibrated-every-200": partial(calibrated, AUTOMATIC, as_it_is, partial(by_simulation, Partition(every=200))),
+    "calibrated-ballistic": partial(calibrated, AUTOMATIC, as_it_is, partial(by_simulation, None)),
 }
 
 

@@ -1,0 +1,41 @@
+"""`Calibration`: what a fit with pressure leaves to fits of the same actuator without one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.log import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """What is known of an actuator besides its values.
+
+    Parameters
+    ----------
+    names, covariance
+        Calibrated parameters and their covariance in SI, shape (k, k): they are not estimated again, but their
+        uncertainty is counted in what is.
+    bias : N
+        What a fit to the position alone misses of the load weights on the calibration recordings, where the pressure
+        tells the truth; it is taken off later fits.
+    data : {name: hash}
+        The calibration recordings.
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+    bias: tuple[float, ...] = ()
+    data: Mapping[str, str] | None = None
+
+    def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
+        """Covariance of `names`, 0 where a name was not calibrated."""
+        at = [self.names.index(name) if name in self.names else -1 for name in names]
+        full = np.zeros((len(names), len(names)))
+        known = [i for i, place in enumerate(at) if place >= 0]
+        places = [at[i] for i in known]
+        full[np.ix_(known, known)] = self.covariance[np.ix_(places, places)]
+        return full

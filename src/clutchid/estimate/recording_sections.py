@@ -1,0 +1,71 @@
+"""Sections ``[recording.'STEM']`` of a parameter file: starts of segments, and parameters of one recording."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from clutchid.parameters import Parameters, unknown_name
+
+_START_KEYS = ("position_start", "pressure_a_start")
+
+Starts = tuple[tuple[float, float], ...]
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of a TOML file is a number that fits a float."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    try:
+        float(value)  # TOML has no largest integer
+    except OverflowError:
+        return False
+    return True
+
+
+def starts_in(recordings: dict[str, Any]) -> tuple[dict[str, Starts], list[str]]:
+    """Starts of the segments of every recording, and what is wrong with the sections."""
+    starts: dict[str, Starts] = {}
+    problems = []
+    for stem, entry in recordings.items():
+        wrong = _start_problems(stem, entry)
+        if wrong:
+            problems += wrong
+        else:
+            pairs = zip(*(entry.get(key, []) for key in _START_KEYS), strict=True)
+            starts[stem] = tuple((float(position), float(pressure)) for position, pressure in pairs)
+    return starts, problems
+
+
+def own_values(recordings: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """Parameters of single recordings, by stem."""
+    own = {stem: {k: float(v) for k, v in entry.items() if k not in _START_KEYS} for stem, entry in recordings.items()}
+    return {stem: values for stem, values in own.items() if values}
+
+
+def _start_problems(stem: str, entry: object) -> list[str]:
+    """What is wrong with the starts of one recording."""
+    if not isinstance(entry, dict):
+        return [f"[recording] {stem} = {entry!r}: a section [recording.'{stem}'] with {_in_words()} is needed."]
+    where = f"[recording.'{stem}']"
+    known = (*_START_KEYS, *Parameters.names())
+    problems = [unknown_name(name, known, f"entry of {where}") for name in entry if name not in known]
+    problems += [
+        f"{where} {name} = {entry[name]!r}: a number is needed."
+        for name in Parameters.names()
+        if name in entry and not is_number(entry[name])
+    ]
+    lists = {key: entry.get(key, []) for key in _START_KEYS}
+    for key, values in lists.items():
+        if not isinstance(values, list) or not all(is_number(v) and math.isfinite(v) for v in values):
+            problems.append(f"{where} {key} = {values!r}: a list of finite numbers is needed, one a segment.")
+        elif key == "pressure_a_start" and not all(v > 0 for v in values):
+            problems.append(f"{where} {key} = {values!r}: pressures are absolute, in Pa, and above 0.")
+    if not problems and len({len(values) for values in lists.values()}) > 1:
+        counts = " and ".join(str(len(values)) for values in lists.values())
+        problems.append(f"{where}: {_in_words()} must be equally many numbers, they are {counts}.")
+    return problems
+
+
+def _in_words() -> str:
+    return " and ".join(_START_KEYS)

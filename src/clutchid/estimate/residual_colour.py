@@ -1,0 +1,230 @@
+"""Colour of a residual: autocorrelation, effective samples, and cross-correlation with an input, with 99 % bounds.
+
+A missing value is NaN; each lag uses the pairs that are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from clutchid.log import FloatArray
+
+#: Lags on each side, and the order of the model that whitens an input: those of MATLAB's `resid`.
+LAGS, WHITENING_ORDER = 25, 10
+
+#: Half width of a 99 % interval in standard deviations.
+Z_99 = 2.5758
+
+#: Fewer values than this have no colour to speak of.
+FEWEST = 2 * LAGS
+
+#: Samples that are multiplied at a time.
+CHUNK = 4096
+
+#: Whitens a constant or a straight line without dividing by zero; far below the noise of any duty cycle.
+_RIDGE = 1e-8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CrossCorrelation:
+    """Correlation of a residual with one input over `lag` in s, and its 99 % bounds.
+
+    At a positive lag the residual follows the input. `strongest_lag` in s is where the correlation is the largest
+    multiple of its bound, `strongest` and `strongest_bound` are the values there.
+    """
+
+    lag: FloatArray
+    correlation: FloatArray
+    bound: FloatArray
+    share_outside: float
+    strongest_lag: float
+    strongest: float
+    strongest_bound: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Colour:
+    """Autocorrelation of a residual sampled every `interval` s, over `lag` in s, and its 99 % bounds if it were white.
+
+    `share_outside` is the part of the lags above 0 outside the bounds, about 0.01 for white noise; `first` the
+    autocorrelation at the first lag. `inputs` has the correlation with each input that moves. NaN, and no inputs,
+    where there are too few values.
+    """
+
+    interval: float
+    lag: FloatArray
+    autocorrelation: FloatArray
+    bound: FloatArray
+    share_outside: float
+    first: float
+    inputs: Mapping[str, CrossCorrelation] = field(default_factory=dict)
+
+
+def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: float) -> Colour:
+    """Colour of a residual on an even time axis, NaN where it is missing.
+
+    Parameters
+    ----------
+    residual : any unit
+        One value every `interval`.
+    inputs : {name: values}
+        At the same times.
+    interval : s
+
+    Returns
+    -------
+    colour : Colour
+
+    Raises
+    ------
+    Nothing: where there are too few values the numbers are NaN.
+
+    Examples
+    --------
+    Noise that repeats a share of its last value:
+
+    >>> noise = np.random.default_rng(0).standard_normal(20_001)
+    >>> found = colour(noise[1:] + 0.5 * noise[:-1], {}, 1e-3)
+    >>> round(found.first, 1), found.share_outside > 0.01
+    (0.4, True)
+    """
+    lag = interval * np.arange(LAGS + 1, dtype=np.float64)
+    if np.isfinite(residual).sum() < FEWEST:
+        blank = np.full(LAGS + 1, np.nan)
+        return Colour(interval, lag, blank, blank, np.nan, np.nan)
+    r, pairs = _autocorrelation(residual, LAGS)
+    bound = Z_99 / np.sqrt(np.maximum(pairs, 1.0))
+    crossed = {name: _crossed(residual, values, interval) for name, values in inputs.items()}
+    return Colour(
+        interval, lag, r, bound, float(np.mean(np.abs(r[1:]) > bound[1:])), float(r[1]),
+        {name: found for name, found in crossed.items() if found is not None},
+    )  # fmt: skip
+
+
+def effective_samples(residual: FloatArray, block: int) -> float:
+    r"""Number of independent samples that would tell the mean of a residual as well as its coloured samples do.
+
+    .. math:: n / \Big(1 + 2 \sum_l r_l\Big)
+
+    Parameters
+    ----------
+    residual : any unit
+        On an even time axis, NaN where it is missing.
+    block : int
+        Samples that are averaged first; the sum runs over lags of blocks.
+
+    Returns
+    -------
+    number : 1
+        From 1 to the number of finite samples; NaN where there are none.
+
+    Raises
+    ------
+    Nothing.
+
+    Notes
+    -----
+    The sum ends before the first pair of neighbouring lags that is not positive together (Geyer 1992), so that noise
+    at long lags does not count.
+    """
+    known = residual[np.isfinite(residual)]
+    means = block_means(residual, block)
+    kept = np.isfinite(means)
+    if known.size < FEWEST or kept.sum() < 2:
+        return float(known.size) if known.size else float("nan")
+    x = _centred(means)
+    size = 1 << int(2 * x.size - 1).bit_length()
+    power = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: x.size]
+    if not power[0] > 0.0 or not np.var(known) > 0.0:
+        return float(known.size)
+    r = power / power[0]
+    pairs = r[: r.size // 2 * 2].reshape(-1, 2).sum(axis=1)
+    end = int(np.argmax(pairs <= 0.0)) if np.any(pairs <= 0.0) else pairs.size
+    time_constant = max(2.0 * float(pairs[:end].sum()) - 1.0, 1e-12)
+    of_mean = float(np.var(means[kept])) * time_constant / kept.sum()
+    return float(np.clip(np.var(known) / of_mean, 1.0, known.size))
+
+
+def block_means(values: FloatArray, block: int) -> FloatArray:
+    """Means of `block` values in turn, of those that are there; NaN where none is, the rest at the end is left out."""
+    if block == 1:
+        return values
+    cut = values[: values.size // block * block].reshape(-1, block)
+    known = np.isfinite(cut)
+    with np.errstate(invalid="ignore"):
+        result: FloatArray = np.where(known, cut, 0.0).sum(axis=1) / known.sum(axis=1)
+    return result
+
+
+def _centred(values: FloatArray) -> FloatArray:
+    """Values less their mean, 0 where they are missing."""
+    known = np.isfinite(values)
+    result: FloatArray = np.where(known, values - np.mean(values[known]), 0.0)
+    return result
+
+
+def _autocorrelation(values: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
+    """Autocorrelation at lags 0 to `lags`, and the number of pairs behind each."""
+    x, known = _centred(values), np.isfinite(values).astype(np.float64)
+    sums, pairs = _products(x, x, range(lags + 1)), _products(known, known, range(lags + 1))
+    variance = max(sums[0] / pairs[0], np.finfo(float).tiny)
+    return sums / np.maximum(pairs, 1.0) / variance, pairs
+
+
+def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> CrossCorrelation | None:
+    r"""Correlation of the residual with an input after both went through the filter that whitens the input.
+
+    .. math:: |r_l| \le 2.58 \sqrt{\sum_t e_{t+l}^2 u_t^2 \; c} \, / \, (N_l \sigma_e \sigma_u), \quad
+              c = \max\Big(1, \sum_k r_{ee}(k) \, r_{uu}(k)\Big)
+
+    Whitening is what MATLAB's `resid` does; c is Bartlett's formula for what colour is left. The sum of squares stands
+    in place of N because residuals and valves are busy at the same times, which alone would cross plain bounds.
+    """
+    known = values[np.isfinite(values)]
+    if known.size < FEWEST or not np.ptp(known) > 0.0:
+        return None
+    whitener = _whitener(_centred(values))
+    e, u = (np.convolve(x, whitener, mode="valid") for x in (residual, values))
+    if min(np.isfinite(e).sum(), np.isfinite(u).sum()) < FEWEST:
+        e, u = residual, values  # the gaps are too dense to filter: Bartlett's formula does it alone
+    colour_left = _autocorrelation(e, LAGS)[0] * _autocorrelation(u, LAGS)[0]
+    spread = max(1.0, float(colour_left[0] + 2 * colour_left[1:].sum()))
+    numbers = np.isfinite(e).astype(np.float64), np.isfinite(u).astype(np.float64)
+    e, u = _centred(e), _centred(u)
+    # sums, not dot products: on busy cores the threads of one long dot product wait for each other
+    sigma = np.sqrt(np.sum(e**2) / numbers[0].sum() * np.sum(u**2) / numbers[1].sum())
+    if not sigma > 0.0:
+        return None
+    both = range(-LAGS, LAGS + 1)
+    lag = interval * np.array(both, dtype=np.float64)
+    pairs = np.maximum(_products(*numbers, both), 1.0)
+    r = _products(e, u, both) / pairs / sigma
+    bound = Z_99 * np.sqrt(_products(e**2, u**2, both) * spread) / pairs / sigma
+    at = int(np.argmax(np.abs(r) / np.maximum(bound, np.finfo(float).tiny)))
+    outside = float(np.mean(np.abs(r) > bound))
+    return CrossCorrelation(lag, r, bound, outside, float(lag[at]), float(r[at]), float(bound[at]))
+
+
+def _products(e: FloatArray, u: FloatArray, lags: range) -> FloatArray:
+    """Sums of e_{t+l} u_t for the lags l, in chunks that stay in the cache: memory sets the pace of an hour."""
+    aside = max(abs(lag) for lag in lags)
+    padded = np.concatenate([np.zeros(aside), e, np.zeros(aside)])
+    sums = np.zeros(len(lags))
+    for start in range(0, u.size, CHUNK):
+        piece = u[start : start + CHUNK]
+        for i, lag in enumerate(lags):
+            first = start + aside + lag
+            sums[i] += padded[first : first + piece.size] @ piece
+    return sums
+
+
+def _whitener(x: FloatArray) -> FloatArray:
+    """Filter (1, -a_1, ...) whose output of `x` is white: the autoregression by the Yule-Walker equations."""
+    from scipy.linalg import solve_toeplitz
+
+    c = _products(x, x, range(WHITENING_ORDER + 1))
+    a = solve_toeplitz(c[:-1] + _RIDGE * c[0] * (np.arange(WHITENING_ORDER) == 0), c[1:])
+    return np.concatenate([[1.0], -a])

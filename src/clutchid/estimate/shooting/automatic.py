@@ -1,0 +1,93 @@
+"""``--free auto``: which parameters of a model a calibration frees, and what it needs of the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.estimate.shooting.carrier import find_carrier
+from clutchid.estimate.shooting.coordinates import Prior
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator, Load
+from clutchid.model.compiled import VARIANTS
+from clutchid.simulation.plan import VENTED_POSITION
+
+#: The model that a calibration takes where none is named.
+AUTOMATIC = "energy-balance-stribeck"
+
+#: Parameters that a calibration frees, where the model knows them: what differs from truck to truck and is not on a
+#: drawing. Areas and stroke are; mass and damping of the stops hardly show.
+PAPER = (
+    "C_vs", "C_ve", "B_vs", "B_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z",
+    "D_zdot", "C_r", "tau_y", "tau_p",
+)  # fmt: skip
+BALANCE = ("T_w", "h_A", "V_S", "tau_S")
+STRIBECK = ("c_F", "R_S", "v_S")
+CARRIER = ("s_vs", "s_ve")
+
+#: The chamber vents when its pressure falls this near to the ambient, in Pa, which on land is in this range.
+VENTED, AMBIENT = 2e4, (0.5e5, 1.2e5)
+
+#: Standard deviation of the ambient pressure that a vented rest of some hundred samples tells, in Pa.
+VENTED_STD = 100.0
+
+
+def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[str, ...], dict[str, Prior]]:
+    """The actuator to start a calibration from, with a free load and the carrier found; what to free; and priors.
+
+    The ambient pressure is read off the vented rest, so that an offset of the sensor cancels in the load.
+
+    Raises
+    ------
+    DataError
+        If a recording has no pressure, or never vents.
+    """
+    _check(logs, actuator)
+    ambient = float(np.median([_vented_pressure(log) for log in logs]))
+    changes = {"P_0": ambient, "tau_y": 1e-3, "tau_p": 1e-3}
+    free = list(PAPER)
+    balance = "T_A" in VARIANTS[actuator.model]
+    if balance:
+        free += BALANCE
+        period, _ = find_carrier(logs[0], actuator)
+        if period > 0.0:
+            changes |= {"T_pwm": period, "s_vs": actuator.value("R_0vs"), "s_ve": actuator.value("R_0ve")}
+            free += CARRIER
+    if actuator.model.endswith("stribeck"):
+        free += STRIBECK
+    load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
+    begin = replace(actuator, load=load).replace(changes)
+    return begin, (*load.names, *free), {"P_0": Prior(ambient, VENTED_STD)}
+
+
+def _check(logs: Sequence[Log], actuator: Actuator) -> None:
+    problems = []
+    for log in logs:
+        if "pressure_a" not in log or not np.isfinite(log["pressure_a"]).any():
+            problems.append(
+                f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. From position alone free the "
+                "load: --start CALIBRATION.toml --free load."
+            )
+        elif not AMBIENT[0] < _vented_pressure(log) < min(AMBIENT[1] + VENTED, actuator.parameters.P_S):
+            problems.append(
+                f"{log.name}: the chamber never vents, its lowest pressure is {_vented_pressure(log) / 1e5:.2f} bar; a "
+                "calibration needs the vented rest as its zero. Record a second or more with the exhaust valve open."
+            )
+    if problems:
+        raise DataError("\n".join(problems))
+
+
+def _vented_pressure(log: Log) -> float:
+    """Pressure of the vented chamber: at the rest before the first stroke, else among the lowest."""
+    pressure, moved = log["pressure_a"], np.abs(np.nan_to_num(log["position"])) > VENTED_POSITION
+    driven = moved | (np.nan_to_num(log["duty_supply"]) > 0.0)
+    rest = pressure[: int(np.argmax(driven)) if driven.any() else pressure.size]
+    rest = rest[np.isfinite(rest)]
+    known = pressure[np.isfinite(pressure)]
+    lowest = float(np.percentile(known, 1.0))
+    if rest.size >= 20 and float(np.median(rest)) < lowest + VENTED:
+        return float(np.median(rest))
+    return lowest

@@ -1,0 +1,128 @@
+"""A whole fit by multiple shooting: what is free, the fit itself, and what a calibration leaves to later fits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.free import bounds_of, free_names
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.result import Fit
+from clutchid.estimate.search import Progress
+from clutchid.estimate.shooting.automatic import automatic
+from clutchid.estimate.shooting.coordinates import Prior
+from clutchid.estimate.shooting.fit import Wanted, shoot
+from clutchid.estimate.shooting.summary import failed, position_only, summary
+from clutchid.estimate.shooting.uncertainty import drift
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the user asks of a fit: measured columns, free names, bounds, priors, and a calibration to build on."""
+
+    measure: tuple[str, ...]
+    free: tuple[str, ...]
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    priors: Mapping[str, Prior] = field(default_factory=dict)
+    calibration: Calibration | None = None
+
+
+def fit_by_shooting(logs: Sequence[Log], actuator: Actuator, request: Request, progress: Progress | None = None) -> Fit:
+    """Fit what is asked for; where the pressure is in use and the load is free, also calibrate.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`; a failed search is a result of status "failed".
+    """
+    actuator, wanted = _wanted(logs, actuator, request)
+    _check_size(logs, wanted)
+    shot = shoot(logs, actuator, wanted, request.calibration, progress)
+    result = summary(shot, request.calibration)
+    if isinstance(result, Failure):
+        return failed(shot, result.message)
+    free_load = set(wanted.names) >= set(actuator.load.names)
+    if "pressure_a" not in wanted.measure or not free_load:
+        return result
+    kept = _calibration(result, actuator)
+    return replace(result, calibration=replace(kept, bias=_bias(logs, result, kept, progress)))
+
+
+def _wanted(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, Wanted]:
+    """The actuator to start from, and the free numbers with their priors."""
+    stems = [log.name for log in logs]
+    free, priors = request.free, dict(request.priors)
+    if "auto" in free:
+        if "pressure_a" not in request.measure:
+            raise DataError(
+                "'auto' needs a recording with pressure, and --measure position,pressure_a. From position alone free "
+                "the load: --start CALIBRATION.toml --free load."
+            )
+        actuator, automatically, found = automatic(logs, actuator)
+        free = tuple(name for item in free for name in (automatically if item == "auto" else (item,)))
+        priors = {**found, **priors}
+    names = _without_shared(free_names(free, actuator, stems))
+    unknown = [name for name in priors if name not in names]
+    if unknown:
+        known = ", ".join(names) or "none"
+        raise ParameterError(f"prior for {', '.join(unknown)}, which is not free; free are {known}.")
+    given = bounds_of(names, actuator, request.bounds) if request.bounds else {}
+    bounds = {name: given[name] for name in request.bounds}
+    if request.calibration:
+        priors = {**_calibrated(names, actuator, request.calibration), **priors}
+    return actuator, Wanted(names, request.measure, bounds, priors)
+
+
+def _without_shared(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without the shared number where every recording has its own: NAME goes where NAME@STEM stands."""
+    own = {name.partition("@")[0] for name in names if "@" in name}
+    return tuple(name for name in names if "@" in name or name not in own)
+
+
+def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibration) -> dict[str, Prior]:
+    """Priors of calibrated parameters that are freed again: as uncertain as calibrated, and as far as they drift."""
+    priors = {}
+    for name in names:
+        base = name.partition("@")[0]
+        if base in calibration.names:
+            variance = float(calibration.covariance_of((base,))[0, 0]) + drift(actuator, base) ** 2
+            priors[name] = Prior(actuator.value(base), float(np.sqrt(variance)))
+    return priors
+
+
+def _check_size(logs: Sequence[Log], wanted: Wanted) -> None:
+    samples = sum(int(np.isfinite(log[name]).sum()) for log in logs for name in wanted.measure)
+    if not wanted.names:
+        raise ParameterError("nothing is free; name parameters, for example load.")
+    if samples < 10 * len(wanted.names):
+        raise DataError(
+            f"{logs[0].name}: {samples} measured samples for {len(wanted.names)} free numbers; at least ten for each "
+            "are needed. Record at least a full stroke, or free less."
+        )
+
+
+def _calibration(result: Fit, actuator: Actuator) -> Calibration:
+    """Covariance of the shared parameters of a fit, the load weights left out."""
+    at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and "@" not in name]
+    names = tuple(name for i, name in enumerate(result.parameters) if i in at)
+    data = {name: r.measured.metadata.get("sha256", "unknown") for name, r in result.recordings.items()}
+    return Calibration(names, result.covariance[np.ix_(at, at)], data=data)
+
+
+def _bias(logs: Sequence[Log], result: Fit, kept: Calibration, progress: Progress | None) -> tuple[float, ...]:
+    """What the position alone misses of the load weights, over the calibration recordings on average."""
+    load = result.actuator.load
+    wanted = Wanted(load.names, ("position",))
+    missed = []
+    for log in logs:
+        shot = shoot([position_only(log)], result.actuator, wanted, kept, progress)
+        if not isinstance(shot.found, Failure):
+            found = shot.task.actuator_of(shot.found.x, log.name).load
+            missed.append(np.asarray(found.theta) - np.asarray(load.theta))
+    return tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * len(load.theta)

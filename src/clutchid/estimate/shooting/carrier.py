@@ -1,0 +1,124 @@
+"""The carrier that switches the valves, found in a recording: its period from the pressure, its phase from either."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.simulation import Partition
+from clutchid.simulation.plan import plan
+from clutchid.simulation.run import Numbers, run, start_state
+from clutchid.simulation.stiffness import stiffness
+
+#: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.
+PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
+
+#: Phases that are tried, and how much more of the fast part of the pressure's rate the right one must explain than the
+#: middling one: what any phase explains is the changing duty cycle, not the carrier.
+PHASES, CONTRAST = 20, 0.01
+
+#: Longest stretch of a recording that tells the phase, in s.
+ENOUGH = 15.0
+
+
+def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIODS) -> tuple[float, float]:
+    """Period in s of the carrier in a recording with pressure, and where in it the valves open; (0, 0) without one.
+
+    An open valve changes the pressure at once, so the pressure's rate within a period shows when it is open. For every
+    period and phase the rate is compared with the opening that they predict beyond its mean.
+
+    Raises
+    ------
+    DataError
+        If the recording has no pressure.
+    """
+    step = float(np.median(np.diff(log.time)))
+    log = log.slice(0, min(len(log), round(ENOUGH / step)))
+    rate = np.diff(log["pressure_a"])
+    best, found = CONTRAST, (0.0, 0.0)
+    for period in periods:
+        if period < 2.5 * step:
+            continue
+        length = max(1, round(period / step))
+        fast = rate - _smooth(rate, length)
+        phases = np.arange(PHASES) / PHASES
+        shares = np.array([_explained(log, actuator, fast, (period, float(phase)), length) for phase in phases])
+        contrast = float(shares.max() - np.median(shares))
+        if contrast > best:
+            best, found = contrast, (period, float(phases[np.argmax(shares)]))
+    return found
+
+
+def _smooth(values: FloatArray, length: int) -> FloatArray:
+    return np.convolve(np.nan_to_num(values), np.ones(length) / length, "same")
+
+
+def _explained(log: Log, actuator: Actuator, fast: FloatArray, carrier: tuple[float, float], length: int) -> float:
+    """Share of the variance of the fast part of the pressure's rate that the switching of both valves explains."""
+    p = actuator.parameters
+    period, phase = carrier
+    pressure = np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0)
+    columns = []
+    for duty, low, high, drive in (
+        ("duty_supply", p.R_0vs, p.R_1vs, np.ones_like(pressure)),
+        ("duty_exhaust", p.R_0ve, p.R_1ve, pressure / p.P_S),
+    ):
+        share = np.clip((log[duty][:-1] - low) / (high - low), 0.0, 1.0)
+        switched = _switched(share, log.time, period, phase + low) * drive
+        columns.append(switched - _smooth(switched, length))
+    A = np.nan_to_num(np.column_stack(columns))
+    known = np.isfinite(fast) & (np.abs(A).sum(axis=1) > 0)
+    total = float(np.sum(fast[known] ** 2))
+    if known.sum() < 100 or total == 0.0:
+        return 0.0
+    weights, *_ = np.linalg.lstsq(A[known], fast[known], rcond=None)
+    return 1.0 - float(np.sum((fast[known] - A[known] @ weights) ** 2)) / total
+
+
+def _switched(share: FloatArray, time: FloatArray, period: float, opens: float) -> FloatArray:
+    """Mean opening in each interval of `time`, as `clutchid.model.valves.switched_opening`."""
+    c = (time[:-1] / period) % 1.0
+    d = np.diff(time) / period
+    start = opens % 1.0
+    total = np.zeros_like(share)
+    for k in (-1.0, 0.0, 1.0):
+        total += np.maximum(0.0, np.minimum(c + d, k + start + share) - np.maximum(c, k + start))
+    return total / d
+
+
+def find_phase(log: Log, actuator: Actuator) -> float:
+    """Phase of a carrier of known period in a recording with position alone: the one that predicts the motion best.
+
+    Each phase is tried in a simulation of the calibrated actuator that takes the measured position again every 20 ms.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    step = float(np.median(np.diff(log.time)))
+    part = log.slice(0, min(len(log), round(ENOUGH / step)))
+    rate = stiffness(actuator)
+    every = Partition(every=max(2, round(0.02 / step)))
+
+    def misfit(phase: float) -> float:
+        tried = actuator.replace({"s_pwm": centred(phase)})
+        total = 0.0
+        for segment in plan(part, tried, rate, every).segments:
+            states, _ = run(segment, Numbers.of(tried), start_state(segment, tried))
+            miss = states[:, 0] - part["position"][segment.start : segment.stop]
+            total += float(np.nansum(np.minimum(np.abs(miss), 1e-3) ** 2))
+        return total
+
+    coarse = np.arange(10) / 10
+    best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
+    fine = best + np.arange(-4, 5) / 50
+    return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
+
+
+def centred(phase: float) -> float:
+    """The same phase in [-0.5, 0.5)."""
+    return (phase + 0.5) % 1.0 - 0.5

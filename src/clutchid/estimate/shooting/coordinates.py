@@ -1,0 +1,135 @@
+"""Free numbers as dimensionless coordinates whose prior has mean 0 and standard deviation 1."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.parameters import Parameters
+
+#: Standard deviation of what Appendix A or a data sheet says of a new actuator, as a share of the value: the prior is
+#: log-normal. Areas and stroke come from the drawing. docs/methods.md says why each has its size.
+SHARES: Mapping[str, float] = {
+    "A_A": 0.001, "A_B": 0.001, "V_0A": 0.15, "V_0B": 0.15, "P_0": 0.003, "T_0": 0.02, "R": 0.002, "M": 0.15,
+    "P_S": 0.05, "D_v": 0.4, "K_z": 0.3, "D_zdot": 0.3, "F_C": 0.4, "C_vs": 0.15, "C_ve": 0.15, "C_r": 0.4,
+    "rho_0": 0.02, "y_max": 0.02, "K_stop": 0.5, "D_stop": 0.5, "d_stop": 0.5, "gamma": 0.005, "T_w": 0.03, "h_A": 0.5,
+    "h_B": 0.5, "V_S": 0.6, "tau_S": 0.6, "v_S": 0.7, "c_F": 0.7, "B_0": 0.1,
+}  # fmt: skip
+
+#: The same for numbers that may be 0 or change sign, in their own unit: the prior is normal.
+WIDTHS: Mapping[str, float] = {
+    "R_0vs": 0.03, "R_0ve": 0.03, "R_1vs": 0.05, "R_1ve": 0.05, "B_vs": 0.8, "B_ve": 0.8, "B_in": 0.3, "B_out": 0.3,
+    "R_S": 0.3, "s_vs": 0.1, "s_ve": 0.1, "s_pwm": 0.03, "tau_y": 2e-3, "tau_p": 2e-3, "e_y": 2e-5, "e_p": 2e3,
+    "r_lam": 1e-3,
+}  # fmt: skip
+
+#: Standard deviation of a load weight before any data, in its unit: the paper's splines in N/m, B-splines in N.
+WEIGHT_WIDTHS = {"N/m": 5e5, "N": 2e3}
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What is known of a parameter before the data: mean and standard deviation in SI."""
+
+    mean: float
+    std: float
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """One free number: of all recordings, or of the recording `stem` alone.
+
+    Its value is ``mean exp(width x)`` where `positive`, else ``mean + width x``, within the bounds; a priori x is
+    0 +- 1.
+    """
+
+    base: str
+    stem: str | None
+    mean: float
+    width: float
+    positive: bool
+    low: float
+    high: float
+
+    @property
+    def name(self) -> str:
+        """Name as the user reads it: NAME, or NAME@STEM."""
+        return self.base if self.stem is None else f"{self.base}@{self.stem}"
+
+    def si(self, x: float) -> float:
+        """Value in SI."""
+        step = self.width * x
+        value = self.mean * math.exp(min(max(step, -50.0), 50.0)) if self.positive else self.mean + step
+        return min(max(value, self.low), self.high)
+
+    def slope(self, x: float) -> float:
+        """Derivative of the value to x."""
+        return self.width * self.si(x) if self.positive else self.width
+
+    def of(self, value: float) -> float:
+        """The coordinate of a value in SI."""
+        if not self.positive:
+            return (value - self.mean) / self.width
+        return float(np.log(value / self.mean)) / self.width
+
+
+def coordinates(
+    actuator: Actuator,
+    names: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]],
+    priors: Mapping[str, Prior],
+) -> tuple[Coordinate, ...]:
+    """Coordinates of the free `names`, each NAME or NAME@STEM; priors by default around the actuator's values.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter has no known spread and no prior is given, or a prior is not inside the bounds.
+    """
+    return tuple(_coordinate(actuator, name, bounds.get(name), priors.get(name)) for name in names)
+
+
+def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | None, prior: Prior | None) -> Coordinate:
+    base, _, stem = name.partition("@")
+    value = actuator.value(base)
+    weight = base in actuator.load.names
+    low, high = (-np.inf, np.inf) if weight else (Parameters.row(base).low, Parameters.row(base).high)
+    if limits is not None:
+        low, high = max(low, limits[0]), min(high, limits[1])
+    mean = value if prior is None else prior.mean
+    positive = base in SHARES and mean > 0.0
+    if prior is not None:
+        width = prior.std / mean if positive else prior.std
+    elif weight:
+        width = WEIGHT_WIDTHS[actuator.load.unit]
+    elif positive or base in WIDTHS:
+        width = SHARES[base] if positive else WIDTHS[base]
+    else:
+        raise ParameterError(f"{name}: nothing is known of it before the data; give --prior {name}=VALUE±STD.")
+    if not low <= mean <= high:
+        raise ParameterError(f"{name}: the prior mean {mean:g} lies outside its bounds {low:g} to {high:g}.")
+    return Coordinate(base, stem or None, mean, width, positive, low, high)
+
+
+def smoothness(actuator: Actuator, names: Sequence[str], reference: Sequence[float], curvature: float) -> FloatArray:
+    """Rows ``[d r / d theta | r]`` that keep the curvature of a B-spline load near that of the weights `reference`.
+
+    At each knot the second derivative differs by `curvature` N/m² a priori, over a millimetre; shape (m, k + 1) with
+    derivatives to the weights in SI among `names`, zero for the rest.
+    """
+    load = actuator.load
+    knots = np.asarray(load.knots)
+    weight = np.sqrt(np.gradient(knots) / 1e-3) / curvature
+    second = load.curvature(knots) * weight[:, None]
+    rows = np.zeros((knots.size, len(names) + 1))
+    for column, name in enumerate(names):
+        if name in load.names:
+            rows[:, column] = second[:, load.names.index(name)]
+    rows[:, -1] = second @ (np.asarray(load.theta) - np.asarray(reference))
+    return rows

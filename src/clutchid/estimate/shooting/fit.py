@@ -1,0 +1,126 @@
+"""A fit by multiple shooting, from recordings to the result that the user sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.shooting.carrier import centred, find_carrier, find_phase
+from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates
+from clutchid.estimate.shooting.noise import Noise
+from clutchid.estimate.shooting.problem import Shooting
+from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, Found, Progress, search
+from clutchid.estimate.shooting.trajectory import noise_scales
+from clutchid.estimate.shooting.windows import GUESS, first_guess, tracks
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.simulation import Partition
+from clutchid.simulation.plan import Plan, plan
+from clutchid.simulation.stiffness import stiffness
+
+#: Curvature of a load, as a standard deviation in N/m²: a clutch of 5 kN turns within 4 mm.
+CURVATURE = 3e8
+
+#: The steps of the integration follow this many times the stiffness at the start, for values that make it stiffer.
+MARGIN = 1.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """What a fit by multiple shooting starts from: the problem, its plans, and where its search ended."""
+
+    task: Shooting
+    plans: tuple[Plan, ...]
+    found: Found | Failure
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be fitted, and what is known of it: names, measured columns, bounds and priors in SI."""
+
+    names: tuple[str, ...]
+    measure: tuple[str, ...]
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    priors: Mapping[str, Prior] = field(default_factory=dict)
+
+
+def shoot(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    wanted: Wanted,
+    calibration: Calibration | None = None,
+    progress: Progress | None = None,
+) -> Shot:
+    """Fit `wanted` to recordings by multiple shooting.
+
+    With a `calibration` the search starts near its end, from the calibrated values.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    phased = [with_phase(log, actuator, "pressure_a" in wanted.measure) for log in logs]
+    plans = tuple(prepared(log, own, wanted.measure) for log, own in zip(logs, phased, strict=True))
+    free, priors = _with_phases(wanted, logs, phased)
+    task = Shooting(
+        actuator=phased[0],
+        coordinates=coordinates(phased[0], free, wanted.bounds, priors),
+        tracks=tracks(plans),
+        stems=tuple(log.name for log in logs),
+        measure=wanted.measure,
+        noise=Noise(),
+        curvature=CURVATURE,
+        reference=actuator.load.theta if calibration else (0.0,) * len(actuator.load.theta),
+    )
+    X: list[FloatArray] = []
+    for track in task.tracks:
+        guess = first_guess(track, phased[track.log], "pressure_a" in wanted.measure)
+        if isinstance(guess, Failure):
+            return Shot(task, plans, guess)
+        X.append(guess)
+    x = np.array([0.0 if c.stem else c.of(phased[0].value(c.base)) for c in task.coordinates])
+    stages = FROM_NEAR if calibration else FROM_AFAR
+    coarse = search(task, x, X, stages[:-1], progress)
+    if isinstance(coarse, Failure):
+        return Shot(task, plans, coarse)
+    task = replace(task, noise=replace(task.noise, measured=noise_scales(task, coarse)))
+    fine = search(task, coarse.x, coarse.X, stages[-1:], progress)
+    if isinstance(fine, Found):
+        fine = replace(fine, evaluations=fine.evaluations + coarse.evaluations)
+    return Shot(task, plans, fine)
+
+
+def _with_phases(
+    wanted: Wanted, logs: Sequence[Log], phased: Sequence[Actuator]
+) -> tuple[tuple[str, ...], Mapping[str, Prior]]:
+    """Free names and priors, with the phase of the carrier in each recording where the valves' own are not free."""
+    later = 1 if "s_vs" in wanted.names else 0
+    found = {
+        f"s_pwm@{log.name}": Prior(own.parameters.s_pwm, WIDTHS["s_pwm"])
+        for log, own in list(zip(logs, phased, strict=True))[later:]
+        if own.parameters.T_pwm > 0.0
+    }
+    return (*wanted.names, *found), {**found, **wanted.priors}
+
+
+def prepared(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
+    """The plan of a recording, with the resets of the first guess."""
+    step = float(np.median(np.diff(log.time))) if len(log) > 1 else GUESS
+    every = Partition(every=max(2, round(GUESS / step)))
+    return plan(log, actuator, MARGIN * stiffness(actuator), every, "pressure_a" in measure)
+
+
+def with_phase(log: Log, actuator: Actuator, with_pressure: bool) -> Actuator:
+    """`actuator` with the phase that the carrier of its valves has in `log`."""
+    period = actuator.parameters.T_pwm
+    if period == 0.0 or len(log) < 2 or float(np.median(np.diff(log.time))) >= period:
+        return actuator
+    if with_pressure:
+        _, phase = find_carrier(log, actuator, (period,))
+        return actuator.replace({"s_pwm": centred(phase)})
+    return actuator.replace({"s_pwm": find_phase(log, actuator)})

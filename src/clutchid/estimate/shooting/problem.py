@@ -1,0 +1,198 @@
+"""A fit by multiple shooting as a least-squares problem, linearised at a point and condensed to its free numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from clutchid.errors import ParameterError
+from clutchid.estimate.least_squares import Failure, triangular
+from clutchid.estimate.shooting.coordinates import Coordinate, smoothness
+from clutchid.estimate.shooting.elimination import Eliminated, eliminate
+from clutchid.estimate.shooting.noise import Noise
+from clutchid.estimate.shooting.windows import (
+    UNITS,
+    Rows,
+    Track,
+    View,
+    first_rows,
+    link_cost,
+    link_rows,
+    link_sigma,
+    units,
+    view,
+    window_cost,
+    window_rows,
+)
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
+
+#: How strongly a damped step holds each state, in standard deviations of a window's own information.
+HELD = {"y": 60.0, "v": 15.0, "p_A": 30.0, "p_B": 30.0, "z": 30.0, "T_A": 3.0, "T_B": 3.0, "p_S": 3.0}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shooting:
+    """Free numbers and recordings of a fit.
+
+    `curvature` is the standard deviation of the load's second derivative from that of the weights `reference`, N/m².
+    """
+
+    actuator: Actuator
+    coordinates: tuple[Coordinate, ...]
+    tracks: tuple[Track, ...]
+    stems: tuple[str, ...]
+    measure: tuple[str, ...]
+    noise: Noise
+    curvature: float
+    reference: tuple[float, ...] = field(default=())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the free numbers, NAME or NAME@STEM."""
+        return tuple(c.name for c in self.coordinates)
+
+    def si(self, x: FloatArray) -> FloatArray:
+        """Values in SI."""
+        return np.array([c.si(value) for c, value in zip(self.coordinates, x.tolist(), strict=True)])
+
+    def slopes(self, x: FloatArray) -> FloatArray:
+        """Derivatives of the values in SI to x."""
+        return np.array([c.slope(value) for c, value in zip(self.coordinates, x.tolist(), strict=True)])
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Bounds of x."""
+        low, high = np.full((2, len(self.coordinates)), np.inf)
+        low = -low
+        for i, c in enumerate(self.coordinates):
+            low[i] = -np.inf if not np.isfinite(c.low) or (c.positive and c.low <= 0.0) else c.of(c.low)
+            high[i] = np.inf if not np.isfinite(c.high) else c.of(c.high)
+        return low, high
+
+    def places(self, stem: str) -> list[int]:
+        """Places in x that belong to the recording `stem`; an own number stands in for the shared one."""
+        own = {c.base for c in self.coordinates if c.stem == stem}
+        return [i for i, c in enumerate(self.coordinates) if c.stem == stem or (c.stem is None and c.base not in own)]
+
+    def actuator_of(self, x: FloatArray, stem: str) -> Actuator:
+        """The actuator of the recording `stem` at x; ParameterError where values contradict each other."""
+        value = self.si(x)
+        return self.actuator.replace({self.coordinates[i].base: float(value[i]) for i in self.places(stem)})
+
+    def view(self, x: FloatArray, stem: str) -> View:
+        """The view of the recording `stem` on x."""
+        places = self.places(stem)
+        bases = [self.coordinates[i].base for i in places]
+        return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """The rows of one track: of its first state, its windows, and the links between them."""
+
+    first: FloatArray
+    windows: tuple[Rows, ...]
+    links: tuple[FloatArray, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """The problem linearised at a point: prior rows ``[theta | r]``, chains, and half-free cost (sum of losses)."""
+
+    prior: FloatArray
+    chains: tuple[Chain, ...]
+    cost: float
+
+
+def linearise(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
+    """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer."""
+    try:
+        views = {stem: task.view(x, stem) for stem in task.stems}
+    except ParameterError as error:
+        return Failure(str(error))
+    prior = prior_rows(task, x)
+    cost = float(np.sum(prior[:, -1] ** 2))
+    chains = []
+    for track, starts in zip(task.tracks, X, strict=True):
+        chain = _chain(task, noise, track, starts, views[task.stems[track.log]])
+        if isinstance(chain, Failure):
+            return chain
+        chains.append(chain[0])
+        cost += chain[1]
+    return Linear(prior, tuple(chains), cost) if np.isfinite(cost) else Failure("the cost is not finite")
+
+
+def cost_at(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]) -> float:
+    """The cost at a point, infinite where it cannot be simulated; as `linearise`, without derivatives."""
+    try:
+        views = {stem: task.view(x, stem) for stem in task.stems}
+    except ParameterError:
+        return float("inf")
+    total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
+    for track, starts in zip(task.tracks, X, strict=True):
+        seen = views[task.stems[track.log]]
+        total += first_rows(track, starts[0], seen, "pressure_a" in task.measure, noise)[1]
+        end: FloatArray | None = None
+        for number, (window, start) in enumerate(zip(track.windows, starts, strict=True)):
+            if end is not None:
+                sigma = link_sigma(track.windows[number - 1], task.actuator, noise)
+                total += link_cost(end, start, sigma, noise.outlier)
+            answer = window_cost(track, window, start, seen, task.measure, noise)
+            if isinstance(answer, Failure):
+                return float("inf")
+            end = answer[0]
+            total += answer[1]
+    return total if np.isfinite(total) else float("inf")
+
+
+def _chain(task: Shooting, noise: Noise, track: Track, starts: FloatArray, seen: View) -> tuple[Chain, float] | Failure:
+    first, cost = first_rows(track, starts[0], seen, "pressure_a" in task.measure, noise)
+    windows: list[Rows] = []
+    links = []
+    for window, start in zip(track.windows, starts, strict=True):
+        rows = window_rows(track, window, start, seen, task.measure, noise)
+        if isinstance(rows, Failure):
+            return rows
+        if windows:
+            sigma = link_sigma(track.windows[len(windows) - 1], task.actuator, noise)
+            link, more = link_rows(windows[-1], start, sigma, seen.actuator, noise.outlier)
+            links.append(link)
+            cost += more
+        windows.append(rows)
+        cost += rows.cost
+    return Chain(first, tuple(windows), tuple(links)), cost
+
+
+def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
+    """Rows ``[theta | r]`` of what is known before the data: every number, and the smoothness of the load."""
+    rows = np.column_stack([np.eye(x.size), x])
+    if task.actuator.load.basis != "b-spline" or not set(task.names) & set(task.actuator.load.names):
+        return rows
+    value = dict(zip(task.names, task.si(x).tolist(), strict=True))
+    actuator = task.actuator.replace({n: v for n, v in value.items() if n in task.actuator.load.names})
+    smooth = smoothness(actuator, task.names, task.reference, task.curvature)
+    smooth[:, :-1] *= task.slopes(x)
+    return np.vstack([rows, smooth])
+
+
+def condense(task: Shooting, linear: Linear, damping: float = 0.0) -> tuple[FloatArray, list[Eliminated]]:
+    """Triangular factor of all rows on theta, ``[R | q]``, and the chains that were eliminated into it."""
+    names = VARIANTS[task.actuator.model]
+    size = len(task.coordinates)
+    held = np.zeros((len(names), len(names) + size + 1))
+    held[:, : len(names)] = np.sqrt(damping) * np.diag([HELD[name] for name in names])
+    chains = []
+    for chain in linear.chains:
+        own = [np.vstack([rows.own, held]) if damping else rows.own for rows in chain.windows]
+        chains.append(eliminate(chain.first, own, chain.links, len(names)))
+    factor = triangular(np.vstack([linear.prior, *(chain.rows for chain in chains)]))
+    return factor[: size + 1], chains
+
+
+def state_units(task: Shooting) -> FloatArray:
+    """Natural sizes of the states."""
+    assert set(VARIANTS[task.actuator.model]) <= set(UNITS)
+    return units(task.actuator)

@@ -1,0 +1,184 @@
+"""From the end of a search by multiple shooting to the result that the user sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.identifiability import listed
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
+from clutchid.estimate.shooting.fit import Shot
+from clutchid.estimate.shooting.problem import Shooting
+from clutchid.estimate.shooting.search import Found
+from clutchid.estimate.shooting.trajectory import recorded, trajectory
+from clutchid.estimate.shooting.uncertainty import Spread, pressure_spread, spread
+from clutchid.estimate.summary import plan_warnings
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
+from clutchid.simulation.simulation import simulated_log
+
+#: Standard deviations of a 95 % interval.
+QUANTILE = 1.96
+
+#: A number whose standard deviation is more than this share of what it was before the data is not told by them.
+NOT_TOLD = 0.9
+
+
+def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
+    """The result of a search that found something."""
+    found = shot.found
+    if isinstance(found, Failure):
+        return found
+    task = shot.task
+    uncertain = spread(task, found, calibration)
+    if isinstance(uncertain, Failure):
+        return uncertain
+    bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(task.actuator.load.theta))
+    fitted = corrected(task.actuator_of(found.x, task.stems[0]), bias)
+    recordings = _recordings(shot, found, uncertain)
+    warnings = (*plan_warnings(shot.plans), *_at_bounds(task, found.x), *_unsettled(found))
+    slopes = task.slopes(found.x)
+    matrix = uncertain.matrix
+    return Fit(
+        status="warning" if warnings else "ok",
+        message=f"{found.status} after {found.evaluations} evaluations",
+        actuator=fitted,
+        parameters=_estimates(task, found.x, matrix, fitted),
+        covariance=matrix * np.outer(slopes, slopes),
+        load_curve=_load_curve(task, fitted, matrix, slopes, bias),
+        recordings=recordings,
+        errors=errors_over((r.measured, r.simulated) for r in recordings.values()),
+        scales=dict(task.noise.measured),
+        bounds={c.name: (c.low, c.high) for c in task.coordinates},
+        evaluations=found.evaluations,
+        warnings=warnings,
+        method="shooting",
+        notes=_not_told(task, matrix),
+    )
+
+
+def corrected(actuator: Actuator, bias: FloatArray) -> Actuator:
+    """`actuator` with the bias of its load weights taken off."""
+    load = actuator.load
+    return replace(actuator, load=replace(load, theta=tuple((np.asarray(load.theta) - bias).tolist())))
+
+
+def _recordings(shot: Shot, found: Found, uncertain: Spread) -> dict[str, Recording]:
+    task = shot.task
+    deviations = pressure_spread(uncertain)
+    recordings = {}
+    for number, prepared in enumerate(shot.plans):
+        states = trajectory(task, found, number)
+        seen = recorded(task, found, number, states)
+        simulated = simulated_log(prepared, states, VARIANTS[task.actuator.model])
+        band = _band(task, number, deviations, simulated["pressure_a"])
+        simulated = simulated.with_columns(**band)
+        compared = simulated.with_columns(**seen)
+        starts = tuple(
+            (float(X[0, 0]), float(X[0, 2]))
+            for track, X in zip(task.tracks, found.X, strict=True)
+            if track.log == number
+        )
+        errors = errors_over([(prepared.log, compared)])
+        recordings[prepared.log.name] = Recording(prepared.log, simulated, errors, starts)
+    return recordings
+
+
+def _band(task: Shooting, log: int, deviations: list[FloatArray], pressure: FloatArray) -> Mapping[str, FloatArray]:
+    """Lower and upper end of the 95 % band of the pressure, between window starts by interpolation."""
+    half = np.full(pressure.size, np.nan)
+    for track, deviation in zip(task.tracks, deviations, strict=True):
+        if track.log == log:
+            at = [window.start for window in track.windows]
+            inside = np.arange(track.segment.start, track.segment.stop)
+            half[inside] = QUANTILE * np.interp(inside, at, deviation)
+    return {"pressure_a low": pressure - half, "pressure_a high": pressure + half}
+
+
+def _estimates(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
+    estimates = {}
+    for i, c in enumerate(task.coordinates):
+        deviation = float(np.sqrt(matrix[i, i]))
+        shift = fitted.value(c.base) - c.si(float(x[i])) if c.base in fitted.load.names else 0.0
+        value, low, high = (c.si(float(x[i]) + k * QUANTILE * deviation) + shift for k in (0.0, -1.0, 1.0))
+        std = deviation * c.slope(float(x[i]))
+        estimates[c.name] = Estimate(value, task.actuator.unit(c.base), std, low, high)
+    return estimates
+
+
+def _load_curve(
+    task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: FloatArray, bias: FloatArray
+) -> LoadCurve:
+    """The load with its band; the bias that was taken off is as uncertain as it is large."""
+    y = np.linspace(0.0, fitted.parameters.y_max, 101)
+    load, force = fitted.load, fitted.load.force(y)
+    places = [(i, load.names.index(c.base)) for i, c in enumerate(task.coordinates) if c.base in load.names]
+    rows, columns = [i for i, _ in places], [j for _, j in places]
+    phi = load.phi(y)
+    P = (matrix * np.outer(slopes, slopes))[np.ix_(rows, rows)]
+    variance = np.einsum("ni,ij,nj->n", phi[:, columns], P, phi[:, columns]) + (phi @ bias) ** 2
+    half = QUANTILE * np.sqrt(np.maximum(variance, 0.0))
+    return LoadCurve(y, force, force - half, force + half)
+
+
+def _at_bounds(task: Shooting, x: FloatArray) -> list[str]:
+    low, high = task.bounds()
+    warnings = []
+    for i, c in enumerate(task.coordinates):
+        for bound, word in ((low[i], "lower"), (high[i], "upper")):
+            if np.isfinite(bound) and abs(x[i] - bound) < 1e-9:
+                warnings.append(f"{c.name} lies at its {word} bound {c.si(float(x[i])):g}.")
+    return warnings
+
+
+def _unsettled(found: Found) -> list[str]:
+    if found.status == "converged":
+        return []
+    return [f"the search stopped after {found.evaluations} evaluations without settling."]
+
+
+def _not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
+    """In words, from the information matrix: for which numbers what was known before the data still stands."""
+    weights = task.actuator.load.names
+    stands = [
+        c.name for i, c in enumerate(task.coordinates) if c.base not in weights and np.sqrt(matrix[i, i]) > NOT_TOLD
+    ]
+    told = [c.name for c in task.coordinates if c.base not in weights and c.name not in stands]
+    notes = []
+    if told:
+        notes.append(f"told by the recordings: {listed(told)}.")
+    if stands:
+        notes.append(f"not told by the recordings, so what was known before stands: {listed(stands)}.")
+    return tuple(notes)
+
+
+def failed(shot: Shot, message: str) -> Fit:
+    """The result of a search whose start cannot be simulated."""
+    task, nan = shot.task, float("nan")
+    y = np.linspace(0.0, task.actuator.parameters.y_max, 101)
+    unknown = np.full(y.shape, nan)
+    return Fit(
+        status="failed",
+        message=f"the start values cannot be simulated. {message}",
+        actuator=task.actuator,
+        parameters={c.name: Estimate(nan, task.actuator.unit(c.base), nan, nan, nan) for c in task.coordinates},
+        covariance=np.full((len(task.coordinates),) * 2, nan),
+        load_curve=LoadCurve(y, unknown, unknown, unknown),
+        recordings={},
+        errors=errors_over([]),
+        scales={},
+        bounds={c.name: (c.low, c.high) for c in task.coordinates},
+        evaluations=0,
+        warnings=tuple(plan_warnings(shot.plans)),
+        method="shooting",
+    )
+
+
+def position_only(log: Log) -> Log:
+    """`log` without its pressure."""
+    return replace(log, columns={name: v for name, v in log.columns.items() if name != "pressure_a"})

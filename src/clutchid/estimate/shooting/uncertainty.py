@@ -1,0 +1,115 @@
+"""Honest uncertainty: what is estimated, what is only taken as known, and what the model does not say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.shooting.coordinates import Coordinate
+from clutchid.estimate.shooting.elimination import Eliminated, recover
+from clutchid.estimate.shooting.problem import Shooting, condense, linearise, state_units
+from clutchid.estimate.shooting.search import Found
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
+from clutchid.parameters import Parameters
+
+#: How much a number that is taken as known may differ between two recordings of one actuator, as a share of its value
+#: or, where it may be 0, in its own unit. Chosen on the trucks 0 to 23 of the proving ground, docs/methods.md.
+DRIFT: Mapping[str, float] = {
+    "P_S": 0.005, "C_vs": 0.004, "C_ve": 0.004, "V_0A": 0.01, "F_C": 0.05, "c_F": 0.2, "D_v": 0.01, "T_w": 0.005,
+    "h_A": 0.1, "V_S": 0.2, "A_A": 0.001, "P_0": 0.002,
+}  # fmt: skip
+DRIFT_WIDTH: Mapping[str, float] = {"R_0vs": 0.002, "R_0ve": 0.002, "tau_y": 1e-4, "B_ve": 0.02}
+
+#: Residuals are coloured: this many neighbouring samples tell what one would, were they independent.
+COLOUR = 20.0
+
+#: Draws from the distribution of the states, for the band of the pressure.
+DRAWS = 48
+
+
+def drift(actuator: Actuator, name: str) -> float:
+    """How much a number may differ between two recordings of one actuator, as a standard deviation in SI."""
+    return DRIFT_WIDTH.get(name, DRIFT.get(name, 0.0) * abs(actuator.value(name)))
+
+
+def considered(task: Shooting, calibration: Calibration | None) -> tuple[tuple[Coordinate, ...], FloatArray]:
+    """Numbers that a fit takes as known although they are not exactly, and the square root of their covariance.
+
+    Each is a coordinate of width one standard deviation; the root, shape (m, m), holds their correlations.
+    """
+    taken = {c.base for c in task.coordinates} | set(task.actuator.load.names)
+    known = calibration.names if calibration else ()
+    names = tuple(n for n in dict.fromkeys([*DRIFT, *DRIFT_WIDTH, *known]) if n not in taken)
+    matrix = np.diag([drift(task.actuator, name) ** 2 for name in names])
+    if calibration:
+        matrix = matrix + calibration.covariance_of(names)
+    width = np.sqrt(np.diag(matrix))
+    kept = [i for i in range(len(names)) if 0.0 < width[i] < np.inf]
+    found = []
+    for i in kept:
+        row = Parameters.row(names[i])
+        value = task.actuator.value(names[i])
+        found.append(Coordinate(names[i], None, value, float(width[i]), False, row.low, row.high))
+    correlation = matrix[np.ix_(kept, kept)] / np.outer(width[kept], width[kept])
+    values, vectors = np.linalg.eigh(correlation)
+    return tuple(found), vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spread:
+    """Covariance of the free numbers x, and what else is needed to draw states that go with them.
+
+    `known` is the part that the recording's noise leaves, `moved` the shift of x with the considered numbers.
+    """
+
+    task: Shooting
+    chains: tuple[Eliminated, ...]
+    known: FloatArray
+    moved: FloatArray
+    root: FloatArray
+
+    @property
+    def matrix(self) -> FloatArray:
+        """Covariance of x, shape (k, k)."""
+        return self.known @ self.known.T + self.moved @ self.moved.T
+
+
+def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spread | Failure:
+    """How uncertain the free numbers are.
+
+    The considered numbers (Schmidt 1966) are not estimated: their spread moves the estimate through the information
+    that the recording has on both.
+    """
+    k = len(task.coordinates)
+    extra, root = considered(task, calibration)
+    wide = replace(task, coordinates=(*task.coordinates, *extra))
+    linear = linearise(wide, task.noise, np.concatenate([found.x, np.zeros(len(extra))]), found.X)
+    if isinstance(linear, Failure):
+        return linear
+    own = [*range(k), *range(k + len(extra), linear.prior.shape[0])]
+    factor, chains = condense(wide, replace(linear, prior=linear.prior[own]))
+    inverse = np.linalg.pinv(factor[:k, :k])
+    moved = -inverse @ factor[:k, k : k + len(extra)] @ root
+    return Spread(wide, tuple(chains), np.sqrt(COLOUR) * inverse, moved, root)
+
+
+def pressure_spread(of: Spread) -> list[FloatArray]:
+    """Standard deviation of the pressure at the start of every window in Pa, an array a track."""
+    rng = np.random.default_rng(0)
+    moved = rng.standard_normal((of.root.shape[0], DRAWS))
+    theta = of.known @ rng.standard_normal((of.known.shape[0], DRAWS)) + of.moved @ moved
+    at = VARIANTS[of.task.actuator.model].index("p_A")
+    unit = state_units(of.task)[at]
+    result = []
+    for chain in of.chains:
+        own = tuple(np.column_stack([row[:, :-1], np.zeros(row.shape[0])]) for row in chain.own)
+        noise = [np.sqrt(COLOUR) * rng.standard_normal((row.shape[0], DRAWS)) for row in own]
+        draws = recover(replace(chain, own=own), np.vstack([theta, of.root @ moved]), noise)
+        result.append(np.std(draws[:, at, :], axis=1) * unit)
+    return result
