@@ -10,8 +10,9 @@ from clutchid.errors import ExportError
 from clutchid.estimate import LoadCurve
 from clutchid.log import Log
 from clutchid.report import fit_page
-from clutchid.report.fit_page import error_table, page_of, parameter_table
+from clutchid.report.fit_page import MOST_DRAWN, error_table, page_of
 from clutchid.report.html import render
+from clutchid.report.parameter_page import parameter_table
 
 COMMAND = "clutchid fit first.csv --verify 'my log.csv' --report page.html"
 
@@ -25,8 +26,8 @@ def test_the_page_loads_nothing_from_anywhere(html, loads_nothing):
     assert loads_nothing(html)
 
 
-def test_the_page_has_the_load_and_every_recording_as_a_figure(html):
-    assert html.count("<img ") == 3
+def test_the_page_has_the_load_every_recording_and_the_residuals_of_the_fitted_one_as_figures(html):
+    assert html.count("<img ") == 1 + 2 + 2
 
 
 def test_every_shown_number_of_the_tables_is_on_the_page(fitted, html):
@@ -116,7 +117,58 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
     position[100:2000] = np.nan
     log = Log(one.measured.time, {**one.measured.columns, "position": position}, "first")
     html = render(page_of(replace(fitted, recordings={"first": replace(one, measured=log)}), COMMAND))
-    assert html.count("<img ") == 3
+    assert html.count("<img ") == 5
+
+
+def test_the_verdict_stands_above_everything_else(fitted, html):
+    assert html.index("Verdict: ") < html.index("The fit settled") < html.index("<img ")
+    bad = replace(fitted, warnings=("the search stopped after 9 evaluations without settling.",))
+    assert "<li>The search did not settle; go on from its result, or free less.</li>" in render(page_of(bad, COMMAND))
+
+
+def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(fitted):
+    one = fitted.recordings["first"]
+    names = [f"log{i}" for i in range(MOST_DRAWN + 3)]
+    late = replace(one, measured=one.measured.with_columns(position=one.measured["position"] + 2e-3))
+    many = replace(fitted, recordings={name: late if name == "log5" else one for name in names}, verification={})
+    html = render(page_of(many, COMMAND))
+    assert html.count("<img ") == 1 + 3 * MOST_DRAWN
+    assert "log5 (fitted)" in html
+    assert "3 more (fitted)" in html
+    assert len(html) < 3e6
+
+
+def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitted):
+    one = fitted.recordings["first"]
+
+    def longer(log):
+        return Log(np.arange(160_000) * 1e-3, {n: np.tile(v, 40) for n, v in log.columns.items()}, "first")
+
+    long = replace(one, measured=longer(one.measured), simulated=longer(one.simulated))
+    html = render(page_of(replace(fitted, recordings={"first": long}, verification={}), COMMAND))
+    assert "The 30 s with the largest error of the position." in html
+    assert html.count("<img ") == 1 + 2 + 2
+    assert len(html) < 3e6
+
+
+def test_a_load_that_was_not_reached_where_the_clutch_engages_is_not_told(fitted):
+    one = fitted.recordings["first"]
+    low = replace(one, measured=one.measured.with_columns(position=0.3 * one.measured["position"]))
+    html = render(page_of(replace(fitted, recordings={"first": low}, verification={}), COMMAND))
+    assert "The 8 mm to where the clutch engages were not reached." in html
+    assert "Where the clutch engages it goes" not in html
+
+
+def test_what_the_recordings_told_is_on_the_page(fitted):
+    html = render(page_of(replace(fitted, notes=("told by the recordings: C_vs < C_ve.",)), COMMAND))
+    assert "<li>Told by the recordings: C_vs &lt; C_ve.</li>" in html
+
+
+def test_by_shooting_the_page_says_what_its_errors_are(fitted):
+    html = render(page_of(replace(fitted, method="shooting"), COMMAND))
+    assert "fitted by multiple shooting" in html
+    assert "within windows of 0.1 s" in html
+    assert "What the verdict cannot see" in html
 
 
 def test_the_file_is_replaced_in_one_step(fitted, tmp_path):

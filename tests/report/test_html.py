@@ -1,6 +1,6 @@
 """The page template."""
 
-from clutchid.report.html import Bullets, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.html import Bullets, Details, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.tables import Column, Table
 
 HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
@@ -14,6 +14,8 @@ PAGE = Page(
                 Text(f"<b>ours</b> {escape(HOSTILE)}"),
                 Bullets((escape(HOSTILE), "<i>second</i>")),
                 Notice(HOSTILE, "failed"),
+                Notice(HOSTILE, "warning", (HOSTILE,)),
+                Details(HOSTILE, (Notice(HOSTILE), Details(HOSTILE, (Text("inner"),)))),
                 Picture(b"\x89PNG", escape(HOSTILE), f'quote " {HOSTILE}'),
                 Table(HOSTILE, (Column("a", HOSTILE, group=HOSTILE),), ((HOSTILE,),), note=HOSTILE),
             ),
@@ -26,7 +28,7 @@ PAGE = Page(
 def test_hostile_names_are_shown_and_never_run():
     html = render(PAGE)
     assert "<script" not in html
-    assert html.count("&lt;script") == 16  # every place of the page that shows a text
+    assert html.count("&lt;script") == 21  # every place of the page that shows a text
 
 
 def test_our_own_markup_stays():
@@ -34,6 +36,16 @@ def test_our_own_markup_stays():
     assert "<b>ours</b>" in html
     assert "<li><i>second</i></li>" in html
     assert '<p class="notice failed">' in html
+
+
+def test_what_is_folded_is_on_the_page_and_may_be_folded_again():
+    html = render(PAGE)
+    assert html.count("<details>") == html.count("</details>") == 2
+    assert html.index("<summary>") < html.index("<p>inner</p>") < html.rindex("</details>")
+
+
+def test_a_notice_with_a_list_keeps_its_kind():
+    assert '<div class="notice warning"><strong>' in render(PAGE)
 
 
 def test_pictures_are_inside_the_page():

@@ -211,6 +211,8 @@ def _write(result: Fit, save: Path | None, report: Path | None) -> None:
 
 def fit_json(result: Fit) -> dict[str, Any]:
     """The JSON object of a fit, docs/formats.md."""
+    from clutchid.estimate.verdict import verdict_json
+
     curve = result.load_curve
     return {
         **EMPTY,
@@ -233,6 +235,7 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "warnings": list(result.warnings),
         "method": result.method,
         "notes": list(result.notes),
+        "verdict": verdict_json(result),
     }
 
 
@@ -258,6 +261,10 @@ def _print(result: Fit, save: Path | None, report: Path | None) -> None:
             print(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}")
     for note in result.notes:
         print(note)
+    from clutchid.estimate.verdict import verdict
+
+    judged = verdict(result)
+    print(f"trust: {judged.trust}{''.join(f'; {reason}' for reason in judged.reasons)}")
     for warning in result.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     for path in (save, report):

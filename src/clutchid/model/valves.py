@@ -240,8 +240,8 @@ def switched_opening(a: Expr, s: Expr, c: Expr, d: Expr) -> Expr:
     --------
     A valve that is open for the first quarter of the period is open in half of the sample around its closing:
 
-    >>> float(switched_opening(0.25, 0.0, 0.2, 0.1))
-    0.5
+    >>> f"{float(switched_opening(0.25, 0.0, 0.2, 0.1)):.2f}"
+    '0.50'
     """
 
     def least(p: Expr, q: Expr) -> Expr:

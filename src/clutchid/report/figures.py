@@ -21,8 +21,12 @@ Place = Literal["best", "upper left", "lower right", "lower center", "above"]
 BINS = 1500
 
 
-def new_figure(heights: Sequence[float], columns: int = 1, *, share_x: bool = True) -> tuple[Figure, list[Axes]]:
+def new_figure(
+    heights: Sequence[float], columns: int = 1, *, share_x: bool = True, share_y: bool = True
+) -> tuple[Figure, list[Axes]]:
     """An empty figure with a panel per entry of `heights` (inches) and column, row by row.
+
+    Panels above each other share x, panels beside each other y, unless told otherwise.
 
     Raises
     ------
@@ -30,7 +34,7 @@ def new_figure(heights: Sequence[float], columns: int = 1, *, share_x: bool = Tr
     """
     from matplotlib.figure import Figure
 
-    rows: Literal["row", "none"] = "row" if columns > 1 else "none"
+    rows: Literal["row", "none"] = "row" if columns > 1 and share_y else "none"
     figure = Figure(figsize=(STYLE.width, sum(heights)), dpi=STYLE.dpi, facecolor="white", layout="constrained")
     grid = figure.subplots(
         len(heights), columns, sharex="col" if share_x else False, sharey=rows, squeeze=False,
@@ -86,6 +90,25 @@ def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:
         x, y, color=line.colour, linewidth=line.width, linestyle=line.dash, alpha=line.opacity,
         label=line.label or "_nolegend_", solid_joinstyle="round", zorder=line.layer,
     )  # fmt: skip
+
+
+def fill(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Line) -> None:
+    """A band between two curves, thinned so that its extremes stay; NaN leaves a gap."""
+    x, low, high = thinned_band(x, low, high)
+    axis.fill_between(
+        x, low, high, where=(np.isfinite(low) & np.isfinite(high)).tolist(), color=line.colour, alpha=line.opacity,
+        linewidth=0, label=line.label or "_nolegend_", zorder=line.layer,
+    )  # fmt: skip
+
+
+def thinned_band(
+    x: FloatArray, low: FloatArray, high: FloatArray, bins: int = BINS
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A long band with the lowest and the highest of every bin, at the first x of it."""
+    if x.size <= 2 * bins:
+        return x, low, high
+    starts = np.arange(0, x.size, -(-x.size // bins))
+    return x[starts], np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
 
 
 def thinned(x: FloatArray, y: FloatArray, bins: int = BINS) -> tuple[FloatArray, FloatArray]:

@@ -5,28 +5,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.estimate import Fit
+from clutchid.estimate.evidence import reach
 from clutchid.estimate.result import Recording
-from clutchid.log import FloatArray
-from clutchid.report.figures import draw, label, legend, mark_span, new_figure
+from clutchid.estimate.verdict import ENGAGING
+from clutchid.log import FloatArray, Log
+from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
+from clutchid.report.half_load import half_load
 from clutchid.report.style import BAR, KN, MM, STYLE, Line
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-#: Where the clutch engages and the load must be known best, in m, Section 3.1.
-ENGAGING = (5e-3, 8e-3)
-
-
-def reach(fit: Fit) -> float:
-    """Furthest position in m that was measured in the fitted recordings; NaN without one."""
-    tops = [np.nanmax(r.measured["position"]) for r in fit.recordings.values()]
-    return float(max(tops)) if tops else float("nan")
 
 
 def load_figure(fit: Fit) -> Figure:
-    """The load over the position with its 95 % band where that is finite, and how far the recordings reach."""
+    """The load over the position with its 95 % band where that is finite, half its peak, and the recordings' reach."""
     curve, furthest = fit.load_curve, reach(fit)
     figure, (axis,) = new_figure([3.7])
     x, force = curve.position / MM, curve.force / KN
@@ -39,45 +35,90 @@ def load_figure(fit: Fit) -> Figure:
     outside = curve.position >= (curve.position[inside][-1] if inside.any() else 0.0)
     if not inside.all():
         draw(axis, x[outside], force[outside], Line(STYLE.blue, "load where nothing was recorded", 1.4, (0, (4, 3))))
+    _mark_half(axis, fit, furthest)
     words = f"reach of the recordings, {furthest / MM:.1f} mm"
     axis.axvline(furthest / MM, color=STYLE.ink, linewidth=1.0, linestyle=":", label=words)
     axis.set_xlim(0, x[-1])
-    band_edges = np.concatenate([curve.low[banded], curve.high[banded]]) / KN
-    axis.set_ylim(*_limits(np.append(force, 0.0), band_edges))
+    known = banded & inside if np.any(banded & inside) else banded
+    band_edges = np.concatenate([curve.low[known], curve.high[known]]) / KN
+    axis.set_ylim(*_limits(np.append(force[inside] if inside.any() else force, 0.0), band_edges))
     label(axis, "position [mm]", "load [kN]")
     legend(axis, "lower center")
     return figure
 
 
+def _mark_half(axis: Axes, fit: Fit, furthest: float) -> None:
+    """A point where the load passes half its peak, with its interval."""
+    at = half_load(fit.load_curve, furthest)
+    if not np.isfinite(at.position):
+        return
+    force = float(np.interp(at.position, fit.load_curve.position, fit.load_curve.force)) / KN
+    ends = np.clip([at.position - at.low, at.high - at.position], 0.0, None) / MM
+    error = ends[:, None] if np.isfinite(ends).all() else None
+    axis.errorbar(
+        [at.position / MM], [force], xerr=error, fmt="o", markersize=3.2, color=STYLE.red, capsize=3.5, linewidth=1.2,
+        label=f"half of the peak, at {at.position / MM:.2f} mm", zorder=4,
+    )  # fmt: skip
+
+
 def _limits(force: FloatArray, band: FloatArray) -> tuple[float, float]:
     """Limits that show the curve, and the band unless it is far wider than the curve."""
     low, high = float(np.nanmin(force)), float(np.nanmax(force))
-    room = max(high - low, 1e-3)
+    high = max(high, low + 1e-3)
+    room = high - low
     if band.size:
         low, high = max(low - room, min(low, float(band.min()))), min(high + room, max(high, float(band.max())))
     return low - 0.05 * (high - low), high + 0.08 * (high - low)
 
 
-def recording_figure(recording: Recording) -> Figure:
-    """Measured and simulated position, their difference, pressure and duty cycles over time."""
+def recording_figure(recording: Recording, believed: NDArray[np.bool_] | None = None) -> Figure:
+    """Measured and simulated position and pressure, their differences, and the duty cycles, over time.
+
+    Where `believed` is given the pressure was not in use: it is grey where it cannot be believed.
+    """
     measured, simulated = recording.measured, recording.simulated
-    figure, (position, error, pressure, duty) = new_figure([2.0, 1.25, 1.7, 1.05])
+    with_pressure = "pressure_a" in measured
+    figure, axes = new_figure([2.0, 1.15, 1.8, *([1.15] if with_pressure else []), 1.05])
+    position, error, pressure, duty = axes[0], axes[1], axes[2], axes[-1]
     t = measured.time
     draw(position, t, measured["position"] / MM, Line(STYLE.measured, "measured", 2.2))
     draw(position, t, simulated["position"] / MM, Line(STYLE.blue, "simulated"))
-    draw(error, t, (simulated["position"] - measured["position"]) / MM, Line(STYLE.red, "", 0.8))
-    error.axhline(0.0, color=STYLE.ink, linewidth=0.7)
-    if "pressure_a" in measured:
-        draw(pressure, t, measured["pressure_a"] / BAR, Line(STYLE.measured, "measured", 2.2))
-    draw(pressure, t, simulated["pressure_a"] / BAR, Line(STYLE.blue, "simulated"))
+    _difference(error, t, (measured["position"] - simulated["position"]) / MM)
+    _pressure(pressure, measured, simulated, believed)
+    if with_pressure:
+        _difference(axes[3], t, (measured["pressure_a"] - simulated["pressure_a"]) / 1e3)
+        label(axes[3], y="measured −\nsimulated [kPa]")
     draw(duty, t, measured["duty_supply"], Line(STYLE.green, "supply", 0.9))
     draw(duty, t, -measured["duty_exhaust"], Line(STYLE.purple, "exhaust, drawn downwards", 0.9))
     label(position, y="position [mm]")
-    label(error, y="simulated −\nmeasured [mm]")
+    label(error, y="measured −\nsimulated [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
     label(duty, "time [s]", "duty cycle [1]")
     duty.set_xlim(float(t[0]), float(t[-1]))
     for axis in (position, pressure, duty):
-        legend(axis, "above", 2)
+        legend(axis, "above", 4)
     figure.align_ylabels()
     return figure
+
+
+def _difference(axis: Axes, t: FloatArray, residual: FloatArray) -> None:
+    draw(axis, t, residual, Line(STYLE.red, "", 0.8))
+    axis.axhline(0.0, color=STYLE.ink, linewidth=0.7)
+
+
+def _pressure(axis: Axes, measured: Log, simulated: Log, believed: NDArray[np.bool_] | None) -> None:
+    """The pressure with its band, the measured one, and a grey ground where it is not to be believed."""
+    t, name = measured.time, "simulated" if believed is None else "from the position"
+    if believed is not None and not believed.all():
+        starts = np.arange(0, t.size, max(1, -(-t.size // BINS)))
+        doubtful = np.logical_or.reduceat(~believed, starts)
+        axis.fill_between(
+            t[starts], 0.0, 1.0, where=doubtful.tolist(), transform=axis.get_xaxis_transform(), color=STYLE.grid,
+            linewidth=0, label="not held by vented rests and reach", zorder=0,
+        )  # fmt: skip
+    if "pressure_a" in measured:
+        draw(axis, t, measured["pressure_a"] / BAR, Line(STYLE.measured, "measured", 2.2))
+    if "pressure_a low" in simulated:
+        low, high = simulated["pressure_a low"] / BAR, simulated["pressure_a high"] / BAR
+        fill(axis, t, low, high, Line(STYLE.blue, "95 % band", opacity=0.3))
+    draw(axis, t, simulated["pressure_a"] / BAR, Line(STYLE.blue, name))

@@ -1,20 +1,35 @@
-"""The page of a fit: what was found, how sure it is, and how well it explains the recordings."""
+"""The page of a fit: verdict, what was found, how sure it is, and how well it explains the recordings."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from os import PathLike
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.estimate import Fit
+from clutchid.estimate.evidence import Evidence, as_recorded, evidence, reach
 from clutchid.estimate.result import Errors, Recording
+from clutchid.estimate.verdict import ENGAGING, verdict
+from clutchid.report.diagnosis_page import diagnosis_table, residual_blocks, told_blocks, verdict_blocks, worst_first
 from clutchid.report.figures import png
 from clutchid.report.files import write_text
-from clutchid.report.fit_figures import ENGAGING, load_figure, reach, recording_figure
+from clutchid.report.fit_figures import load_figure, recording_figure
+from clutchid.report.half_load import half_load
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.parameter_page import parameter_blocks
+from clutchid.report.pressure_span import believed
 from clutchid.report.provenance import provenance
 from clutchid.report.style import BAR, KN, MM
-from clutchid.report.tables import Cell, Column, Table, scientific
+from clutchid.report.tables import Cell, Column, Table
+
+#: Most recordings with figures on a page, fitted and verified each; the others are in the tables.
+MOST_DRAWN = 3
+
+#: A recording longer than this in s is also drawn closer, over that many s.
+LONG, CLOSER = 120.0, 30.0
 
 _STATUS = {
     "ok": "The fit settled, without a warning.",
@@ -29,7 +44,7 @@ def fit_page(fit: Fit, command: str, path: str | PathLike[str]) -> None:
     Parameters
     ----------
     fit : Fit
-        Of any status; a failed one gives a page that says so.
+        Of any status and method; a failed one gives a page that says so.
     command : str
         The command line that repeats the fit, shown on the page.
     path
@@ -47,11 +62,15 @@ def page_of(fit: Fit, command: str) -> Page:
     """The page of `fit` before it is rendered."""
     logs = [r.measured for r in (*fit.recordings.values(), *fit.verification.values())]
     names = ", ".join(fit.recordings) or "no recording"
-    sections = [Section("Result", _result(fit)), Section("Parameters", (parameter_table(fit), *_parameter_notes(fit)))]
+    found = evidence(fit)
+    sections = [Section("Result", _result(fit, found))]
+    if found.diagnoses:
+        sections.append(Section("What the recordings told", tuple(told_blocks(fit, found))))
+    sections.append(Section("Parameters", parameter_blocks(fit)))
     if fit.recordings:
-        sections.append(Section("Errors", _errors(fit)))
-    sections += [_section(name, r, "fitted") for name, r in fit.recordings.items()]
-    sections += [_section(name, r, "verified, not fitted") for name, r in fit.verification.items()]
+        sections.append(Section("Errors", _errors(fit, found)))
+        sections += _drawn(fit, found, fit.recordings, "fitted")
+    sections += _drawn(fit, found, fit.verification, "verified, not fitted")
     return Page(f"Clutch load from {names}", _subtitle(fit), tuple(sections), provenance(logs, command))
 
 
@@ -59,36 +78,52 @@ def _subtitle(fit: Fit) -> str:
     load = fit.actuator.load
     knots = ", ".join(f"{knot / MM:g}" for knot in load.knots)
     basis = f"load on the paper's three splines, knots {knots} mm, slope {load.phi2_slope:g} of φ₂ at t₃"
-    return f"Model {fit.actuator.model}; {basis}."
+    if load.basis != "paper":
+        ends = f"{load.knots[0] / MM:g} to {load.knots[-1] / MM:g}"
+        basis = f"load on cubic B-splines, {len(load.knots)} knots from {ends} mm"
+    how = {"simulation": "simulation error", "shooting": "multiple shooting"}.get(fit.method, fit.method)
+    return f"Model {fit.actuator.model}; {basis}; fitted by {how}."
 
 
-def _result(fit: Fit) -> tuple[Block, ...]:
-    kind = fit.status
-    lead = f"{_STATUS[kind]} {fit.message[:1].upper()}{fit.message[1:]}."
-    blocks: list[Block] = [Notice(lead, kind), *(Notice(warning) for warning in fit.warnings)]
-    if kind != "failed":
-        alt = "Load over position with its 95 % band"
-        blocks += [Text(_sentence(fit)), Picture(png(load_figure(fit)), _LOAD_CAPTION, alt)]
+def _result(fit: Fit, found: Evidence) -> tuple[Block, ...]:
+    blocks = verdict_blocks(verdict(fit, found), fit.recordings)
+    lead = f"{_STATUS[fit.status]} {fit.message[:1].upper()}{fit.message[1:]}."
+    blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in fit.warnings)]
+    if fit.status != "failed":
+        alt = "Load over position with its 95 % band and half of its peak"
+        blocks += [Text(_sentence(fit)), Picture(png(load_figure(fit)), _LOAD_CAPTION[fit.method], alt)]
     return tuple(blocks)
 
 
-_LOAD_CAPTION = (
-    "Load over the position of the piston. The band holds the load with 95 % probability at each position, if the "
-    "model is right: it counts noise and coloured residuals, not what the model leaves out. Where nothing was "
-    "recorded the curve is dashed."
-)
+_LOAD_CAPTION = {
+    "simulation": (
+        "Load over the position of the piston. The band holds the load with 95 % probability at each position, if the "
+        "model is right: it counts noise and coloured residuals, not what the model leaves out. Where nothing was "
+        "recorded the curve is dashed."
+    ),
+    "shooting": (
+        "Load over the position of the piston. The band holds the load with 95 % probability at each position: it "
+        "counts noise, coloured residuals, what the calibration left open and how far the actuator drifts between two "
+        "recordings. Where nothing was recorded the curve is dashed and the band may leave the picture."
+    ),
+}
 
 
 def _sentence(fit: Fit) -> str:
-    """The load in one paragraph: peak, and what it is where the clutch engages."""
+    """The load in one paragraph: peak, half-load position, and what it is where the clutch engages."""
     curve, furthest = fit.load_curve, reach(fit)
     inside = curve.position <= furthest
     at = int(np.argmax(np.where(inside, curve.force, -np.inf)))
     low, high = (float(np.interp(y, curve.position, curve.force)) for y in ENGAGING)
     text = (
         f"Within the {furthest / MM:.1f} mm that were driven the load is greatest at {curve.position[at] / MM:.1f} "
-        f"mm, {curve.force[at] / KN:.2f} kN. Where the clutch engages it goes from {low / KN:.2f} kN at "
-        f"{ENGAGING[0] / MM:.0f} mm to {high / KN:.2f} kN at {ENGAGING[1] / MM:.0f} mm"
+        f"mm, {curve.force[at] / KN:.2f} kN.{_half_sentence(fit)}"
+    )
+    if not furthest >= ENGAGING[1]:
+        return f"{text} The {ENGAGING[1] / MM:.0f} mm to where the clutch engages were not reached."
+    text += (
+        f" Where the clutch engages it goes from {low / KN:.2f} kN at {ENGAGING[0] / MM:.0f} mm to {high / KN:.2f} kN "
+        f"at {ENGAGING[1] / MM:.0f} mm"
     )
     there = (curve.position >= ENGAGING[0]) & (curve.position <= ENGAGING[1])
     half = (curve.high - curve.low)[there] / 2
@@ -97,25 +132,12 @@ def _sentence(fit: Fit) -> str:
     return f"{text}, ± {half.max():.0f} N at 95 %."
 
 
-def parameter_table(fit: Fit) -> Table:
-    """The estimates with unit, standard error and 95 % interval."""
-    columns = (
-        Column("name", "parameter"), Column("unit", "unit"), Column("value", "value", significant=5),
-        Column("std", "standard error", significant=3), Column("low", "from", significant=5, group="95 % interval"),
-        Column("high", "to", significant=5, group="95 % interval"),
-    )  # fmt: skip
-    rows = tuple((name, e.unit, e.value, e.std, e.low, e.high) for name, e in fit.parameters.items())
-    return Table("Estimated parameters", columns, rows)
-
-
-def _parameter_notes(fit: Fit) -> tuple[Block, ...]:
-    fixed = []
-    for name in fit.actuator.names:
-        if name not in fit.parameters:
-            unit = fit.actuator.unit(name)
-            value = scientific(fit.actuator.value(name), 0)
-            fixed.append(f"{name} = {value}" + ("" if unit == "1" else f" {unit}"))
-    return (Text("Held fixed: " + escape("; ".join(fixed)) + "."),)
+def _half_sentence(fit: Fit) -> str:
+    at = half_load(fit.load_curve, reach(fit))
+    if not np.isfinite(at.position):
+        return ""
+    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f} mm by the band)" if np.isfinite(at.low + at.high) else ""
+    return f" It passes half of that at {at.position / MM:.2f} mm{interval}."
 
 
 def error_table(fit: Fit) -> Table:
@@ -133,6 +155,8 @@ def error_table(fit: Fit) -> Table:
     rule = len(rows)
     rows += [(name, "verified", *_cells(r.errors)) for name, r in fit.verification.items()]
     note = "Errors against the measured samples; Σe² is the sum of squares, as in Table 2 of the paper."
+    if fit.method == "shooting":
+        note += " By shooting they are those within windows of 0.1 s, not of a simulation of the whole recording."
     return Table("Simulation against measurement", columns, tuple(rows), (rule,), note)
 
 
@@ -140,23 +164,65 @@ def _cells(errors: Errors) -> tuple[Cell, ...]:
     return errors.position_rms, errors.position_sse, errors.pressure_a_rms, errors.pressure_a_sse
 
 
-def _errors(fit: Fit) -> tuple[Block, ...]:
+def _errors(fit: Fit, found: Evidence) -> tuple[Block, ...]:
     scales = []
     if "position" in fit.scales:
         scales.append(f"{fit.scales['position'] / MM:.3g} mm for position")
     if "pressure_a" in fit.scales:
         scales.append(f"{fit.scales['pressure_a'] / BAR:.3g} bar for pressure")
-    return error_table(fit), Text(f"Residuals were divided by {' and '.join(scales) or 'nothing'}.")
+    divided = Text(f"Residuals were divided by {' and '.join(scales) or 'nothing'}.")
+    return (error_table(fit), *([diagnosis_table(found)] if found.diagnoses else []), divided)
 
 
-def _section(name: str, recording: Recording, use: str) -> Section:
+def _drawn(fit: Fit, found: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Section]:
+    """A section a recording, of the poorest ones where there are many."""
+    names = list(recordings)
+    if len(names) > MOST_DRAWN:
+        kept = worst_first(found, names)[:MOST_DRAWN]
+        names = [name for name in names if name in kept]
+    sections = [_section(fit, name, recordings[name], use, found) for name in names]
+    if len(names) < len(recordings):
+        rest = f"{len(recordings) - len(names)} more ({use})"
+        words = f"Drawn are the {len(names)} recordings that fit least; the others are in the table of errors."
+        sections.append(Section(rest, (Text(words),)))
+    return sections
+
+
+def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidence) -> Section:
     e = recording.errors
     rms = e.pressure_a_rms
+    fitted = use == "fitted"
     pressure = "pressure not measured" if rms is None else f"{rms / BAR:.3f} bar rms in pressure"
     caption = f"{escape(name)}, {use}: {e.position_rms / MM:.3f} mm rms in position, {pressure}."
-    starts = "; ".join(f"{y / MM:.2f} mm, {p / BAR:.3f} bar" for y, p in recording.starts[:6])
-    more = " …" if len(recording.starts) > 6 else ""
+    alone = not (fitted and "pressure_a" in fit.scales)
+    if alone:
+        caption += (
+            " The pressure is read from the position alone; on the grey ground it is not held: before the first or "
+            "after the last vented rest, or beyond the reach of the fitted recordings."
+        )
+    seen = replace(recording, simulated=as_recorded(fit, name, recording.simulated)) if fitted else recording
+    span = believed(recording.measured, fit.actuator.parameters, reach(fit)) if alone else None
     alt = f"Measured and simulated motion and pressure of {name}"
-    picture = Picture(png(recording_figure(recording)), caption, alt)
+    in_mm, in_bar = Column("", "", MM, 2).shown, Column("", "", BAR, 3).shown
+    starts = "; ".join(f"{in_mm(y)} mm, {in_bar(p)} bar" for y, p in recording.starts[:6])
+    more = " …" if len(recording.starts) > 6 else ""
     start = Text(f"Simulated from position and pressure at the start: {starts}{more}.")
-    return Section(f"{name} ({use})", (picture, start))
+    residuals = residual_blocks(fit, found.diagnoses[name]) if fitted and name in found.diagnoses else ()
+    pictures = [Picture(png(recording_figure(seen, span)), caption, alt), *_closer(seen, span, alt)]
+    return Section(f"{name} ({use})", (*pictures, start, *residuals))
+
+
+def _closer(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> list[Picture]:
+    """Of a long recording, the part with the largest error of the position."""
+    time = recording.measured.time
+    if time[-1] - time[0] <= LONG:
+        return []
+    starts = np.searchsorted(time, np.arange(time[0], time[-1], CLOSER))
+    squares = np.nan_to_num((recording.measured["position"] - recording.simulated["position"]) ** 2)
+    worst = int(np.argmax(np.add.reduceat(squares, starts)))
+    a, b = int(starts[worst]), int([*starts, time.size][worst + 1])
+    if b - a < 2:
+        return []
+    part = replace(recording, measured=recording.measured.slice(a, b), simulated=recording.simulated.slice(a, b))
+    figure = recording_figure(part, None if span is None else span[a:b])
+    return [Picture(png(figure), f"The {CLOSER:.0f} s with the largest error of the position.", alt)]

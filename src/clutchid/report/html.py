@@ -10,7 +10,7 @@ from typing import Literal
 
 from clutchid.report.tables import Table, to_html
 
-__all__ = ["Block", "Bullets", "Notice", "Page", "Picture", "Section", "Text", "escape", "render"]
+__all__ = ["Block", "Bullets", "Details", "Notice", "Page", "Picture", "Section", "Text", "escape", "render"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +29,11 @@ class Bullets:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """A sentence in a box, plain text: what went well, what to know, what failed."""
+    """A sentence in a box, plain text, with a list below it: what went well, what to know, what failed."""
 
     text: str
     kind: Literal["ok", "warning", "failed"] = "warning"
+    items: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,15 @@ class Picture:
         return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
 
 
-Block = Text | Bullets | Notice | Picture | Table
+@dataclass(frozen=True, slots=True)
+class Details:
+    """Blocks behind a line of plain text that opens them; on paper they are open."""
+
+    summary: str
+    blocks: tuple[Block, ...]
+
+
+Block = Text | Bullets | Notice | Picture | Table | Details
 
 
 @dataclass(frozen=True, slots=True)

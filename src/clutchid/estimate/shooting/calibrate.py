@@ -17,7 +17,7 @@ from clutchid.estimate.shooting.automatic import automatic
 from clutchid.estimate.shooting.coordinates import Prior
 from clutchid.estimate.shooting.fit import Wanted, shoot
 from clutchid.estimate.shooting.summary import failed, position_only, summary
-from clutchid.estimate.shooting.uncertainty import drift
+from clutchid.estimate.shooting.uncertainty import deviation
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 
@@ -87,13 +87,12 @@ def _without_shared(names: Sequence[str]) -> tuple[str, ...]:
 
 def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibration) -> dict[str, Prior]:
     """Priors of calibrated parameters that are freed again: as uncertain as calibrated, and as far as they drift."""
-    priors = {}
-    for name in names:
-        base = name.partition("@")[0]
-        if base in calibration.names:
-            variance = float(calibration.covariance_of((base,))[0, 0]) + drift(actuator, base) ** 2
-            priors[name] = Prior(actuator.value(base), float(np.sqrt(variance)))
-    return priors
+    bases = {name: name.partition("@")[0] for name in names}
+    return {
+        name: Prior(actuator.value(base), deviation(actuator, base, calibration))
+        for name, base in bases.items()
+        if base in calibration.names
+    }
 
 
 def _check_size(logs: Sequence[Log], wanted: Wanted) -> None:

@@ -20,6 +20,9 @@ PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 #: middling one: what any phase explains is the changing duty cycle, not the carrier.
 PHASES, CONTRAST = 20, 0.01
 
+#: Samples that a period takes at least for its phase to show.
+SEEN = 2.5
+
 #: Longest stretch of a recording that tells the phase, in s.
 ENOUGH = 15.0
 
@@ -40,7 +43,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     rate = np.diff(log["pressure_a"])
     best, found = CONTRAST, (0.0, 0.0)
     for period in periods:
-        if period < 2.5 * step:
+        if period < SEEN * step:
             continue
         length = max(1, round(period / step))
         fast = rate - _smooth(rate, length)
@@ -100,7 +103,7 @@ def find_phase(log: Log, actuator: Actuator) -> float:
         If the recording lacks a duty cycle.
     """
     step = float(np.median(np.diff(log.time)))
-    part = log.slice(0, min(len(log), round(ENOUGH / step)))
+    part = _undone(log.slice(0, min(len(log), round(ENOUGH / step))), actuator)
     rate = stiffness(actuator)
     every = Partition(every=max(2, round(0.02 / step)))
 
@@ -117,6 +120,12 @@ def find_phase(log: Log, actuator: Actuator) -> float:
     best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
     fine = best + np.arange(-4, 5) / 50
     return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
+
+
+def _undone(log: Log, actuator: Actuator) -> Log:
+    """`log` with lag and offset of its position sensor undone: a lag looks like another phase."""
+    p = actuator.parameters
+    return log.with_columns(position=np.interp(log.time + p.tau_y, log.time, log["position"]) - p.e_y)
 
 
 def centred(phase: float) -> float:

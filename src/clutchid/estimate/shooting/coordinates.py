@@ -122,11 +122,16 @@ def smoothness(actuator: Actuator, names: Sequence[str], reference: Sequence[flo
 
     At each knot the second derivative differs by `curvature` N/m² a priori, over a millimetre; shape (m, k + 1) with
     derivatives to the weights in SI among `names`, zero for the rest.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
     """
     load = actuator.load
     knots = np.asarray(load.knots)
     weight = np.sqrt(np.gradient(knots) / 1e-3) / curvature
-    second = load.curvature(knots) * weight[:, None]
+    inside = np.append(knots[:-1], np.nextafter(knots[-1], knots[0]))  # beyond the last knot the load is straight
+    second = load.curvature(inside) * weight[:, None]
     rows = np.zeros((knots.size, len(names) + 1))
     for column, name in enumerate(names):
         if name in load.names:

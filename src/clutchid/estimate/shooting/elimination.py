@@ -59,6 +59,11 @@ def recover(chain: Eliminated, theta: FloatArray, noise: Sequence[FloatArray] | 
     """States that belong to `theta`, shape (n, states, m) for theta of shape (k, m), from the last to the first.
 
     With `noise`, n of (states, m), standard normal: draws from the distribution of the states given theta.
+
+    Raises
+    ------
+    LinAlgError
+        If the chain does not determine its states.
     """
     states = chain.own[0].shape[0]
     found = np.empty((len(chain.own), states, theta.shape[1]))

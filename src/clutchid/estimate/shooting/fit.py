@@ -9,12 +9,13 @@ import numpy as np
 
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.shooting.carrier import centred, find_carrier, find_phase
+from clutchid.estimate.shooting.carrier import SEEN, centred, find_carrier, find_phase
 from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, Found, Progress, search
 from clutchid.estimate.shooting.trajectory import noise_scales
+from clutchid.estimate.shooting.uncertainty import deviation
 from clutchid.estimate.shooting.windows import GUESS, first_guess, tracks
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -24,6 +25,9 @@ from clutchid.simulation.stiffness import stiffness
 
 #: Curvature of a load, as a standard deviation in N/m²: a clutch of 5 kN turns within 4 mm.
 CURVATURE = 3e8
+
+#: What wears beside the clutch: the friction of the seals, and the dead volume at the engaged rest, which moves.
+WEARING = ("F_C", "V_0A")
 
 #: The steps of the integration follow this many times the stiffness at the start, for values that make it stiffer.
 MARGIN = 1.3
@@ -66,7 +70,8 @@ def shoot(
     """
     phased = [with_phase(log, actuator, "pressure_a" in wanted.measure) for log in logs]
     plans = tuple(prepared(log, own, wanted.measure) for log, own in zip(logs, phased, strict=True))
-    free, priors = _with_phases(wanted, logs, phased)
+    own = {**_phases(wanted, logs, phased), **_wearing(wanted, logs, actuator, calibration)}
+    free, priors = (*wanted.names, *own), {**own, **wanted.priors}
     task = Shooting(
         actuator=phased[0],
         coordinates=coordinates(phased[0], free, wanted.bounds, priors),
@@ -83,7 +88,8 @@ def shoot(
         if isinstance(guess, Failure):
             return Shot(task, plans, guess)
         X.append(guess)
-    x = np.array([0.0 if c.stem else c.of(phased[0].value(c.base)) for c in task.coordinates])
+    # from what is known of every number: a start far outside a narrow prior is out of reach of bounded steps
+    x = np.zeros(len(task.coordinates))
     stages = FROM_NEAR if calibration else FROM_AFAR
     coarse = search(task, x, X, stages[:-1], progress)
     if isinstance(coarse, Failure):
@@ -95,30 +101,55 @@ def shoot(
     return Shot(task, plans, fine)
 
 
-def _with_phases(
-    wanted: Wanted, logs: Sequence[Log], phased: Sequence[Actuator]
-) -> tuple[tuple[str, ...], Mapping[str, Prior]]:
-    """Free names and priors, with the phase of the carrier in each recording where the valves' own are not free."""
+def _phases(wanted: Wanted, logs: Sequence[Log], phased: Sequence[Actuator]) -> dict[str, Prior]:
+    """The phase of the carrier in each recording, where the valves' own phases are not free."""
     later = 1 if "s_vs" in wanted.names else 0
-    found = {
+    return {
         f"s_pwm@{log.name}": Prior(own.parameters.s_pwm, WIDTHS["s_pwm"])
         for log, own in list(zip(logs, phased, strict=True))[later:]
         if own.parameters.T_pwm > 0.0
     }
-    return (*wanted.names, *found), {**found, **wanted.priors}
+
+
+def _wearing(
+    wanted: Wanted, logs: Sequence[Log], actuator: Actuator, calibration: Calibration | None
+) -> dict[str, Prior]:
+    """What wears beside the clutch, in each recording, where a load is read from position alone."""
+    reads_load = set(wanted.names) & set(actuator.load.names)
+    if calibration is None or "pressure_a" in wanted.measure or not reads_load:
+        return {}
+    taken = {name.partition("@")[0] for name in wanted.names}
+    return {
+        f"{name}@{log.name}": Prior(actuator.value(name), deviation(actuator, name, calibration))
+        for log in logs
+        for name in WEARING
+        if name not in taken
+    }
 
 
 def prepared(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
-    """The plan of a recording, with the resets of the first guess."""
+    """The plan of a recording, with the resets of the first guess.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
     step = float(np.median(np.diff(log.time))) if len(log) > 1 else GUESS
     every = Partition(every=max(2, round(GUESS / step)))
     return plan(log, actuator, MARGIN * stiffness(actuator), every, "pressure_a" in measure)
 
 
 def with_phase(log: Log, actuator: Actuator, with_pressure: bool) -> Actuator:
-    """`actuator` with the phase that the carrier of its valves has in `log`."""
+    """`actuator` with the phase that the carrier of its valves has in `log`.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a column that the phase is read from.
+    """
     period = actuator.parameters.T_pwm
-    if period == 0.0 or len(log) < 2 or float(np.median(np.diff(log.time))) >= period:
+    if period == 0.0 or len(log) < 2 or period < SEEN * float(np.median(np.diff(log.time))):
         return actuator
     if with_pressure:
         _, phase = find_carrier(log, actuator, (period,))

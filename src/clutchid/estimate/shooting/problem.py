@@ -108,7 +108,12 @@ class Linear:
 
 
 def linearise(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
-    """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer."""
+    """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
     try:
         views = {stem: task.view(x, stem) for stem in task.stems}
     except ParameterError as error:
@@ -126,7 +131,12 @@ def linearise(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArra
 
 
 def cost_at(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]) -> float:
-    """The cost at a point, infinite where it cannot be simulated; as `linearise`, without derivatives."""
+    """The cost at a point, infinite where it cannot be simulated; as `linearise`, without derivatives.
+
+    Raises
+    ------
+    Nothing: a simulation that fails costs infinitely much.
+    """
     try:
         views = {stem: task.view(x, stem) for stem in task.stems}
     except ParameterError:
@@ -167,7 +177,12 @@ def _chain(task: Shooting, noise: Noise, track: Track, starts: FloatArray, seen:
 
 
 def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
-    """Rows ``[theta | r]`` of what is known before the data: every number, and the smoothness of the load."""
+    """Rows ``[theta | r]`` of what is known before the data: every number, and the smoothness of the load.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
     rows = np.column_stack([np.eye(x.size), x])
     if task.actuator.load.basis != "b-spline" or not set(task.names) & set(task.actuator.load.names):
         return rows
@@ -179,7 +194,12 @@ def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
 
 
 def condense(task: Shooting, linear: Linear, damping: float = 0.0) -> tuple[FloatArray, list[Eliminated]]:
-    """Triangular factor of all rows on theta, ``[R | q]``, and the chains that were eliminated into it."""
+    """Triangular factor of all rows on theta, ``[R | q]``, and the chains that were eliminated into it.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
     names = VARIANTS[task.actuator.model]
     size = len(task.coordinates)
     held = np.zeros((len(names), len(names) + size + 1))

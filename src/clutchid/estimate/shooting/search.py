@@ -51,6 +51,10 @@ def search(
 
     Levenberg-Marquardt on parameters and states together, the parameters within their bounds. With nothing trusted, the
     states follow what was measured and the parameters move little; so a poor start does not end far away.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
     """
     found: Found | Failure = Failure("no stage to search in")
     count = 0

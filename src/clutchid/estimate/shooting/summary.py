@@ -30,7 +30,12 @@ NOT_TOLD = 0.9
 
 
 def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
-    """The result of a search that found something."""
+    """The result of a search that found something.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
     found = shot.found
     if isinstance(found, Failure):
         return found
@@ -40,7 +45,7 @@ def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
         return uncertain
     bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(task.actuator.load.theta))
     fitted = corrected(task.actuator_of(found.x, task.stems[0]), bias)
-    recordings = _recordings(shot, found, uncertain)
+    recordings, compared = _recordings(shot, found, uncertain)
     warnings = (*plan_warnings(shot.plans), *_at_bounds(task, found.x), *_unsettled(found))
     slopes = task.slopes(found.x)
     matrix = uncertain.matrix
@@ -52,7 +57,7 @@ def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
         covariance=matrix * np.outer(slopes, slopes),
         load_curve=_load_curve(task, fitted, matrix, slopes, bias),
         recordings=recordings,
-        errors=errors_over((r.measured, r.simulated) for r in recordings.values()),
+        errors=errors_over(compared),
         scales=dict(task.noise.measured),
         bounds={c.name: (c.low, c.high) for c in task.coordinates},
         evaluations=found.evaluations,
@@ -68,25 +73,26 @@ def corrected(actuator: Actuator, bias: FloatArray) -> Actuator:
     return replace(actuator, load=replace(load, theta=tuple((np.asarray(load.theta) - bias).tolist())))
 
 
-def _recordings(shot: Shot, found: Found, uncertain: Spread) -> dict[str, Recording]:
+def _recordings(shot: Shot, found: Found, uncertain: Spread) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
+    """The recordings by name, and each as measured and as its sensors would record the simulation."""
     task = shot.task
     deviations = pressure_spread(uncertain)
-    recordings = {}
+    recordings, pairs = {}, []
     for number, prepared in enumerate(shot.plans):
         states = trajectory(task, found, number)
         seen = recorded(task, found, number, states)
         simulated = simulated_log(prepared, states, VARIANTS[task.actuator.model])
         band = _band(task, number, deviations, simulated["pressure_a"])
         simulated = simulated.with_columns(**band)
-        compared = simulated.with_columns(**seen)
+        pairs.append((prepared.log, simulated.with_columns(**seen)))
         starts = tuple(
             (float(X[0, 0]), float(X[0, 2]))
             for track, X in zip(task.tracks, found.X, strict=True)
             if track.log == number
         )
-        errors = errors_over([(prepared.log, compared)])
+        errors = errors_over(pairs[-1:])
         recordings[prepared.log.name] = Recording(prepared.log, simulated, errors, starts)
-    return recordings
+    return recordings, pairs
 
 
 def _band(task: Shooting, log: int, deviations: list[FloatArray], pressure: FloatArray) -> Mapping[str, FloatArray]:
@@ -158,7 +164,12 @@ def _not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
 
 
 def failed(shot: Shot, message: str) -> Fit:
-    """The result of a search whose start cannot be simulated."""
+    """The result of a search whose start cannot be simulated.
+
+    Raises
+    ------
+    Nothing: what is not known is NaN.
+    """
     task, nan = shot.task, float("nan")
     y = np.linspace(0.0, task.actuator.parameters.y_max, 101)
     unknown = np.full(y.shape, nan)

@@ -11,7 +11,7 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting.coordinates import Coordinate
 from clutchid.estimate.shooting.elimination import Eliminated, recover
-from clutchid.estimate.shooting.problem import Shooting, condense, linearise, state_units
+from clutchid.estimate.shooting.problem import Chain, Shooting, condense, linearise, state_units
 from clutchid.estimate.shooting.search import Found
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -21,7 +21,7 @@ from clutchid.parameters import Parameters
 #: How much a number that is taken as known may differ between two recordings of one actuator, as a share of its value
 #: or, where it may be 0, in its own unit. Chosen on the trucks 0 to 23 of the proving ground, docs/methods.md.
 DRIFT: Mapping[str, float] = {
-    "P_S": 0.005, "C_vs": 0.004, "C_ve": 0.004, "V_0A": 0.01, "F_C": 0.05, "c_F": 0.2, "D_v": 0.01, "T_w": 0.005,
+    "P_S": 0.005, "C_vs": 0.004, "C_ve": 0.004, "V_0A": 0.05, "F_C": 0.15, "c_F": 0.2, "D_v": 0.01, "T_w": 0.005,
     "h_A": 0.1, "V_S": 0.2, "A_A": 0.001, "P_0": 0.002,
 }  # fmt: skip
 DRIFT_WIDTH: Mapping[str, float] = {"R_0vs": 0.002, "R_0ve": 0.002, "tau_y": 1e-4, "B_ve": 0.02}
@@ -38,10 +38,24 @@ def drift(actuator: Actuator, name: str) -> float:
     return DRIFT_WIDTH.get(name, DRIFT.get(name, 0.0) * abs(actuator.value(name)))
 
 
+def deviation(actuator: Actuator, name: str, calibration: Calibration) -> float:
+    """Standard deviation of a calibrated number in another recording, in SI: as calibrated, and as far as it drifts.
+
+    Raises
+    ------
+    Nothing: names are checked where a request is made.
+    """
+    return float(np.sqrt(calibration.covariance_of((name,))[0, 0] + drift(actuator, name) ** 2))
+
+
 def considered(task: Shooting, calibration: Calibration | None) -> tuple[tuple[Coordinate, ...], FloatArray]:
     """Numbers that a fit takes as known although they are not exactly, and the square root of their covariance.
 
     Each is a coordinate of width one standard deviation; the root, shape (m, m), holds their correlations.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
     """
     taken = {c.base for c in task.coordinates} | set(task.actuator.load.names)
     known = calibration.names if calibration else ()
@@ -85,6 +99,10 @@ def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spr
 
     The considered numbers (Schmidt 1966) are not estimated: their spread moves the estimate through the information
     that the recording has on both.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
     """
     k = len(task.coordinates)
     extra, root = considered(task, calibration)
@@ -93,14 +111,28 @@ def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spr
     if isinstance(linear, Failure):
         return linear
     own = [*range(k), *range(k + len(extra), linear.prior.shape[0])]
-    factor, chains = condense(wide, replace(linear, prior=linear.prior[own]))
-    inverse = np.linalg.pinv(factor[:k, :k])
-    moved = -inverse @ factor[:k, k : k + len(extra)] @ root
-    return Spread(wide, tuple(chains), np.sqrt(COLOUR) * inverse, moved, root)
+    linear = replace(linear, prior=linear.prior[own])
+    searched, _ = condense(wide, linear)
+    moved = -np.linalg.pinv(searched[:k, :k]) @ searched[:k, k : k + len(extra)] @ root
+    factor, chains = condense(wide, replace(linear, chains=tuple(_counted(chain) for chain in linear.chains)))
+    known = np.linalg.pinv(factor[:k, :k]).astype(np.float64)
+    return Spread(wide, tuple(chains), known, moved, root)
+
+
+def _counted(chain: Chain) -> Chain:
+    """A chain with `COLOUR` neighbouring samples counted as one; what is known of its first state stands."""
+    share = 1.0 / np.sqrt(COLOUR)
+    windows = tuple(replace(rows, own=share * rows.own) for rows in chain.windows)
+    return Chain(chain.first, windows, tuple(share * link for link in chain.links))
 
 
 def pressure_spread(of: Spread) -> list[FloatArray]:
-    """Standard deviation of the pressure at the start of every window in Pa, an array a track."""
+    """Standard deviation of the pressure at the start of every window in Pa, an array a track.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
     rng = np.random.default_rng(0)
     moved = rng.standard_normal((of.root.shape[0], DRAWS))
     theta = of.known @ rng.standard_normal((of.known.shape[0], DRAWS)) + of.moved @ moved
@@ -109,7 +141,7 @@ def pressure_spread(of: Spread) -> list[FloatArray]:
     result = []
     for chain in of.chains:
         own = tuple(np.column_stack([row[:, :-1], np.zeros(row.shape[0])]) for row in chain.own)
-        noise = [np.sqrt(COLOUR) * rng.standard_normal((row.shape[0], DRAWS)) for row in own]
+        noise = [rng.standard_normal((row.shape[0], DRAWS)) for row in own]
         draws = recover(replace(chain, own=own), np.vstack([theta, of.root @ moved]), noise)
         result.append(np.std(draws[:, at, :], axis=1) * unit)
     return result

@@ -37,7 +37,12 @@ class Track:
 
 
 def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
-    """All segments of all recordings, cut into windows."""
+    """All segments of all recordings, cut into windows.
+
+    Raises
+    ------
+    Nothing: a recording is checked where it is planned.
+    """
     return tuple(
         Track(number, prepared.log, segment, tuple(_windows(segment)))
         for number, prepared in enumerate(plans)
@@ -78,7 +83,12 @@ def units(actuator: Actuator) -> FloatArray:
 
 
 def first_guess(track: Track, actuator: Actuator, with_pressure: bool) -> FloatArray | Failure:
-    """States at the start of every window, shape (n, n_states): simulated, with what is measured taken again often."""
+    """States at the start of every window, shape (n, n_states): simulated, with what is measured taken again often.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
     states, failed = run(track.segment, Numbers.of(actuator), start_state(track.segment, actuator))
     if failed >= 0:
         return Failure(failure_message(track.measured, track.segment, states, failed, VARIANTS[actuator.model]))
@@ -132,7 +142,12 @@ def view(actuator: Actuator, bases: Sequence[str], places: Sequence[int], slopes
 def window_rows(
     track: Track, window: Segment, start: FloatArray, seen: View, measure: Sequence[str], noise: Noise
 ) -> Rows | Failure:
-    """Simulate a window from `start` and compare it with what was measured."""
+    """Simulate a window from `start` and compare it with what was measured.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
     n, k = start.size, len(seen.bases)
     S = np.zeros((n, k + n))
     S[:, k:] = np.diag(units(seen.actuator))
@@ -154,7 +169,12 @@ def window_rows(
 def window_cost(
     track: Track, window: Segment, start: FloatArray, seen: View, measure: Sequence[str], noise: Noise
 ) -> tuple[FloatArray, float] | Failure:
-    """End of a window from `start`, and the cost of its residuals; without derivatives, so much cheaper."""
+    """End of a window from `start`, and the cost of its residuals; without derivatives, so much cheaper.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
     out, failed = run(window, seen.numbers, start)
     if failed >= 0:
         return _failure(track, window, out, failed, seen)

@@ -1,0 +1,77 @@
+"""Figures of the residuals of a recording: their colour, what they share with the valves, and where they are large."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.estimate.diagnostics import ColumnDiagnosis, Diagnosis
+from clutchid.log import FloatArray
+from clutchid.report.figures import label, legend, new_figure
+from clutchid.report.style import MM, STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Name, and unit in SI with its sign, in which the residual of a column is shown.
+SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}
+
+_WAYS = (("opening", STYLE.blue), ("closing", STYLE.orange), ("hold", STYLE.measured))
+
+
+def colour_figure(diagnosis: Diagnosis) -> Figure:
+    """Autocorrelation of the residuals and their correlation with both valves, a row a measured column."""
+    columns = list(diagnosis.columns.items())
+    figure, axes = new_figure([2.05] * len(columns), 3, share_x=False, share_y=False)
+    for row, (name, column) in enumerate(columns):
+        own, supply, exhaust = axes[3 * row : 3 * row + 3]
+        fast = column.fast
+        _stems(own, fast.lag[1:], fast.autocorrelation[1:], fast.bound[1:])
+        label(own, "lag [ms]", "correlation [1]", f"{SHOWN[name][0]}: with itself")
+        for axis, key in ((supply, "duty_supply"), (exhaust, "duty_exhaust")):
+            found = fast.inputs.get(key)
+            if found is not None:
+                _stems(axis, found.lag, found.correlation, found.bound)
+            else:
+                axis.text(0.5, 0.5, "does not move", ha="center", va="center", transform=axis.transAxes)
+            label(axis, "lag [ms]", "", f"with the {key.removeprefix('duty_')} valve")
+    return figure
+
+
+def _stems(axis: Axes, lag: FloatArray, values: FloatArray, bound: FloatArray) -> None:
+    """Correlations over the lag with their 99 % bounds; NaN draws nothing."""
+    ms = lag * 1e3
+    axis.fill_between(ms, -bound, bound, color=STYLE.measured, alpha=0.3, linewidth=0)
+    axis.vlines(ms, 0.0, values, color=STYLE.blue, linewidth=1.3)
+    axis.axhline(0.0, color=STYLE.ink, linewidth=0.7)
+    largest = float(np.nanmax(np.abs(np.concatenate([values, bound])), initial=0.0))
+    axis.set_ylim(-1.15 * max(largest, 0.1), 1.15 * max(largest, 0.1))
+
+
+def region_figure(diagnosis: Diagnosis) -> Figure:
+    """Rms error by stroke region and direction, a panel a measured column."""
+    columns = list(diagnosis.columns.items())
+    figure, axes = new_figure([2.3], len(columns), share_x=False, share_y=False)
+    for axis, (name, column) in zip(axes, columns, strict=True):
+        _bars(axis, column, SHOWN[name][1])
+        label(axis, "measured position [mm]", f"rms [{SHOWN[name][2]}]", f"error of {SHOWN[name][0]}")
+    axes[0].set_ylim(0.0, 1.45 * axes[0].get_ylim()[1])
+    legend(axes[0], "best", 2)
+    return figure
+
+
+def _bars(axis: Axes, column: ColumnDiagnosis, unit: float) -> None:
+    lows = sorted({region.low for region in column.regions})
+    names = {region.low: _span(region.low, region.high) for region in column.regions}
+    for k, (way, colour) in enumerate(_WAYS):
+        found = {region.low: region.rms / unit for region in column.regions if region.direction == way}
+        x = [lows.index(low) + 0.27 * (k - 1) for low in found]
+        axis.bar(x, list(found.values()), 0.25, color=colour, label="in hold" if way == "hold" else way)
+    axis.axhline(column.rms / unit, color=STYLE.ink, linewidth=0.9, linestyle=":", label="all")
+    axis.set_xticks(range(len(lows)), [names[low] for low in lows])
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low / MM:.0f}–{high / MM:.0f}" if np.isfinite(high) else f"{low / MM:.0f}+"

@@ -1,0 +1,117 @@
+"""Blocks of a page that say how far a fit can be trusted: verdict, residuals, and what the recordings lack."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Literal
+
+from clutchid.errors import ClutchidError
+from clutchid.estimate import Fit
+from clutchid.estimate.diagnostics import Diagnosis, remarks
+from clutchid.estimate.evidence import HORIZON, Evidence, information
+from clutchid.estimate.verdict import Verdict
+from clutchid.report.diagnosis_figures import SHOWN, colour_figure, region_figure
+from clutchid.report.figures import png
+from clutchid.report.html import Block, Bullets, Details, Notice, Picture, Text, escape
+from clutchid.report.tables import Cell, Column, Table
+
+_TRUST: Mapping[str, tuple[Literal["ok", "warning", "failed"], str]] = {
+    "good": ("ok", "Verdict: the numbers can be trusted within their intervals."),
+    "with care": ("warning", "Verdict: use with care."),
+    "none": ("failed", "Verdict: do not use these numbers."),
+}
+
+
+def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
+    """The verdict with its reasons, and what it cannot see; `names` of recordings stay as they are."""
+    kind, lead = _TRUST[judged.trust]
+    blocks: list[Block] = [Notice(lead, kind, tuple(_capital(reason, names) for reason in judged.reasons))]
+    if judged.unseen:
+        blocks.append(Details("What the verdict cannot see", tuple(Text(escape(_capital(u))) for u in judged.unseen)))
+    return blocks
+
+
+def told_blocks(fit: Fit, found: Evidence) -> list[Block]:
+    """What the recordings told, what they lack, and the manoeuvre that would settle it."""
+    said = [*fit.notes, *found.missing]
+    blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in said))] if said else []
+    if not found.missing:
+        return [*blocks, Text("Nothing is missing in the motion: reach, directions and vented rests are there.")]
+    proposal = _proposal(fit)
+    return [*blocks, Text(f"To settle it: {escape(proposal)}")] if proposal else blocks
+
+
+def _proposal(fit: Fit) -> str:
+    """The manoeuvre that tells most about the load; nothing where none can be simulated."""
+    from clutchid.estimate.manoeuvre_choice import best_manoeuvre
+
+    names = [name for name in fit.parameters if "@" not in name]
+    weights = [name for name in names if name in fit.actuator.load.names]
+    root = information(fit)
+    if not weights or root is None:
+        return ""
+    at = [names.index(name) for name in (*weights, *(name for name in names if name not in weights))]
+    try:
+        return best_manoeuvre(fit.actuator, weights, root[:, at]).message
+    except ClutchidError:
+        return ""
+
+
+def diagnosis_table(found: Evidence) -> Table:
+    """Fit in %, errors and independent samples of every recording."""
+    columns = (
+        Column("recording", "recording"), Column("column", "of"), Column("fit_percent [1]", "fit [%]", 1.0, 1),
+        Column("predicted_percent [1]", f"fit over\n{HORIZON:g} s [%]", 1.0, 1),
+        Column("rms", "rms"), Column("mean", "mean"), Column("samples [1]", "samples", 1.0, 0),
+        Column("effective_samples [1]", "worth\nindependent", 1.0, 0),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for name, diagnosis in found.diagnoses.items():
+        for key, column in diagnosis.columns.items():
+            shown, unit, symbol = SHOWN[key]
+            over = found.predictions[name] if key == "position" else None
+            rms, mean = (
+                Column("", "", unit, 4 if symbol == "mm" else 3).shown(value) + f" {symbol}"
+                for value in (column.rms, column.mean)
+            )
+            numbers = (column.samples, column.effective_samples)
+            rows.append((name, shown, column.fit_percent, over, rms, mean, *numbers))
+    note = (
+        "Fit is 100 % where the simulation is exact and 0 % where it is as good as the mean. Over 1 s: simulated for a "
+        "second at a time from the measured position."
+    )
+    return Table("Residuals, measured less simulated", columns, tuple(rows), note=note)
+
+
+def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
+    """Figures of the residuals of one recording and what is to be said of them."""
+    pressure = "pressure_a" in diagnosis.columns
+    follows = " By shooting the simulated position follows the measured one." if fit.method == "shooting" else ""
+    who = escape(diagnosis.name)
+    colour = Picture(
+        png(colour_figure(diagnosis)),
+        f"{who}: correlation of the residual of position{' and of pressure' if pressure else ''} with itself and, "
+        "whitened, with the duty cycles. At a positive lag the residual comes after the valve. Noise stays inside the "
+        f"grey bounds at 99 of 100 lags; what stands out is left out by the model.{follows}",
+        "Autocorrelation of the residuals and correlation with both valves, with 99 % bounds",
+    )
+    regions = Picture(
+        png(region_figure(diagnosis)),
+        f"{who}: rms error where the piston is and how it moves; the dotted line is the whole recording.",
+        "Rms error by stroke region, opening, closing and in hold",
+    )
+    said = [sentence.removeprefix(f"{diagnosis.name}: ") for sentence in remarks(diagnosis)]
+    words: tuple[Block, ...] = (Bullets(tuple(escape(_capital(s)) for s in said)),) if said else ()
+    return (colour, regions, *words)
+
+
+def _capital(sentence: str, names: Collection[str] = ()) -> str:
+    named = "_" in sentence.split(" ", maxsplit=1)[0] or any(sentence.startswith(f"{name}: ") for name in names)
+    if named:
+        return sentence
+    return sentence[:1].upper() + sentence[1:]
+
+
+def worst_first(found: Evidence, names: Sequence[str]) -> list[str]:
+    """Recordings with the poorest simulation over a second first; those that were not judged last."""
+    return sorted(names, key=lambda name: found.predictions.get(name, 100.0))

@@ -1,0 +1,86 @@
+"""Figures of merit of a load curve: where it passes half its peak, and the force at round positions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.estimate import LoadCurve
+from clutchid.log import FloatArray
+from clutchid.report.style import KN, MM
+from clutchid.report.tables import Cell, Column, Table
+
+#: Distance in m of the rows of a table of the load.
+STEP = 1e-3
+
+
+class HalfLoad(NamedTuple):
+    """Where the rising load passes half its peak, and its 95 % interval from the band, in m; NaN where it does not."""
+
+    position: float
+    low: float
+    high: float
+
+
+def half_load(curve: LoadCurve, reach: float) -> HalfLoad:
+    """Position where the rising load first passes half its peak within `reach` in m, and where the ends of its band do.
+
+    Parameters
+    ----------
+    curve : LoadCurve
+        With its band.
+    reach : m
+        Furthest position that was recorded.
+
+    Returns
+    -------
+    half : HalfLoad
+        The ends are NaN where an end of the band does not pass the half peak within the reach.
+
+    Raises
+    ------
+    Nothing.
+
+    Notes
+    -----
+    Half the peak is taken as known: the band moves up and down as a whole more than it tilts.
+
+    Examples
+    --------
+    >>> y = np.array([0.0, 1e-3, 2e-3, 3e-3])
+    >>> f = np.array([0.0, 2e3, 4e3, 1e3])
+    >>> [f"{at * 1e3:.2f}" for at in half_load(LoadCurve(y, f, f - 100.0, f + 100.0), 3e-3)]
+    ['1.00', '0.95', '1.05']
+    """
+    inside = curve.position <= reach
+    if not np.isfinite(curve.force[inside]).any():
+        return HalfLoad(np.nan, np.nan, np.nan)
+    half = 0.5 * float(np.nanmax(curve.force[inside]))
+    y = curve.position[inside]
+    # the upper end of the band passes first
+    return HalfLoad(*(_passes(y, force[inside], half) for force in (curve.force, curve.high, curve.low)))
+
+
+def _passes(position: FloatArray, force: FloatArray, level: float) -> float:
+    """First position where the force passes `level` from below, by linear interpolation; NaN where it never does."""
+    above = int(np.argmax(force >= level))
+    if above == 0 or not np.isfinite(force[above - 1 : above + 1]).all():
+        return float("nan")
+    y0, y1, f0, f1 = position[above - 1], position[above], force[above - 1], force[above]
+    return float(y0 + (level - f0) / (f1 - f0) * (y1 - y0))
+
+
+def load_table(curve: LoadCurve, reach: float) -> Table:
+    """The load and its band at round positions, up to the reach in m."""
+    columns = (
+        Column("position [m]", "position [mm]", MM, 0), Column("force [N]", "load [kN]", KN, 3),
+        Column("low [N]", "from [kN]", KN, 3, group="95 % band"),
+        Column("high [N]", "to [kN]", KN, 3, group="95 % band"),
+    )  # fmt: skip
+    last = min(reach, float(curve.position[-1])) if np.isfinite(reach) else 0.0
+    rows: list[tuple[Cell, ...]] = []
+    for position in np.arange(0.0, last + 1e-9, STEP):
+        values = (np.interp(position, curve.position, y) for y in (curve.force, curve.low, curve.high))
+        rows.append((float(position), *(float(value) for value in values)))
+    return Table("Load at round positions", columns, tuple(rows), note="Up to the reach of the recordings.")

@@ -1,0 +1,113 @@
+"""``--free auto``: what a calibration frees, where it starts, and what it needs of the recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.estimate.shooting.automatic import BALANCE, CARRIER, PAPER, STRIBECK, VENTED_STD, automatic
+from clutchid.estimate.shooting.coordinates import SHARES, WIDTHS
+from clutchid.estimate.shooting.summary import position_only
+from clutchid.model import Actuator, Load
+from clutchid.model.compiled import VARIANTS
+
+FREED = {
+    "isothermal": set(PAPER),
+    "isothermal-stribeck": {*PAPER, *STRIBECK},
+    "energy-balance": {*PAPER, *BALANCE},
+    "energy-balance-stribeck": {*PAPER, *BALANCE, *STRIBECK},
+}
+
+
+@pytest.mark.parametrize("model", VARIANTS)
+def test_each_variant_frees_what_it_knows(drive_log, model):
+    begin, free, _ = automatic([drive_log], Actuator(model=model))
+    assert set(free) - set(begin.load.names) == FREED[model]
+    assert free[:22] == begin.load.names, "the load is free on B-splines"
+    assert len(free) == len(set(free))
+    assert begin.model == model
+
+
+def test_the_load_starts_as_near_as_splines_come_to_the_one_given(drive_log):
+    load = Load((8e5, -1e4, 2e4))
+    begin, _, _ = automatic([drive_log], Actuator(load=load))
+    y = np.linspace(0, 0.02, 50)
+    # the paper's splines have jumps of the second derivative at their knots, between those of the B-splines
+    assert begin.load.force(y) == pytest.approx(load.force(y), abs=0.005 * load.force(y).max())
+    own = Load.on_b_splines(load, (0.0, 0.01, 0.025))
+    begin, free, _ = automatic([drive_log], Actuator(load=own))
+    assert begin.load == own, "splines that are given stay"
+    assert free[:5] == own.names
+
+
+def test_whatever_may_be_freed_has_a_spread():
+    assert {*PAPER, *BALANCE, *STRIBECK, *CARRIER} <= {*SHARES, *WIDTHS}
+
+
+def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
+    shifted = drive_log.with_columns(pressure_a=drive_log["pressure_a"] - 7e3)
+    begin, _, priors = automatic([shifted], plant)
+    ambient = priors["P_0"].mean
+    # the true one is 109500 Pa, read with 2 kPa of noise over hundreds of samples
+    assert ambient == pytest.approx(109500.0 - 7e3, abs=600.0)
+    assert begin.value("P_0") == ambient
+    assert priors["P_0"].std == VENTED_STD
+
+
+def test_of_several_recordings_the_middle_one_tells_the_ambient_pressure(drive_log, plant):
+    logs = [
+        replace(drive_log.with_columns(pressure_a=drive_log["pressure_a"] + s), name=f"log{s}") for s in (0, 1e3, 9e3)
+    ]
+    _, _, priors = automatic(logs, plant)
+    assert priors["P_0"].mean == pytest.approx(automatic([logs[1]], plant)[2]["P_0"].mean)
+
+
+def test_missing_pressure_at_the_rest_is_left_out(drive_log, plant):
+    pressure = drive_log["pressure_a"].copy()
+    pressure[:40:2] = np.nan
+    _, _, priors = automatic([drive_log.with_columns(pressure_a=pressure)], plant)
+    assert priors["P_0"].mean == pytest.approx(109500.0, abs=1e3)
+
+
+def test_without_a_carrier_the_valves_are_averaged(drive_log, plant):
+    begin, free, _ = automatic([drive_log], plant)
+    assert begin.value("T_pwm") == 0.0
+    assert not set(CARRIER) & set(free)
+
+
+def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, recorded_by):
+    log = recorded_by(plant.replace({"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07}), seconds=6.0)
+    begin, free, _ = automatic([log], plant)
+    assert begin.value("T_pwm") == 0.01
+    assert (begin.value("s_vs"), begin.value("s_ve")) == (0.07, 0.07)
+    assert set(CARRIER) <= set(free)
+    # the paper's valves know no carrier, so nothing of it is freed
+    isothermal, free, _ = automatic([log], replace(plant, model="isothermal"))
+    assert isothermal.value("T_pwm") == 0.0
+    assert not set(CARRIER) & set(free)
+
+
+def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive_log, plant):
+    sentence = "log: no pressure_a; 'auto' needs a recording with pressure"
+    with pytest.raises(DataError, match=sentence) as caught:
+        automatic([position_only(drive_log)], plant)
+    assert "--start CALIBRATION.toml --free load" in str(caught.value)
+    nothing = drive_log.with_columns(pressure_a=np.full(len(drive_log), np.nan))
+    with pytest.raises(DataError, match=sentence):
+        automatic([nothing], plant)
+
+
+def test_a_recording_that_never_vents_is_one_sentence_with_its_lowest_pressure(drive_log, plant):
+    held = drive_log.with_columns(pressure_a=np.maximum(drive_log["pressure_a"], 2.5e5))
+    with pytest.raises(DataError, match=r"^log: the chamber never vents, its lowest pressure is 2\.50 bar; ") as caught:
+        automatic([held], plant)
+    assert "\n" not in str(caught.value)
+
+
+def test_all_recordings_with_a_problem_are_named(drive_log, plant):
+    held = replace(drive_log.with_columns(pressure_a=np.full(len(drive_log), 3e5)), name="held")
+    with pytest.raises(DataError) as caught:
+        automatic([held, drive_log, replace(position_only(drive_log), name="bare")], plant)
+    lines = str(caught.value).splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["held", "bare"]

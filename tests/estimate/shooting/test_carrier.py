@@ -1,0 +1,93 @@
+"""The carrier of the valves is found where there is one, and only there."""
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.estimate.shooting.carrier import PERIODS, centred, find_carrier, find_phase
+from clutchid.estimate.shooting.summary import position_only
+from clutchid.log import Log
+
+PERIOD, PHASE = 0.01, 0.3
+
+
+@pytest.fixture(scope="module")
+def switched(plant):
+    """The plant with valves that a carrier of 10 ms switches, at 0.3 of its period, and a prompt pressure sensor."""
+    return plant.replace({"T_pwm": PERIOD, "s_pwm": PHASE, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0})
+
+
+@pytest.fixture(scope="module")
+def log(switched, recorded_by):
+    return recorded_by(switched, seconds=6.0, name="switched")
+
+
+def apart(one, other):
+    """Distance of two phases on the circle."""
+    return abs(centred(one - other))
+
+
+def test_period_and_phase_are_found_in_a_recording_with_pressure(plant, log):
+    period, phase = find_carrier(log, plant)
+    assert period == PERIOD
+    assert apart(phase, PHASE) <= 0.05
+
+
+@pytest.mark.parametrize("phase", [0.0, -0.42])
+def test_any_phase_is_found(plant, switched, recorded_by, phase):
+    log = recorded_by(switched.replace({"s_pwm": phase}), seconds=4.0)
+    assert apart(find_carrier(log, plant, (PERIOD,))[1], phase) <= 0.05
+
+
+def test_another_period_is_told_from_its_neighbours(plant, switched, recorded_by):
+    log = recorded_by(switched.replace({"T_pwm": 0.02}), seconds=6.0)
+    period, phase = find_carrier(log, plant)
+    assert period == 0.02
+    assert apart(phase, PHASE) <= 0.05
+
+
+def test_a_recording_without_a_carrier_has_none(plant, drive_log):
+    assert find_carrier(drive_log, plant) == (0.0, 0.0)
+
+
+def test_a_recording_slower_than_the_carrier_tells_none(plant, log):
+    bus = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()}, "bus")
+    assert find_carrier(bus, plant)[0] != PERIOD
+    assert find_carrier(bus, plant, tuple(period for period in PERIODS if period < 0.025)) == (0.0, 0.0)
+
+
+def test_missing_pressure_does_not_hide_the_carrier(plant, log):
+    pressure = log["pressure_a"].copy()
+    pressure[500:560] = np.nan
+    pressure[::50] = np.nan
+    period, phase = find_carrier(log.with_columns(pressure_a=pressure), plant)
+    assert period == PERIOD
+    assert apart(phase, PHASE) <= 0.05
+
+
+def test_without_pressure_the_period_cannot_be_found(plant, log):
+    with pytest.raises(DataError, match="no column 'pressure_a'"):
+        find_carrier(position_only(log), plant)
+
+
+def test_a_late_pressure_sensor_shows_the_carrier_late(plant, switched, recorded_by):
+    log = recorded_by(switched.replace({"tau_p": 2e-3}), seconds=4.0)
+    late = centred(find_carrier(log, plant, (PERIOD,))[1] - PHASE)
+    # 2 ms are 0.2 of the period; the lag of the sensor is free beside the phases of the valves, which take it up
+    assert 0.05 <= late <= 0.25
+
+
+@pytest.mark.parametrize("lag", [0.0, 2e-3])
+@pytest.mark.parametrize("phase", [PHASE, -0.15])
+def test_the_phase_is_found_from_position_alone_whatever_the_lag_of_its_sensor(switched, recorded_by, phase, lag):
+    known = switched.replace({"tau_y": lag, "e_y": 3e-5})
+    log = position_only(recorded_by(known.replace({"s_pwm": phase}), seconds=5.0))
+    # the fine grid has steps of 0.02: a neighbour but one at most; a lag taken for a phase would be 0.1 off
+    assert apart(find_phase(log, known.replace({"s_pwm": 0.0})), phase) < 0.05
+
+
+def test_a_centred_phase_is_the_same_phase():
+    for phase in np.linspace(-2, 2, 41):
+        assert -0.5 <= centred(phase) < 0.5
+        turns = centred(phase) - phase
+        assert turns == pytest.approx(round(turns), abs=1e-12)

@@ -1,0 +1,127 @@
+"""`shoot`: from recordings to the end of the search, with the phases of the carrier and the noise re-estimated."""
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.shooting import fit as module
+from clutchid.estimate.shooting.coordinates import Prior
+from clutchid.estimate.shooting.fit import Wanted, prepared, shoot, with_phase
+from clutchid.estimate.shooting.search import Found
+from clutchid.estimate.shooting.summary import position_only
+from clutchid.log import Log
+from clutchid.simulation.stiffness import stiffness
+
+EXACT = Calibration((), np.zeros((0, 0)))
+
+
+@pytest.fixture(scope="module")
+def switched(plant):
+    return plant.replace({"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0})
+
+
+@pytest.fixture(scope="module")
+def carried(switched, recorded_by):
+    """Two recordings of the switched plant, begun at different phases."""
+    later = switched.replace({"s_pwm": -0.2})
+    return [recorded_by(switched, 4.0, name="one"), recorded_by(later, 4.0, seed=8, name="two")]
+
+
+def test_noise_scales_are_those_of_the_recording(plant, recorded_by):
+    log = recorded_by(plant, 4.0, seed=None)
+    rng = np.random.default_rng(1)
+    rough = log.with_columns(position=log["position"] + 1.5e-4 * rng.standard_normal(len(log)))
+    shot = shoot([rough], plant, Wanted(plant.load.names, ("position",)), EXACT)
+    assert isinstance(shot.found, Found)
+    # 4000 samples tell a median to 2 %; the windows follow some of the noise
+    assert shot.task.noise.measured["position"] == pytest.approx(1.5e-4, rel=0.1)
+    assert set(shot.task.noise.measured) == {"position"}
+
+
+def test_evaluations_of_all_stages_are_counted(plant, drive_log):
+    told = []
+    log = position_only(drive_log.slice(0, 2000))
+    wanted = Wanted(plant.load.names, ("position",))
+    shot = shoot([log], plant, wanted, EXACT, lambda stage, count: told.append(stage))
+    assert set(told) == {"coarse", "fine"}
+    assert shot.found.evaluations >= len(told)
+
+
+def test_the_reference_of_the_shape_is_the_calibrated_load_or_none(plant, drive_log):
+    log = position_only(drive_log.slice(0, 1000))
+    wanted = Wanted(("theta_5",), ("position",))
+    assert shoot([log], plant, wanted, EXACT).task.reference == plant.load.theta
+    assert shoot([log], plant, wanted).task.reference == (0.0,) * 22
+
+
+def test_a_start_that_cannot_be_simulated_is_a_failure_with_a_sentence(plant, drive_log, monkeypatch):
+    failure = Failure("y is not finite at 0.1 s.")
+    monkeypatch.setattr(module, "first_guess", lambda *_: failure)
+    shot = shoot([drive_log.slice(0, 2000)], plant, Wanted(("theta_5",), ("position",)))
+    assert shot.found is failure
+    assert len(shot.plans) == 1
+
+
+def test_a_recording_without_a_single_position_leaves_what_was_known(plant, drive_log):
+    nothing = drive_log.slice(0, 2000).with_columns(position=np.full(2000, np.nan))
+    shot = shoot([position_only(nothing)], plant, Wanted(("C_vs",), ("position",)))
+    assert shot.found.x == pytest.approx([0.0], abs=1e-6)
+
+
+def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):
+    anchor = Wanted(("P_S",), ("position",), priors={"P_S": Prior(8.5e5, 10.0)})
+    shot = shoot([position_only(drive_log.slice(0, 1500))], plant, anchor, EXACT)
+    assert shot.task.si(shot.found.x)[0] == pytest.approx(8.5e5, abs=100.0), "5000 deviations from where it started"
+
+
+def test_a_recording_without_inputs_is_refused(plant):
+    time = np.arange(100) * 1e-3
+    with pytest.raises(DataError, match="no column 'duty_supply'"):
+        shoot([Log(time, {"position": np.zeros(100)})], plant, Wanted(("theta_5",), ("position",)))
+
+
+def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):
+    plan = prepared(drive_log, plant, ("position",))
+    steps = plan.segments[0].substeps.max()
+    assert steps >= 1.3 * stiffness(plant) * 1e-3 / 2.5
+    assert np.flatnonzero(plan.segments[0].jump)[:3].tolist() == [20, 40, 60], "the first guess starts anew every 20 ms"
+
+
+def test_the_phase_of_a_recording_is_found_with_and_without_pressure(switched, carried):
+    for log, true in zip(carried, (0.3, -0.2), strict=True):
+        seen = with_phase(log, switched.replace({"s_pwm": 0.0}), True)
+        blind = with_phase(position_only(log), switched.replace({"s_pwm": 0.0}), False)
+        assert seen.value("s_pwm") == pytest.approx(true, abs=0.05)
+        assert blind.value("s_pwm") == pytest.approx(true, abs=0.06)
+
+
+def test_without_a_carrier_or_on_a_slow_recording_the_actuator_stays(plant, switched, drive_log):
+    assert with_phase(drive_log, plant, True) is plant
+    bus = Log(drive_log.time[::10], {name: values[::10] for name, values in drive_log.columns.items()})
+    assert with_phase(bus, switched, True) is switched
+
+
+def test_each_recording_has_the_phase_of_its_own_carrier(switched, carried):
+    logs = [position_only(log) for log in carried]
+    shot = shoot(logs, switched, Wanted(("theta_9", "theta_10"), ("position",)), EXACT)
+    phases_and_wear = [f"{name}@{stem}" for name in ("s_pwm", "F_C", "V_0A") for stem in ("one", "two")]
+    assert sorted(shot.task.names) == sorted(["theta_9", "theta_10", *phases_and_wear])
+    phases = [shot.task.actuator_of(shot.found.x, stem).value("s_pwm") for stem in ("one", "two")]
+    # seconds of a position with 30 µm of noise tell the phase to a hundredth of the period
+    assert phases == pytest.approx([0.3, -0.2], abs=0.02)
+
+
+def test_where_the_valves_phases_are_free_the_first_recording_keeps_its_own(switched, carried):
+    shot = shoot(carried, switched, Wanted(("s_vs", "s_ve"), ("position", "pressure_a")), EXACT)
+    assert shot.task.names == ("s_vs", "s_ve", "s_pwm@two")
+    opened = [shot.task.actuator_of(shot.found.x, stem) for stem in ("one", "two")]
+    phases = [actuator.value("s_pwm") + actuator.value("s_vs") for actuator in opened]
+    assert phases == pytest.approx([0.37, -0.13], abs=0.02)
+
+
+def test_a_prior_of_the_user_on_a_phase_wins(switched, carried):
+    own = {"s_pwm@one": Prior(0.25, 1e-6)}
+    shot = shoot([carried[0]], switched, Wanted(("theta_9",), ("position",), priors=own), EXACT)
+    assert shot.task.actuator_of(shot.found.x, "one").value("s_pwm") == pytest.approx(0.25, abs=1e-5)

@@ -1,0 +1,184 @@
+"""Covariance of the free numbers: noise, drift of what is taken as known, and the calibration's own uncertainty."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.shooting import uncertainty as module
+from clutchid.estimate.shooting.problem import linearise
+from clutchid.estimate.shooting.search import FROM_NEAR, Found, search
+from clutchid.estimate.shooting.uncertainty import (
+    COLOUR,
+    DRIFT,
+    DRIFT_WIDTH,
+    considered,
+    drift,
+    pressure_spread,
+    spread,
+)
+
+NAMES = ("C_vs", "P_S", "F_C")
+
+
+@pytest.fixture(scope="module")
+def task(plant, recorded_by, task_of):
+    """The load free on a recording with both columns, all else taken as known."""
+    return task_of([recorded_by(plant, seconds=4.0)], plant, plant.load.names, ("position",))
+
+
+@pytest.fixture(scope="module")
+def found(task, starts_of):
+    return search(task, np.zeros(22), starts_of(task), FROM_NEAR)
+
+
+def calibration(scale=1.0, correlation=0.0):
+    std = scale * np.array([2e-10, 5e3, 20.0])
+    matrix = np.outer(std, std) * (np.eye(3) + correlation * (np.ones((3, 3)) - np.eye(3)))
+    return Calibration(NAMES, matrix)
+
+
+def test_drift_is_a_share_of_the_value_or_a_number_of_its_own(plant):
+    assert drift(plant, "P_S") == pytest.approx(0.005 * 9e5)
+    assert drift(plant, "B_ve") == DRIFT_WIDTH["B_ve"]
+    assert drift(plant, "R") == 0.0
+
+
+def test_what_is_free_is_not_considered(task, task_of, plant, drive_log):
+    names = {c.base for c in considered(task, None)[0]}
+    assert names == {*DRIFT, *DRIFT_WIDTH}
+    freer = task_of([drive_log.slice(0, 500)], plant, ("P_S", "C_vs@log"))
+    assert {c.base for c in considered(freer, None)[0]} == names - {"P_S", "C_vs"}
+
+
+def test_considered_numbers_have_the_covariance_of_drift_and_calibration(task, plant):
+    numbers, root = considered(task, calibration(correlation=0.8))
+    width = np.array([c.width for c in numbers])
+    matrix = root @ root.T * np.outer(width, width)
+    at = [[c.base for c in numbers].index(name) for name in NAMES]
+    wanted = calibration(correlation=0.8).covariance + np.diag([drift(plant, name) ** 2 for name in NAMES])
+    # widths from 1e-10 to 1e4: each entry against its own two deviations
+    scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+    assert matrix[np.ix_(at, at)] / scale == pytest.approx(wanted / scale, abs=1e-9)
+    assert [numbers[i].mean for i in at] == [plant.value(name) for name in NAMES]
+
+
+def test_a_calibrated_number_that_does_not_drift_is_considered_too(task):
+    numbers, _ = considered(task, Calibration(("C_r",), np.array([[1e-18]])))
+    assert [c.width for c in numbers if c.base == "C_r"] == pytest.approx([1e-9])
+    certain, _ = considered(task, Calibration(("C_r",), np.array([[0.0]])))
+    assert "C_r" not in {c.base for c in certain}, "what is exactly known moves nothing"
+
+
+def dense_rows(of, x, X, share):
+    """All rows of a problem of one track; those of samples and links times `share`."""
+    wide, n, k, m = of.task, X[0].size, x.size, of.root.shape[0]
+    linear = linearise(wide, wide.noise, np.concatenate([x, np.zeros(m)]), X)
+    chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
+    rows = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
+    placed = [(chain.first, 0, 8), *((share * w.own, i, 8) for i, w in enumerate(chain.windows))]
+    placed += [(share * link, i, 16) for i, link in enumerate(chain.links)]
+    for block, at, width in placed:
+        full = np.zeros((block.shape[0], n + k + m))
+        full[:, 8 * at : 8 * at + width] = block[:, :width]
+        full[:, n:] = block[:, width:-1]
+        rows.append(full)
+    return np.split(np.vstack(rows), [n + k], axis=1)
+
+
+def dense_covariance(of, x, X):
+    """Covariance of all states and free numbers: neighbours count as one, the search took them one by one."""
+    weak, weak_moved = dense_rows(of, x, X, 1 / np.sqrt(COLOUR))
+    A, B = dense_rows(of, x, X, 1.0)
+    n, k = X[0].size, x.size
+    inverse = np.linalg.pinv(weak)
+    gain = -np.linalg.pinv(A) @ B @ of.root
+    # the states follow the shifted numbers as the weak rows say
+    S = weak[:, :n]
+    follow = -np.linalg.pinv(S) @ np.column_stack([weak[:, n:] @ gain[n:] + weak_moved @ of.root])
+    gain[:n] = follow
+    assert k == gain.shape[0] - n
+    return inverse @ inverse.T + gain @ gain.T
+
+
+@pytest.fixture(scope="module")
+def small(task, found):
+    """Twelve windows of the problem, so that a dense matrix holds them, with an unsure calibration."""
+    track = replace(task.tracks[0], windows=task.tracks[0].windows[6:18])
+    X = (found.X[0][6:18],)
+    return spread(replace(task, tracks=(track,)), Found(found.x, X, found.at, "converged", 1), calibration(10.0)), X
+
+
+def test_the_covariance_is_that_of_the_dense_problem(small, found):
+    of, X = small
+    wanted = dense_covariance(of, found.x, X)[X[0].size :, X[0].size :]
+    scale = np.sqrt(np.diag(wanted))
+    assert of.matrix / np.outer(scale, scale) == pytest.approx(wanted / np.outer(scale, scale), abs=1e-6)
+
+
+def test_the_band_of_the_pressure_is_that_of_the_dense_problem(small, found, monkeypatch):
+    of, X = small
+    monkeypatch.setattr(module, "DRAWS", 20000)
+    wanted = 1e5 * np.sqrt(np.diag(dense_covariance(of, found.x, X))[2 : X[0].size : 8])
+    # 20000 draws know a deviation to 0.5 %
+    assert pressure_spread(of)[0] == pytest.approx(wanted, rel=0.02)
+
+
+def test_the_estimate_moves_with_a_considered_number_as_the_covariance_says(task, found, plant, starts_of):
+    of = spread(task, found, None)
+    numbers, _ = considered(task, None)
+    place = [c.base for c in numbers].index("P_S")
+    # no calibration: the root is the identity, so a column is the shift for one deviation
+    shift = of.moved @ of.root.T[:, place]
+    off = replace(task, actuator=plant.replace({"P_S": 9e5 + drift(plant, "P_S")}))
+    again = search(off, found.x, found.X, (1.0,))
+    y = np.linspace(1e-3, 20e-3, 30)
+    phi = plant.load.phi(y) * task.slopes(found.x)
+    predicted, happened = phi @ shift, phi @ (again.x - found.x)
+    assert np.abs(happened).max() > 5.0, "half a percent of supply pressure moves the load by newtons"
+    # both searches stop within a tenth of a deviation of the optimum
+    tolerance = 0.1 * np.sqrt(np.einsum("ni,ij,nj->n", phi, of.known @ of.known.T / COLOUR, phi)).max()
+    assert happened == pytest.approx(predicted, abs=tolerance + 0.1 * np.abs(predicted).max())
+
+
+def test_intervals_grow_with_the_covariance_of_the_calibration(task, found):
+    none, some, much = (spread(task, found, c).matrix for c in (None, calibration(), calibration(3.0)))
+    assert np.all(np.diag(some) > np.diag(none))
+    # what three times the deviations add is nine times what they add once
+    added = some - none
+    assert (much - none) == pytest.approx(9 * added, abs=1e-6 * np.abs(added).max())
+
+
+def test_what_the_noise_leaves_does_not_depend_on_the_calibration(task, found):
+    none, some = spread(task, found, None), spread(task, found, calibration())
+    assert none.known @ none.known.T == pytest.approx(some.known @ some.known.T, rel=1e-6)
+
+
+def test_the_band_of_the_pressure_is_finite_and_grows_with_the_calibration(task, found):
+    narrow, wide = (pressure_spread(spread(task, found, c)) for c in (None, calibration(3.0)))
+    assert [band.shape for band in narrow] == [(len(track.windows),) for track in task.tracks]
+    assert np.all(np.isfinite(narrow[0]))
+    assert np.all(narrow[0] > 0.0)
+    # 48 draws know a deviation to 10 %
+    assert np.median(wide[0] / narrow[0]) > 1.1
+    assert np.median(narrow[0]) < 5e4, "the position tells the pressure to less than half a bar"
+
+
+def test_the_band_of_the_pressure_is_the_same_on_every_run(task, found):
+    of = spread(task, found, None)
+    assert np.array_equal(pressure_spread(of)[0], pressure_spread(of)[0])
+
+
+def test_a_measured_pressure_makes_its_band_narrow(plant, drive_log, task_of, starts_of, task, found):
+    both = task_of([drive_log.slice(0, 4000)], plant, plant.load.names)
+    seen = search(both, np.zeros(22), starts_of(both), FROM_NEAR)
+    known, unknown = pressure_spread(spread(both, seen, None))[0], pressure_spread(spread(task, found, None))[0]
+    assert np.median(known) < 0.5 * np.median(unknown)
+    assert np.median(known) < 3e3
+
+
+def test_states_that_cannot_be_simulated_are_a_failure(task, found):
+    X = (np.full_like(found.X[0], np.nan),)
+    assert isinstance(spread(task, Found(found.x, X, found.at, "converged", 1), None), Failure)
