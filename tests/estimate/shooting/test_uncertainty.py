@@ -14,6 +14,7 @@ from clutchid.estimate.shooting.uncertainty import (
     COLOUR,
     DRIFT,
     DRIFT_WIDTH,
+    SCALE,
     considered,
     drift,
     pressure_spread,
@@ -100,7 +101,7 @@ def dense_covariance(of, x, X):
     follow = -np.linalg.pinv(S) @ np.column_stack([weak[:, n:] @ gain[n:] + weak_moved @ of.root])
     gain[:n] = follow
     assert k == gain.shape[0] - n
-    return inverse @ inverse.T + gain @ gain.T
+    return SCALE**2 * (inverse @ inverse.T + gain @ gain.T)
 
 
 @pytest.fixture(scope="module")

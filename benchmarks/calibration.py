@@ -1,0 +1,56 @@
+"""Time and size of a calibration and an adaptation: ``python benchmarks/calibration.py [--repeat N]``.
+
+A recording of 30 s at 1 kHz of the virtual truck, with pressure, and one of the same truck with a worn clutch, without.
+The calibration frees 25 numbers (three splines), then all that ``--free auto`` frees; times are of a warm process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from dataclasses import replace
+
+from clutchid import Actuator, Fit, fit
+from clutchid.estimate.shooting.automatic import BALANCE, PAPER, STRIBECK
+from clutchid.truck import drive, truck
+
+TWENTY_FIVE = ("load", *(name for name in (*PAPER, *BALANCE, *STRIBECK) if name not in ("K_z", "D_zdot", "v_S")))
+
+
+def main() -> None:
+    """Print a row a fit."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--repeat", type=int, default=5)
+    repeat = options.parse_args().repeat
+    calibration = drive(truck(8), seconds=30, seed=1, name="calibration").log
+    worn = drive(truck(8), seconds=30, seed=2, wear=1.5e-3, pressure=False, name="worn").log
+    worn = replace(worn, metadata={})
+    both = ("position", "pressure_a")
+    paper = Actuator(model="energy-balance-stribeck").replace({"P_0": 1.05e5})
+    once = fit(calibration, measure=both, free=("auto",))
+
+    def few() -> Fit:
+        return fit(calibration, paper, measure=both, free=TWENTY_FIVE, method="shooting")
+
+    def automatic() -> Fit:
+        return fit(calibration, measure=both, free=("auto",))
+
+    def adaptation() -> Fit:
+        return fit(worn, once.actuator, calibration=once.calibration)
+
+    print(f"{'fit':<28}{'free':>6}{'evaluations':>13}{'median [s]':>12}{'range [s]':>16}")
+    for name, work in (("calibration, splines", few), ("calibration, auto", automatic), ("adaptation", adaptation)):
+        times = []
+        result = work()
+        for _ in range(repeat):
+            begin = time.perf_counter()
+            result = work()
+            times.append(time.perf_counter() - begin)
+        spread = f"{min(times):.2f} to {max(times):.2f}"
+        free = len(result.parameters)
+        print(f"{name:<28}{free:>6}{result.evaluations:>13}{statistics.median(times):>12.2f}{spread:>16}")
+
+
+if __name__ == "__main__":
+    main()
