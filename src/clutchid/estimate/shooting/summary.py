@@ -152,7 +152,9 @@ def _not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
     """In words, from the information matrix: for which numbers what was known before the data still stands."""
     weights = task.actuator.load.names
     stands = [
-        c.name for i, c in enumerate(task.coordinates) if c.base not in weights and np.sqrt(matrix[i, i]) > NOT_TOLD * SCALE
+        c.name
+        for i, c in enumerate(task.coordinates)
+        if c.base not in weights and np.sqrt(matrix[i, i]) > NOT_TOLD * SCALE
     ]
     told = [c.name for c in task.coordinates if c.base not in weights and c.name not in stands]
     notes = []
