@@ -10,8 +10,8 @@ from clutchid.estimate.shooting.coordinates import Prior, coordinates
 from clutchid.estimate.shooting.elimination import recover
 from clutchid.estimate.shooting.fit import prepared
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Shooting, condense, cost_at, linearise, prior_rows, state_units
-from clutchid.estimate.shooting.windows import tracks
+from clutchid.estimate.shooting.problem import Shooting, condense, cost_at, linearise, prior_rows
+from clutchid.estimate.shooting.windows import tracks, units
 from clutchid.model import Actuator, Load
 
 NAMES = ("theta_5", "theta_9", "theta_14", "C_vs", "P_S", "F_C", "T_w", "P_0", "tau_y", "tau_p", "e_y")
@@ -65,7 +65,7 @@ def test_the_gradient_to_theta_at_held_states_is_that_of_differences(task, point
 def test_the_gradient_to_the_states_is_that_of_differences(task, point):
     x, X = point
     noise = Noise().softened(8.0)
-    linear, unit, h = linearise(task, noise, x, X), state_units(task), 1e-6
+    linear, unit, h = linearise(task, noise, x, X), units(task.actuator), 1e-6
     chain, number = linear.chains[0], 12
     own, before, after = chain.windows[number].own, chain.links[number - 1], chain.links[number]
     gradient = 2 * own[:, :8].T @ own[:, -1] + 2 * before[:, 8:16].T @ before[:, -1] + 2 * after[:, :8].T @ after[:, -1]

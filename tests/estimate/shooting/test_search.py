@@ -8,8 +8,9 @@ import pytest
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting import search as module
 from clutchid.estimate.shooting.elimination import recover
-from clutchid.estimate.shooting.problem import condense, cost_at, linearise, state_units
+from clutchid.estimate.shooting.problem import condense, cost_at, linearise
 from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, Found, search
+from clutchid.estimate.shooting.windows import units
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def test_the_end_is_a_minimum_to_every_side(task, found):
     factor, chains = condense(task, found.at)
     # what a whole undamped step could still gain is below a thousandth of the cost
     assert np.sum(factor[:-1, -1] ** 2) < 1e-3 * cost
-    unit = state_units(task)
+    unit = units(task.actuator)
     for place in (3, 8, 13):
         for sign in (-1, 1):
             step = sign * 0.05 * np.eye(found.x.size)[place]

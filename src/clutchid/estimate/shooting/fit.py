@@ -9,11 +9,12 @@ import numpy as np
 
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.search import Progress
 from clutchid.estimate.shooting.carrier import SEEN, centred, find_carrier, find_phase
 from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, Found, Progress, search
+from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, Found, search
 from clutchid.estimate.shooting.trajectory import noise_scales
 from clutchid.estimate.shooting.uncertainty import deviation
 from clutchid.estimate.shooting.windows import GUESS, first_guess, tracks

@@ -13,7 +13,6 @@ from clutchid.estimate.shooting.coordinates import Coordinate, smoothness
 from clutchid.estimate.shooting.elimination import Eliminated, eliminate
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.windows import (
-    UNITS,
     Rows,
     Track,
     View,
@@ -21,7 +20,6 @@ from clutchid.estimate.shooting.windows import (
     link_cost,
     link_rows,
     link_sigma,
-    units,
     view,
     window_cost,
     window_rows,
@@ -210,9 +208,3 @@ def condense(task: Shooting, linear: Linear, damping: float = 0.0) -> tuple[Floa
         chains.append(eliminate(chain.first, own, chain.links, len(names)))
     factor = triangular(np.vstack([linear.prior, *(chain.rows for chain in chains)]))
     return factor[: size + 1], chains
-
-
-def state_units(task: Shooting) -> FloatArray:
-    """Natural sizes of the states."""
-    assert set(VARIANTS[task.actuator.model]) <= set(UNITS)
-    return units(task.actuator)

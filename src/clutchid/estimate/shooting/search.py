@@ -9,9 +9,11 @@ from typing import Literal
 import numpy as np
 
 from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.search import Progress
 from clutchid.estimate.shooting.elimination import recover
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Linear, Shooting, condense, cost_at, linearise, state_units
+from clutchid.estimate.shooting.problem import Linear, Shooting, condense, cost_at, linearise
+from clutchid.estimate.shooting.windows import units
 from clutchid.log import FloatArray
 
 #: Factors on all standard deviations, stage by stage: from far away, and from a calibrated start.
@@ -25,8 +27,6 @@ LONGEST = 3.0
 
 #: The search ends when the cost falls by less than this share of it.
 TOLERANCE = 1e-4
-
-Progress = Callable[[str, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,6 +120,6 @@ def _step(
 
         box = (np.minimum(least, -1e-12), np.maximum(most, 1e-12))
         step = lsq_linear(matrix, target, bounds=box, method="bvls").x
-    unit = state_units(task)
+    unit = units(task.actuator)
     moved = [starts + recover(chain, step[:, None])[:, :, 0] * unit for starts, chain in zip(X, chains, strict=True)]
     return np.clip(x + step, low, high), tuple(moved)

@@ -11,8 +11,9 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting.coordinates import Coordinate
 from clutchid.estimate.shooting.elimination import Eliminated, recover
-from clutchid.estimate.shooting.problem import Chain, Shooting, condense, linearise, state_units
+from clutchid.estimate.shooting.problem import Chain, Shooting, condense, linearise
 from clutchid.estimate.shooting.search import Found
+from clutchid.estimate.shooting.windows import units
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS
@@ -141,7 +142,7 @@ def pressure_spread(of: Spread) -> list[FloatArray]:
     moved = rng.standard_normal((of.root.shape[0], DRAWS))
     theta = of.known @ rng.standard_normal((of.known.shape[0], DRAWS)) + of.moved @ moved
     at = VARIANTS[of.task.actuator.model].index("p_A")
-    unit = state_units(of.task)[at]
+    unit = units(of.task.actuator)[at]
     result = []
     for chain in of.chains:
         own = tuple(np.column_stack([row[:, :-1], np.zeros(row.shape[0])]) for row in chain.own)
