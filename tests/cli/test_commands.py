@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import subprocess
@@ -13,7 +14,9 @@ import numpy as np
 import pytest
 
 import clutchid
+from clutchid.cli import main
 from clutchid.cli.common import guarded
+from clutchid.estimate import evidence, verdict
 
 KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
 EXAMPLE = Path(clutchid.__file__).parent / "recordings" / "truck1_calibration.csv"
@@ -86,6 +89,23 @@ def test_verify_report_and_partition_work_together(recording: Path, tmp_path: Pa
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["verify"].keys() == {"strokes"}
     assert page.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html>")
+
+
+def test_what_a_verdict_rests_on_is_computed_once(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls, plain = [], evidence.evidence
+    # clutchid.report offers a function by the name of its module
+    for module in (evidence, verdict, importlib.import_module("clutchid.report.fit_page")):
+        monkeypatch.setattr(module, "evidence", lambda fit: calls.append(fit) or plain(fit))
+    for option in (["--json"], []):
+        page = tmp_path / f"page{len(option)}.html"
+        with pytest.raises(SystemExit) as end:
+            main(["fit", str(recording), "--report", str(page), *option])
+        assert end.value.code == 0
+        assert "trust" in capsys.readouterr().out
+        assert page.exists()
+    assert len(calls) == 2
 
 
 def test_pressure_and_named_parameters_can_be_fitted() -> None:
@@ -171,6 +191,7 @@ def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(recor
     answer = json.loads(done.stdout)
     assert (done.returncode, answer["status"]) == (1, "failed")
     assert " s in " in answer["message"]
+    assert " M = 10 kg" in answer["message"]
 
 
 @pytest.mark.parametrize("arguments", [["--free", "C_sv"], ["--nonsense"]])

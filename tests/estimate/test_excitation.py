@@ -148,6 +148,19 @@ def test_load_weights_beyond_the_reach_are_told_together(driven):
     assert "reach 25.0 mm or more" in told[0]
 
 
+def test_sentences_agree_in_number_with_their_recordings_and_weights(driven):
+    actuator, log = Actuator(load=Load.on_b_splines()), driven(reach=0.0086)
+    R = information(actuator, log, actuator.load.names)
+    two = joined([excitation(log), excitation(log)])
+    told = missing(two, actuator, actuator.load.names, R)
+    assert told[0].startswith("these 2 logs reach ")
+    assert " and say nothing about theta_1" in told[0]
+    assert " and tell nothing of the load beyond" in missing(two, actuator)[0]
+    one = actuator.load.names[-1:]
+    (alone, *_) = missing(excitation(log), actuator, one, R[:, -1:])
+    assert f" and says nothing about {one[0]}, which acts from " in alone
+
+
 def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():
     t = np.arange(0.0, 5.0, 1e-3)
     found = excitation(course(duty_supply=0.4 * (t > 1.0) * (t < 1.1), duty_exhaust=np.ones(5000)))

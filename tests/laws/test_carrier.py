@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.valves import switched_opening
+from clutchid.model.compiled import kernels
+from clutchid.model.valves import opening, switched_opening
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 
@@ -40,6 +41,21 @@ def test_the_mean_over_a_sample_is_the_share_of_fine_time_in_which_the_valve_is_
 @given(shares, phases, st.floats(0, 0.999))
 def test_without_a_carrier_the_valve_is_open_by_its_share(a, s, c):
     assert mean_opening(a, s, c, 0.0) == a
+
+
+@given(st.lists(st.tuples(shares, st.floats(0, 0.999), st.floats(0, 0.999)), min_size=1, max_size=5), phases)
+def test_for_arrays_of_samples_the_opening_is_the_same(rows, s):
+    a, c, d = (np.array(column) for column in zip(*rows, strict=True))
+    opened = kernels("energy-balance").switched_opening(a, c, d, s)
+    # a length is a difference of numbers up to 3, which d divides; where d is nothing, so is the carrier
+    for value, row, part in zip(opened, rows, d, strict=True):
+        assert value == pytest.approx(mean_opening(row[0], s, *row[1:]), abs=12 * EPS / max(part, 1e-12))
+
+
+def test_for_an_array_of_duty_cycles_the_opening_is_that_of_the_text():
+    u = np.linspace(0.0, 1.0, 101)
+    expected = [float(opening(duty, 0.07, 0.93)) for duty in u]
+    assert kernels("isothermal").opening(u, 0.07, 0.93) == pytest.approx(expected, abs=4 * EPS)
 
 
 def filling(actuator: Actuator) -> Log:

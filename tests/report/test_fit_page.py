@@ -1,6 +1,7 @@
 """The page of a fit."""
 
 import re
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -122,8 +123,20 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
 
 def test_the_verdict_stands_above_everything_else(fitted, html):
     assert html.index("Verdict: ") < html.index("The fit settled") < html.index("<img ")
-    bad = replace(fitted, warnings=("the search stopped after 9 evaluations without settling.",))
+    bad = replace(fitted, settled=False)
     assert "<li>The search did not settle; go on from its result, or free less.</li>" in render(page_of(bad, COMMAND))
+
+
+def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(fitted, monkeypatch):
+    module, drawn = sys.modules["clutchid.report.fit_page"], {}
+    plain = module.recording_figure
+    monkeypatch.setattr(
+        module, "recording_figure", lambda seen, *more: drawn.update({seen.measured.name: seen}) or plain(seen, *more)
+    )
+    page_of(replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4})), COMMAND)
+    for name, one in {**fitted.recordings, **fitted.verification}.items():
+        difference = drawn[name].simulated["position"] - one.simulated["position"]
+        assert difference == pytest.approx(np.full(difference.size, 1e-4))
 
 
 def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(fitted):

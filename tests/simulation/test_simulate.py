@@ -9,7 +9,7 @@ from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
 from clutchid.simulation.plan import plan
-from clutchid.simulation.run import Numbers, run
+from clutchid.simulation.run import Numbers, columns, run, run_with_sensitivities
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness, stiffness_over, substeps
 
 STATES = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
@@ -309,3 +309,16 @@ def test_a_recording_that_starts_moving_is_not_vented(truth):
     t = np.arange(100) * 1e-3
     log = Log(t, {"duty_supply": np.zeros(100), "duty_exhaust": np.zeros(100), "position": 0.4e-3 - 0.05 * t})
     assert not plan(log, truth, 2000.0).segments[0].vented
+
+
+@pytest.mark.parametrize(("planned", "driven_by"), [("isothermal", "energy-balance"), ("energy-balance", "isothermal")])
+def test_a_segment_planned_for_another_model_is_refused(drive, planned, driven_by):
+    segment = plan(drive.slice(0, 100), Actuator(model=planned), 2000.0).segments[0]
+    actuator, n_states = Actuator(model=driven_by), {"isothermal": 5, "energy-balance": 8}[driven_by]
+    numbers, x0 = Numbers.of(actuator), np.zeros(n_states)
+    wanted = f"with {segment.inputs.shape[1]} inputs cannot be run by the model {driven_by}, .* plan the recording"
+    with pytest.raises(ParameterError, match=wanted):
+        run(segment, numbers, x0)
+    which = columns(actuator, ("C_vs",))
+    with pytest.raises(ParameterError, match=wanted):
+        run_with_sensitivities(segment, numbers, (x0, np.zeros((n_states, 1))), which, (0,))

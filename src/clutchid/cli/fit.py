@@ -32,6 +32,7 @@ from clutchid.errors import ParameterError
 if TYPE_CHECKING:
     from clutchid.estimate import Fit
     from clutchid.estimate.calibration import Calibration
+    from clutchid.estimate.evidence import Evidence
     from clutchid.model.actuator import Actuator
 
 
@@ -135,12 +136,16 @@ class _Asked:
 def _work(files: _Files, asked: _Asked, json: bool) -> int:
     _check(files.logs, files.verify, (*asked.bounds, *asked.priors))
     _check_files(files)
+    from clutchid.estimate.evidence import evidence
+
     result = _fitted(files, asked)
-    _write(result, files.save, files.report)
+    found = evidence(result)
+    _write(result, files.save, files.report, found)
     if json:
-        print_json(fit_json(result))
+        print_json(fit_json(result, found))
     else:
-        _print(result, files.save, files.report)
+        _print(result, found)
+        _print_paths(files.save, files.report)
     return FAILED if result.status == "failed" else DONE
 
 
@@ -198,7 +203,7 @@ def _start(
     return content.actuator, content.calibration if calibrated else None
 
 
-def _write(result: Fit, save: Path | None, report: Path | None) -> None:
+def _write(result: Fit, save: Path | None, report: Path | None, found: Evidence) -> None:
     if save is not None:
         from clutchid.estimate.parameter_file import parameter_file, write_parameters
 
@@ -206,11 +211,11 @@ def _write(result: Fit, save: Path | None, report: Path | None) -> None:
     if report is not None:
         from clutchid.report.fit_page import fit_page
 
-        fit_page(result, shlex.join(["clutchid", *sys.argv[1:]]), report)
+        fit_page(result, shlex.join(["clutchid", *sys.argv[1:]]), report, found)
 
 
-def fit_json(result: Fit) -> dict[str, Any]:
-    """The JSON object of a fit, docs/formats.md."""
+def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
+    """The JSON object of a fit and what its verdict rests on, docs/formats.md."""
     from clutchid.estimate.verdict import verdict_json
 
     curve = result.load_curve
@@ -235,7 +240,7 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "warnings": list(result.warnings),
         "method": result.method,
         "notes": list(result.notes),
-        "verdict": verdict_json(result),
+        "verdict": verdict_json(result, found),
     }
 
 
@@ -248,7 +253,7 @@ def _errors_json(errors: Any) -> dict[str, float | None]:
     }
 
 
-def _print(result: Fit, save: Path | None, report: Path | None) -> None:
+def _print(result: Fit, found: Evidence) -> None:
     width = max([9, *(len(name) for name in result.parameters)])
     print(f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit")
     for name, e in result.parameters.items():
@@ -263,11 +268,14 @@ def _print(result: Fit, save: Path | None, report: Path | None) -> None:
         print(note)
     from clutchid.estimate.verdict import verdict
 
-    judged = verdict(result)
+    judged = verdict(result, found)
     print(f"trust: {judged.trust}{''.join(f'; {reason}' for reason in judged.reasons)}")
     for warning in result.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    for path in (save, report):
+
+
+def _print_paths(*paths: Path | None) -> None:
+    for path in paths:
         if path is not None:
             print(f"written: {path.resolve()}")
 

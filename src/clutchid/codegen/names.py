@@ -13,7 +13,7 @@ from clutchid.codegen.language import FUNCTIONS
 from clutchid.codegen.system import Expr, System, Table
 
 _PYTHON = """
-    math numba np run run_table run_all linearise SLOTS JUMPS range max abs
+    math numba np run run_table run_all linearise SLOTS INPUTS JUMPS range max abs
     x0 x S u p dt substeps jump measured breakpoints load basis table_basis table_column fill_slot fill_row fill_column
     watched out sens rates jacobian columns jac source slot k n i c q phi h half sixth seg offset stage reach weight
 """

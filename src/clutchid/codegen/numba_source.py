@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import sympy as sp
+
 from clutchid.codegen.language import PYTHON
 from clutchid.codegen.layout import Entry, JumpProgram, Layout, layout
 from clutchid.codegen.names import PYTHON_WORDS, apart
-from clutchid.codegen.program import Assign, Lookup, Statement
+from clutchid.codegen.program import Assign, Lookup, Statement, lower
 from clutchid.codegen.staging import Staged
 from clutchid.codegen.system import Expr, System
 from clutchid.codegen.templates import template
@@ -118,6 +120,35 @@ def function_source(name: str, arguments: Sequence[Expr], values: Any) -> str:
         If an expression uses a function that is not printed.
     """
     return f"\n\ndef {name}({', '.join(str(a) for a in arguments)}):\n    return {_nested(values)}\n"
+
+
+def elementwise_source(name: str, columns: Sequence[Expr], numbers: Sequence[Expr], value: Expr) -> str:
+    """Source of a compiled function ``name(columns..., numbers...)`` that computes `value` for every row of columns.
+
+    It stands in the module of `numba_source`, whose compiler settings it shares.
+
+    Raises
+    ------
+    ValueError
+        If a piecewise expression does not cover every case.
+    NotImplementedError
+        If an expression uses a function that is not printed.
+    """
+    first, *_ = names = [str(column) for column in columns]
+    result = sp.Symbol("result", real=True)
+    lines = [
+        "",
+        "",
+        "@_jit",
+        f"def {name}({', '.join([*(f'all_{column}' for column in names), *map(str, numbers)])}):",
+        f"    out = np.empty(all_{first}.size)",
+        "    for k in range(out.size):",
+        *(f"        {column} = all_{column}[k]" for column in names),
+        block(lower(result, value, {*names, *map(str, numbers)}), "        "),
+        f"        out[k] = {result}",
+        "    return out",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _nested(values: Any) -> str:

@@ -12,6 +12,7 @@ from clutchid.estimate.excitation import excitation, joined
 from clutchid.estimate.missing_excitation import missing
 from clutchid.estimate.problem import problem
 from clutchid.estimate.result import Fit, Recording
+from clutchid.estimate.sensing import sensed
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.simulation import Partition
@@ -67,13 +68,7 @@ def as_recorded(fit: Fit, name: str, simulated: Log) -> Log:
     """A simulation as the sensors would record it: by shooting, their lags and offsets are in the model."""
     if fit.method != "shooting":
         return simulated
-    p = actuator_of(fit, name).parameters
-    columns = {"position": simulated["position"] - p.tau_y * simulated["velocity"] + p.e_y}
-    if len(simulated) > 1:
-        shift = p.e_p - p.tau_p * np.gradient(simulated["pressure_a"], simulated.time)
-        bands = [key for key in ("pressure_a", "pressure_a low", "pressure_a high") if key in simulated]
-        columns |= {key: simulated[key] + shift for key in bands}
-    return simulated.with_columns(**columns)
+    return sensed(simulated, actuator_of(fit, name).parameters)
 
 
 def diagnosed(fit: Fit, name: str) -> Diagnosis:

@@ -13,15 +13,17 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.problem import MEASURED, Problem, problem
-from clutchid.estimate.result import Fit, Recording
+from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.search import Progress, two_stages
+from clutchid.estimate.sensing import sensed, undone
 from clutchid.estimate.shooting.automatic import AUTOMATIC
 from clutchid.estimate.shooting.calibrate import Request, fit_by_shooting
 from clutchid.estimate.shooting.coordinates import Prior
+from clutchid.estimate.shooting.fit import with_phase
 from clutchid.estimate.summary import failed, plan_warnings, summary
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.parameters import unknown_name
+from clutchid.parameters import Parameters, unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import outside_stroke, plan
 from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
@@ -157,7 +159,7 @@ def _chosen(method: str | None, request: Request, partition: Partition | None) -
 
 def _verified(result: Fit, logs: Sequence[Log], partition: Partition | None, measure: Sequence[str]) -> Fit:
     """`result` with the simulations of other recordings, and what is to be said of them."""
-    done, warnings = verification(result.actuator, logs, partition, measure)
+    done, warnings = verification(result.actuator, logs, partition, measure, result.method == "shooting")
     told = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
     status = "warning" if told and result.status == "ok" else result.status
     return replace(result, verification=done, warnings=told, status=status)
@@ -201,11 +203,17 @@ def _check_size(task: Problem) -> None:
 
 
 def verification(
-    actuator: Actuator, logs: Sequence[Log], partition: Partition | None, measure: Sequence[str] = ("position",)
+    actuator: Actuator,
+    logs: Sequence[Log],
+    partition: Partition | None,
+    measure: Sequence[str] = ("position",),
+    through_sensors: bool = False,
 ) -> tuple[dict[str, Recording], list[str]]:
     """Recordings simulated with `actuator`, nothing fitted but unknown starts, with their errors; and warnings.
 
-    A recording that cannot be simulated is left out and is a warning.
+    A recording that cannot be simulated is left out and is a warning. `through_sensors` for an actuator whose sensors
+    and carrier are part of the model: each recording is simulated with the phase that its carrier has, and its errors
+    are those of the simulation as the sensors would record it.
 
     Raises
     ------
@@ -216,10 +224,19 @@ def verification(
     warnings: list[str] = []
     for log in _uniquely_named(list(logs)):
         used = [name for name in measure if name in log] or ["position"]
-        result = fit([log], actuator, free=(), measure=used, partition=partition, on_failure="return")
-        done |= result.recordings
+        # the phase from the position, which every recording has: it knows the valves' own phases
+        own = with_phase(log, actuator, False) if through_sensors else actuator
+        seen = undone(log, own.parameters) if through_sensors else log
+        result = fit([seen], own, free=(), measure=used, partition=partition, on_failure="return")
+        one = result.recordings
+        done |= {name: _as_recorded(log, r, own.parameters) for name, r in one.items()} if through_sensors else one
         warnings += result.warnings if result.status != "failed" else [result.message]
     return done, warnings
+
+
+def _as_recorded(log: Log, one: Recording, p: Parameters) -> Recording:
+    """A recording compared with what its sensors would record of the simulation."""
+    return replace(one, measured=log, errors=errors_over([(log, sensed(one.simulated, p))]))
 
 
 def _uniquely_named(logs: list[Log]) -> list[Log]:

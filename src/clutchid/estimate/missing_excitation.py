@@ -55,7 +55,7 @@ def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R:
     'this log reaches 8.0 mm of 25.0 mm and tells nothing of the load beyond: reach 20.0 mm or more.'
     """
     who = "this log" if found.recordings == 1 else f"these {found.recordings} logs"
-    verb = ("reaches", "passes") if found.recordings == 1 else ("reach", "pass")
+    verb = ("reaches", "passes", "tells") if found.recordings == 1 else ("reach", "pass", "tell")
     reaching = f"{who} {verb[0]} {found.reach * 1e3:.1f} mm"
     sentences: list[str] = []
     if R is not None and names:
@@ -65,7 +65,7 @@ def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R:
     y_max = actuator.parameters.y_max
     if found.reach < STROKE[1] * y_max and not any(reaching in sentence for sentence in sentences):
         sentences.append(
-            f"{reaching} of {y_max * 1e3:.1f} mm and tells nothing of the load beyond: "
+            f"{reaching} of {y_max * 1e3:.1f} mm and {verb[2]} nothing of the load beyond: "
             f"reach {STROKE[1] * y_max * 1e3:.1f} mm or more."
         )
     return sentences + _one_way(found, f"{who} {verb[1]}") + _never_vents(found, who)
@@ -81,8 +81,9 @@ def _silent_weights(
     if not beyond:
         return []
     begin, wanted = min(span[0] for span in beyond.values()), max(span[1] for span in beyond.values())
+    says, act = "says" if found.recordings == 1 else "say", "acts" if len(beyond) == 1 else "act"
     return [
-        f"{reaching} and says nothing about {listed(list(beyond))}, which act from {begin * 1e3:.1f} mm on: "
+        f"{reaching} and {says} nothing about {listed(list(beyond))}, which {act} from {begin * 1e3:.1f} mm on: "
         f"reach {wanted * 1e3:.1f} mm or more."
     ]
 

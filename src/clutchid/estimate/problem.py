@@ -185,7 +185,7 @@ def residuals(
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(part.start))
         states, sens, failed = run_with_sensitivities(segment, numbers, start, which, watched)
         if failed >= 0:
-            yield Failure(failure_message(log, segment, states, failed, states_of))
+            yield Failure(failure_message(log, segment, states, failed, states_of, actuator))
             return
         unit = task.unit[[*range(len(task.names)), *part.start]]
         yield part, *_compared(task, part, states, sens * unit, scales)

@@ -67,7 +67,7 @@ class Fit:
     `recordings` are the fitted ones by name, `verification` those that were simulated only. `scales` are the noise
     scales by which position (m) and pressure (Pa) residuals were divided, `bounds` the bounds of the free parameters.
     `method` is how it was fitted, `notes` what the recordings told in words, `calibration` what the fit leaves to
-    later ones of the same actuator.
+    later ones of the same actuator. `settled`: the search came to its end, not to its limit of evaluations.
     """
 
     status: Status
@@ -86,6 +86,7 @@ class Fit:
     method: str = "simulation"
     notes: tuple[str, ...] = ()
     calibration: Calibration | None = None
+    settled: bool = True
 
 
 def errors_over(pairs: Iterable[tuple[Log, Log]]) -> Errors:

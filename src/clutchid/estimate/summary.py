@@ -33,7 +33,8 @@ def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> F
     else:
         warnings.append(_resting(task.names))
     warnings += _at_bounds(task, x)
-    if solution.status == "limit":
+    settled = solution.status != "limit"
+    if not settled:
         warnings.append(f"the search stopped after {solution.evaluations} evaluations without settling.")
     return Fit(
         status="warning" if warnings else "ok",
@@ -48,6 +49,7 @@ def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> F
         bounds=_bounds_of(task),
         evaluations=solution.evaluations,
         warnings=tuple(warnings),
+        settled=settled,
     )
 
 
@@ -183,4 +185,5 @@ def failed(task: Problem, message: str) -> Fit:
         scales={},
         bounds=_bounds_of(task),
         evaluations=0,
+        settled=False,
     )

@@ -87,14 +87,21 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit))
 
 
-def verdict_json(fit: Fit) -> dict[str, Any]:
+def verdict_json(fit: Fit, found: Evidence | None = None) -> dict[str, Any]:
     """The verdict on a fit and what it rests on, as plain values; what is not finite is None.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of any status and method.
+    found : Evidence, optional
+        ``evidence(fit)``, where it is at hand.
 
     Raises
     ------
     Nothing.
     """
-    found = evidence(fit)
+    found = evidence(fit) if found is None else found
     judged = verdict(fit, found)
     return {
         "trust": judged.trust,
@@ -135,9 +142,7 @@ def _plain(value: float) -> float | None:
 
 
 def _unsettled(fit: Fit) -> list[_Reason]:
-    if any("without settling" in warning for warning in fit.warnings):
-        return [_Reason("the search did not settle; go on from its result, or free less.")]
-    return []
+    return [] if fit.settled else [_Reason("the search did not settle; go on from its result, or free less.")]
 
 
 def _at_bounds(fit: Fit) -> list[_Reason]:

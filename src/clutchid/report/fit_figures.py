@@ -13,7 +13,7 @@ from clutchid.estimate.result import Recording
 from clutchid.estimate.verdict import ENGAGING
 from clutchid.log import FloatArray, Log
 from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
-from clutchid.report.half_load import half_load
+from clutchid.report.half_load import half_load_band
 from clutchid.report.style import BAR, KN, MM, STYLE, Line
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def load_figure(fit: Fit) -> Figure:
 
 def _mark_half(axis: Axes, fit: Fit, furthest: float) -> None:
     """A point where the load passes half its peak, with its interval."""
-    at = half_load(fit.load_curve, furthest)
+    at = half_load_band(fit.load_curve, furthest)
     if not np.isfinite(at.position):
         return
     force = float(np.interp(at.position, fit.load_curve.position, fit.load_curve.force)) / KN

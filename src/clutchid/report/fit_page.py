@@ -17,7 +17,7 @@ from clutchid.report.diagnosis_page import diagnosis_table, residual_blocks, tol
 from clutchid.report.figures import png
 from clutchid.report.files import write_text
 from clutchid.report.fit_figures import load_figure, recording_figure
-from clutchid.report.half_load import half_load
+from clutchid.report.half_load import half_load_band
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.parameter_page import parameter_blocks
 from clutchid.report.pressure_span import believed
@@ -38,7 +38,7 @@ _STATUS = {
 }
 
 
-def fit_page(fit: Fit, command: str, path: str | PathLike[str]) -> None:
+def fit_page(fit: Fit, command: str, path: str | PathLike[str], found: Evidence | None = None) -> None:
     """Write the page of `fit` as one self-contained HTML file.
 
     Parameters
@@ -49,20 +49,22 @@ def fit_page(fit: Fit, command: str, path: str | PathLike[str]) -> None:
         The command line that repeats the fit, shown on the page.
     path
         The file; an older one is replaced in one step.
+    found : Evidence, optional
+        ``clutchid.estimate.evidence.evidence(fit)``, where it is at hand.
 
     Raises
     ------
     ExportError
         If the file cannot be written; an older file stays as it was.
     """
-    write_text(render(page_of(fit, command)), path)
+    write_text(render(page_of(fit, command, found)), path)
 
 
-def page_of(fit: Fit, command: str) -> Page:
+def page_of(fit: Fit, command: str, found: Evidence | None = None) -> Page:
     """The page of `fit` before it is rendered."""
     logs = [r.measured for r in (*fit.recordings.values(), *fit.verification.values())]
     names = ", ".join(fit.recordings) or "no recording"
-    found = evidence(fit)
+    found = evidence(fit) if found is None else found
     sections = [Section("Result", _result(fit, found))]
     if found.diagnoses:
         sections.append(Section("What the recordings told", tuple(told_blocks(fit, found))))
@@ -133,7 +135,7 @@ def _sentence(fit: Fit) -> str:
 
 
 def _half_sentence(fit: Fit) -> str:
-    at = half_load(fit.load_curve, reach(fit))
+    at = half_load_band(fit.load_curve, reach(fit))
     if not np.isfinite(at.position):
         return ""
     interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f} mm by the band)" if np.isfinite(at.low + at.high) else ""
@@ -156,7 +158,7 @@ def error_table(fit: Fit) -> Table:
     rows += [(name, "verified", *_cells(r.errors)) for name, r in fit.verification.items()]
     note = "Errors against the measured samples; Σe² is the sum of squares, as in Table 2 of the paper."
     if fit.method == "shooting":
-        note += " By shooting they are those within windows of 0.1 s, not of a simulation of the whole recording."
+        note += " By shooting they are those within windows of 0.1 s; a verified recording is simulated as a whole."
     return Table("Simulation against measurement", columns, tuple(rows), (rule,), note)
 
 
@@ -200,7 +202,7 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidenc
             " The pressure is read from the position alone; on the grey ground it is not held: before the first or "
             "after the last vented rest, or beyond the reach of the fitted recordings."
         )
-    seen = replace(recording, simulated=as_recorded(fit, name, recording.simulated)) if fitted else recording
+    seen = replace(recording, simulated=as_recorded(fit, name, recording.simulated))
     span = believed(recording.measured, fit.actuator.parameters, reach(fit)) if alone else None
     alt = f"Measured and simulated motion and pressure of {name}"
     in_mm, in_bar = Column("", "", MM, 2).shown, Column("", "", BAR, 3).shown

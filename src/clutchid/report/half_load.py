@@ -23,7 +23,22 @@ class HalfLoad(NamedTuple):
     high: float
 
 
-def half_load(curve: LoadCurve, reach: float) -> HalfLoad:
+def half_load(position: FloatArray, force: FloatArray) -> float:
+    """Position in m where the rising load first passes half its peak, by linear interpolation; NaN where it never does.
+
+    Raises
+    ------
+    Nothing: an unknown load has no half.
+
+    Examples
+    --------
+    >>> half_load(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 2.0, 4.0, 1.0]))
+    1.0
+    """
+    return _passes(position, force, _half(force))
+
+
+def half_load_band(curve: LoadCurve, reach: float) -> HalfLoad:
     """Position where the rising load first passes half its peak within `reach` in m, and where the ends of its band do.
 
     Parameters
@@ -50,21 +65,23 @@ def half_load(curve: LoadCurve, reach: float) -> HalfLoad:
     --------
     >>> y = np.array([0.0, 1e-3, 2e-3, 3e-3])
     >>> f = np.array([0.0, 2e3, 4e3, 1e3])
-    >>> [f"{at * 1e3:.2f}" for at in half_load(LoadCurve(y, f, f - 100.0, f + 100.0), 3e-3)]
+    >>> [f"{at * 1e3:.2f}" for at in half_load_band(LoadCurve(y, f, f - 100.0, f + 100.0), 3e-3)]
     ['1.00', '0.95', '1.05']
     """
     inside = curve.position <= reach
-    if not np.isfinite(curve.force[inside]).any():
-        return HalfLoad(np.nan, np.nan, np.nan)
-    half = 0.5 * float(np.nanmax(curve.force[inside]))
-    y = curve.position[inside]
+    y, half = curve.position[inside], _half(curve.force[inside])
     # the upper end of the band passes first
     return HalfLoad(*(_passes(y, force[inside], half) for force in (curve.force, curve.high, curve.low)))
 
 
+def _half(force: FloatArray) -> float:
+    """Half the peak; NaN where no force is known."""
+    return 0.5 * float(np.nanmax(force)) if np.isfinite(force).any() else float("nan")
+
+
 def _passes(position: FloatArray, force: FloatArray, level: float) -> float:
     """First position where the force passes `level` from below, by linear interpolation; NaN where it never does."""
-    above = int(np.argmax(force >= level))
+    above = int(np.argmax(force >= level)) if np.isfinite(level) else 0
     if above == 0 or not np.isfinite(force[above - 1 : above + 1]).all():
         return float("nan")
     y0, y1, f0, f1 = position[above - 1], position[above], force[above - 1], force[above]

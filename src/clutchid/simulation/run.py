@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator, Load
 from clutchid.model.compiled import VARIANTS, kernels
@@ -110,11 +111,16 @@ def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray,
     """States at every sample, shape (n, n_states), and the first sample that is not finite, or -1.
 
     Samples after a failure are NaN.
+
+    Raises
+    ------
+    ParameterError
+        If the segment was planned for a model with other inputs.
     """
     out = np.empty((len(segment), x0.size))
     failed = kernels(numbers.model).run(
-        x0.copy(), segment.inputs, numbers.parameters, segment.dt, segment.substeps, segment.jump, segment.measured,
-        numbers.breakpoints, numbers.load, out,
+        x0.copy(), _inputs(segment, numbers.model), numbers.parameters, segment.dt, segment.substeps, segment.jump,
+        segment.measured, numbers.breakpoints, numbers.load, out,
     )  # fmt: skip
     if failed >= 0:
         out[failed + 1 :] = np.nan
@@ -135,14 +141,20 @@ def run_with_sensitivities(
 def run_to_end(
     segment: Segment, numbers: Numbers, start: tuple[FloatArray, FloatArray], which: Columns, watched: Sequence[int]
 ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """As `run_with_sensitivities`, with the sensitivities of all states at the end, shape (n_states, n_columns)."""
+    """As `run_with_sensitivities`, with the sensitivities of all states at the end, shape (n_states, n_columns).
+
+    Raises
+    ------
+    ParameterError
+        If the segment was planned for a model with other inputs.
+    """
     out = np.empty((len(segment), start[0].size))
     sens = np.empty((len(segment), len(watched), len(which.names)))
     end = start[1].copy()
     module = kernels(numbers.model)
     kernel = module.run_all if which.needs_parameters else module.run_table
     failed = kernel(
-        start[0].copy(), end, segment.inputs, numbers.parameters, segment.dt,
+        start[0].copy(), end, _inputs(segment, numbers.model), numbers.parameters, segment.dt,
         segment.substeps, segment.jump, segment.measured, numbers.breakpoints, numbers.load, numbers.basis,
         which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,
         np.array(watched, dtype=np.int64), out, sens,
@@ -151,6 +163,17 @@ def run_to_end(
         out[failed + 1 :] = np.nan
         sens[failed:] = np.nan
     return out, sens, end, int(failed)
+
+
+def _inputs(segment: Segment, model: str) -> FloatArray:
+    """The inputs of `segment`; a kernel that reads more columns than there are reads foreign memory."""
+    wanted: tuple[str, ...] = kernels(model).INPUTS
+    if segment.inputs.shape[1] != len(wanted):
+        raise ParameterError(
+            f"a segment with {segment.inputs.shape[1]} inputs cannot be run by the model {model}, which has "
+            f"{len(wanted)}: {', '.join(wanted)}; plan the recording with the actuator that runs it."
+        )
+    return segment.inputs
 
 
 def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, estimated: bool) -> FloatArray:

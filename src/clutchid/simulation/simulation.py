@@ -13,6 +13,7 @@ from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import unknown_name
+from clutchid.simulation.culprit import culprit
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Plan, Segment, plan
 from clutchid.simulation.run import (
@@ -91,7 +92,7 @@ def simulate(
     ParameterError
         For an unknown name in `sensitivities` or a wrong number of `starts`.
     SolveError
-        If the simulation fails and `on_failure` is 'raise'; the text names time and state.
+        If the simulation fails and `on_failure` is 'raise'; the text names time, state, term and parameters.
 
     Examples
     --------
@@ -122,7 +123,7 @@ def simulate(
         else:
             states[at], failed = run(segment, numbers, x0)
         if failed >= 0 and not message:
-            message = failure_message(log, segment, states[at], failed, names)
+            message = failure_message(log, segment, states[at], failed, names, actuator)
     if message and on_failure == "raise":
         raise SolveError(message)
     return Simulation(
@@ -142,11 +143,25 @@ def simulated_log(prepared: Plan, states: FloatArray, names: Sequence[str]) -> L
     return Log(log.time, {"position": simulated.pop("position"), **inputs, **simulated}, log.name, log.metadata)
 
 
-def failure_message(log: Log, segment: Segment, states: FloatArray, failed: int, names: Sequence[str]) -> str:
-    """Where a simulation left the finite numbers: time and state."""
+def failure_message(
+    log: Log,
+    segment: Segment,
+    states: FloatArray,
+    failed: int,
+    names: Sequence[str],
+    actuator: Actuator | None = None,
+) -> str:
+    """Where a simulation left the finite numbers: time and state, and of the `actuator`, where given, what went first.
+
+    That is the first term of its equations that is not finite at the last finite sample, with its parameters.
+    """
     bad = [name for name, value in zip(names, states[failed], strict=True) if not np.isfinite(value)]
     time = log.time[segment.start + failed]
+    why = ""
+    if actuator is not None and failed > 0:
+        last = log.time[segment.start + failed - 1]
+        why = f"; at {last:.3f} s {culprit(actuator, states[failed - 1], segment.inputs[failed - 1])}"
     return (
-        f"{log.name}: the simulation left the finite numbers at {time:.3f} s in {', '.join(bad) or 'all states'}; "
+        f"{log.name}: the simulation left the finite numbers at {time:.3f} s in {', '.join(bad) or 'all states'}{why}; "
         "try other start values or check the units of the recording."
     )

@@ -158,6 +158,8 @@ def test_a_search_that_did_not_settle_is_a_warning(shot, known):
     stopped = summary(replace(shot, found=replace(shot.found, status="limit", evaluations=7)), known)
     assert stopped.warnings == ("the search stopped after 7 evaluations without settling.",)
     assert stopped.status == "warning"
+    assert not stopped.settled
+    assert summary(shot, known).settled
 
 
 def test_a_search_that_failed_is_passed_on_and_told_as_a_result_without_numbers(shot):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ExportError, ParameterError
+from clutchid.report.half_load import half_load
 from clutchid.study.proving import answers
 from clutchid.study.proving import ground as proving
-from clutchid.study.proving.answers import Answer, half_load, score
+from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.standings import coverage, every_recording, standings
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID

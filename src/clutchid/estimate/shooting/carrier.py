@@ -6,10 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from clutchid.estimate.sensing import undone
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import kernels
 from clutchid.simulation import Partition
-from clutchid.simulation.plan import plan
+from clutchid.simulation.plan import carrier, plan
 from clutchid.simulation.run import Numbers, run, start_state
 from clutchid.simulation.stiffness import stiffness
 
@@ -48,7 +50,8 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
         length = max(1, round(period / step))
         fast = rate - _smooth(rate, length)
         phases = np.arange(PHASES) / PHASES
-        shares = np.array([_explained(log, actuator, fast, (period, float(phase)), length) for phase in phases])
+        tried = (actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases)
+        shares = np.array([_explained(log, one, fast, length) for one in tried])
         contrast = float(shares.max() - np.median(shares))
         if contrast > best:
             best, found = contrast, (period, float(phases[np.argmax(shares)]))
@@ -59,18 +62,20 @@ def _smooth(values: FloatArray, length: int) -> FloatArray:
     return np.convolve(np.nan_to_num(values), np.ones(length) / length, "same")
 
 
-def _explained(log: Log, actuator: Actuator, fast: FloatArray, carrier: tuple[float, float], length: int) -> float:
+def _explained(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> float:
     """Share of the variance of the fast part of the pressure's rate that the switching of both valves explains."""
     p = actuator.parameters
-    period, phase = carrier
+    text, clock = kernels(actuator.model), carrier(log.time, p)
     pressure = np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0)
     columns = []
     for duty, low, high, drive in (
         ("duty_supply", p.R_0vs, p.R_1vs, np.ones_like(pressure)),
         ("duty_exhaust", p.R_0ve, p.R_1ve, pressure / p.P_S),
     ):
-        share = np.clip((log[duty][:-1] - low) / (high - low), 0.0, 1.0)
-        switched = _switched(share, log.time, period, phase + low) * drive
+        share = text.opening(log[duty], low, high)
+        # a valve's own phase begins to be searched at the duty cycle where it starts to open
+        opened = text.switched_opening(share, *clock, (p.s_pwm + low) % 1.0)
+        switched = np.where(np.isfinite(share), opened, np.nan)[:-1] * drive
         columns.append(switched - _smooth(switched, length))
     A = np.nan_to_num(np.column_stack(columns))
     known = np.isfinite(fast) & (np.abs(A).sum(axis=1) > 0)
@@ -79,17 +84,6 @@ def _explained(log: Log, actuator: Actuator, fast: FloatArray, carrier: tuple[fl
         return 0.0
     weights, *_ = np.linalg.lstsq(A[known], fast[known], rcond=None)
     return 1.0 - float(np.sum((fast[known] - A[known] @ weights) ** 2)) / total
-
-
-def _switched(share: FloatArray, time: FloatArray, period: float, opens: float) -> FloatArray:
-    """Mean opening in each interval of `time`, as `clutchid.model.valves.switched_opening`."""
-    c = (time[:-1] / period) % 1.0
-    d = np.diff(time) / period
-    start = opens % 1.0
-    total = np.zeros_like(share)
-    for k in (-1.0, 0.0, 1.0):
-        total += np.maximum(0.0, np.minimum(c + d, k + start + share) - np.maximum(c, k + start))
-    return total / d
 
 
 def find_phase(log: Log, actuator: Actuator) -> float:
@@ -103,7 +97,8 @@ def find_phase(log: Log, actuator: Actuator) -> float:
         If the recording lacks a duty cycle.
     """
     step = float(np.median(np.diff(log.time)))
-    part = _undone(log.slice(0, min(len(log), round(ENOUGH / step))), actuator)
+    # a lag of the sensor looks like another phase
+    part = undone(log.slice(0, min(len(log), round(ENOUGH / step))), actuator.parameters)
     rate = stiffness(actuator)
     every = Partition(every=max(2, round(0.02 / step)))
 
@@ -120,12 +115,6 @@ def find_phase(log: Log, actuator: Actuator) -> float:
     best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
     fine = best + np.arange(-4, 5) / 50
     return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
-
-
-def _undone(log: Log, actuator: Actuator) -> Log:
-    """`log` with lag and offset of its position sensor undone: a lag looks like another phase."""
-    p = actuator.parameters
-    return log.with_columns(position=np.interp(log.time + p.tau_y, log.time, log["position"]) - p.e_y)
 
 
 def centred(phase: float) -> float:

@@ -64,6 +64,7 @@ def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
         warnings=warnings,
         method="shooting",
         notes=_not_told(task, matrix),
+        settled=found.status == "converged",
     )
 
 
@@ -189,6 +190,7 @@ def failed(shot: Shot, message: str) -> Fit:
         evaluations=0,
         warnings=tuple(plan_warnings(shot.plans)),
         method="shooting",
+        settled=False,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from clutchid.estimate.sensing import seen_position, seen_pressure
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.search import Found
 from clutchid.log import FloatArray
@@ -44,8 +45,7 @@ def recorded(task: Shooting, found: Found, log: int, states: FloatArray) -> dict
     names = VARIANTS[task.actuator.model]
     y, v, p_A = (states[:, names.index(name)] for name in ("y", "v", "p_A"))
     time = next(track.measured.time for track in task.tracks if track.log == log)
-    rate = np.gradient(p_A, time)
-    return {"position": y - p.tau_y * v + p.e_y, "pressure_a": p_A - p.tau_p * rate + p.e_p}
+    return {"position": seen_position(y, v, p), "pressure_a": seen_pressure(p_A, time, p)}
 
 
 def noise_scales(task: Shooting, found: Found) -> dict[str, float]:

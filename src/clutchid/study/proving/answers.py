@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.log import FloatArray, Log
+from clutchid.report.half_load import half_load
 from clutchid.truck import GRID, Truth
 
 #: Part of the grid around the touch point, in m.
@@ -75,22 +76,6 @@ def score(answer: Answer, truth: Truth) -> Score:
         pressure=_rms(pressure[np.isfinite(pressure)]) * 1e-3,
         coverage=float(np.mean((low <= true) & (true <= high))),
     )
-
-
-def half_load(position: FloatArray, force: FloatArray) -> float:
-    """Position where the rising load first passes half its peak, by linear interpolation; NaN where it never does.
-
-    Examples
-    --------
-    >>> float(half_load(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 2.0, 4.0, 1.0])))
-    1.0
-    """
-    half = 0.5 * force.max()
-    above = int(np.argmax(force >= half))
-    if above == 0:
-        return float("nan")
-    y0, y1, f0, f1 = position[above - 1], position[above], force[above - 1], force[above]
-    return float(y0 + (half - f0) / (f1 - f0) * (y1 - y0))
 
 
 def _rms(values: FloatArray) -> float:

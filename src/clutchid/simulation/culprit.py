@@ -1,0 +1,86 @@
+"""Which term of the equations drives a simulation out of the finite numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS, kernels
+
+#: Units of the rates of the states, by the states' first letters, and what is a large one: the stroke, the full
+#: pressure, the friction's deflection or 100 K in a tenth of a second, and the acceleration to such a speed in 10 ms.
+_RATES = {"y": ("m/s", 0.25), "v": ("m/s²", 25.0), "p": ("Pa/s", 9e6), "z": ("m/s", 0.25), "T": ("K/s", 1e3)}
+
+
+class _Term(NamedTuple):
+    name: str
+    value: float
+    parameters: tuple[str, ...]
+    made_of: tuple[str, ...]
+
+
+def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
+    """What is wrong with the equations at `state`, in words: the first term that is not finite, and what stands in it.
+
+    Where all are finite it is the state that changes fastest, beside what is a large rate for it.
+
+    Parameters
+    ----------
+    state, inputs
+        Of the variant, in SI, in the order of its kernels.
+
+    Raises
+    ------
+    Nothing: a term that cannot be computed is the answer.
+
+    Examples
+    --------
+    Below absolute zero no air flows out:
+
+    >>> state = np.array([1e-3, 0.0, 2e5, 1.1e5, 0.0, -5.0, 293.0, 9e5])
+    >>> culprit(Actuator(model="energy-balance"), state, np.array([0.0, 1.0, 0.0, 0.0]))[:67]
+    'the term w_ve is not finite; in it stand p_A = 2e+05, T_A = -5, y_v'
+    """
+    known = dict(zip(VARIANTS[actuator.model], state.tolist(), strict=True))
+    rates: list[_Term] = []
+    for term in _terms(actuator, state, inputs):
+        if not math.isfinite(term.value):
+            what = f"rate of {term.name[2:]}" if term.name.startswith("d_") else f"term {term.name}"
+            return f"the {what} is not finite{_made_of(actuator, term, known)}"
+        known[term.name] = term.value
+        rates += [term] if term.name.startswith("d_") else []
+    fastest = max(rates, key=lambda term: abs(term.value) / _RATES[term.name[2]][1])
+    name, unit = fastest.name[2:], _RATES[fastest.name[2]][0]
+    what = f"all terms are finite and {name} changes fastest, by {fastest.value:.3g} {unit}"
+    return what + _made_of(actuator, fastest, known)
+
+
+def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterator[_Term]:
+    """The load and every term; the last one is NaN where it cannot be computed."""
+    module, load = kernels(actuator.model), actuator.load
+    y = state[[VARIANTS[actuator.model].index("y")]]
+    with np.errstate(all="ignore"):
+        force = float(load.force(y)[0])
+        acting = tuple(name for name, phi in zip(load.names, load.phi(y)[0], strict=True) if phi != 0.0)
+    yield _Term("f_l", force, acting, ())
+    values = module.terms(state.tolist(), inputs.tolist(), actuator.parameters.array().tolist(), force)
+    for name, parameters, made_of in module.TERMS:
+        try:
+            yield _Term(name, next(values), parameters, made_of)
+        except (ArithmeticError, ValueError):  # as Python's numbers and square roots say it
+            yield _Term(name, math.nan, parameters, made_of)
+            return
+
+
+def _made_of(actuator: Actuator, term: _Term, known: Mapping[str, float]) -> str:
+    """The states, terms and parameters that stand in a term, with their values."""
+    shown = [f"{name} = {known[name]:.3g}" for name in term.made_of]
+    for name in term.parameters:
+        unit = actuator.unit(name)
+        shown.append(f"{name} = {actuator.value(name):g}{'' if unit == '1' else ' ' + unit}")
+    return f"; in it stand {', '.join(shown)}" if shown else ""
