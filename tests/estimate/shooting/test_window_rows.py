@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 
 from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.shooting import windows as module
+from clutchid.estimate.shooting import rows as module
+from clutchid.estimate.shooting.links import link_rows, link_sigma
 from clutchid.estimate.shooting.noise import SPAN, Noise
-from clutchid.estimate.shooting.windows import (
-    link_rows,
-    link_sigma,
-    units,
-    window_cost,
-    window_rows,
-)
+from clutchid.estimate.shooting.rows import window_cost, window_rows
+from clutchid.estimate.shooting.windows import units
 from clutchid.model.compiled import VARIANTS
 
 BOTH = ("position", "pressure_a")
@@ -178,34 +174,36 @@ def test_a_start_that_is_not_finite_is_a_failure_with_a_sentence(task, busy):
 
 def test_a_closed_window_has_the_noise_of_the_states_and_an_open_one_more_pressure(task):
     track, actuator = task.tracks[0], task.actuator
-    window = track.windows[0]
-    assert np.all(window.inputs[:, :2] == 0.0), "the recording begins with both valves closed"
-    span = float(window.dt.sum())
-    closed = link_sigma(window, actuator, Noise())
+    first, segment = track.windows[0], track.segment
+    assert np.all(first.inputs[:, :2] == 0.0), "the recording begins with both valves closed"
+    span = float(first.dt.sum())
+    closed = link_sigma(track, actuator, Noise())
+    assert closed.shape == (len(track.windows), len(STATES))
     assert span == pytest.approx(SPAN)
-    assert closed == pytest.approx([Noise().states[name] for name in STATES])
-    quarter = link_sigma(replace(window, dt=window.dt / 4), actuator, Noise())
-    assert quarter == pytest.approx(closed / 2), "independent errors add up like a random walk"
-    opened = []
-    for duty in (0.07, 0.5, 1.0):
-        inputs = window.inputs.copy()
-        inputs[:, 0] = duty
-        opened.append(link_sigma(replace(window, inputs=inputs), actuator, Noise())[2])
-    assert opened[0] == closed[2], "at R_0vs the valve is still closed"
-    assert closed[2] < opened[1] < opened[2]
+    assert closed[0] == pytest.approx([Noise().states[name] for name in STATES])
+    quarter = link_sigma(replace(track, segment=replace(segment, dt=segment.dt / 4)), actuator, Noise())
+    assert quarter[0] == pytest.approx(closed[0] / 2), "independent errors add up like a random walk"
+
+    def of_pressure(duty, valve):
+        inputs = segment.inputs.copy()
+        inputs[: len(first) - 1, valve] = duty
+        return link_sigma(replace(track, segment=replace(segment, inputs=inputs)), actuator, Noise())[0, 2]
+
+    opened = [of_pressure(duty, 0) for duty in (0.07, 0.5, 1.0)]
+    assert opened[0] == closed[0, 2], "at R_0vs the valve is still closed"
+    assert closed[0, 2] < opened[1] < opened[2]
     # choked at 9 bar the valve passes 1.185 * 19e-9 * 9e5 = 20.3 g/s; into the chamber at half the stroke, 302 cm³,
     # that is 56.7 bar/s, of which 2 % are misjudged
     assert opened[2] == pytest.approx(np.hypot(300.0, 0.02 * 56.7e5 * span), rel=2e-3)
-    emptied = window.inputs.copy()
-    emptied[:, 1] = 1.0
-    assert link_sigma(replace(window, inputs=emptied), actuator, Noise())[2] == opened[2], "the exhaust counts alike"
+    assert of_pressure(1.0, 1) == opened[2], "the exhaust counts alike"
 
 
 def test_links_tie_the_end_of_a_window_to_the_next_start(task, busy):
-    _, window, start = busy
+    track, window, start = busy
     actuator, x = task.actuator, np.zeros(len(NAMES))
     before = rows_at(task, busy, x, start)
-    sigma = link_sigma(window, actuator, ALL_IN)
+    number = [one.start for one in track.windows].index(window.start)
+    sigma = link_sigma(track, actuator, ALL_IN)[number]
     following = before.end + 0.5 * sigma * np.arange(8)
     rows, cost = link_rows(before, following, sigma, actuator, 1e9)
     assert rows[:, -1] == pytest.approx(0.5 * np.arange(8), abs=1e-6)

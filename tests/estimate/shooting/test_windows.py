@@ -6,8 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.estimate.shooting.fit import prepared
+from clutchid.estimate.shooting.links import first_rows
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.windows import first_guess, first_rows, robust, tracks
+from clutchid.estimate.shooting.rows import robust
+from clutchid.estimate.shooting.windows import first_guess, tracks
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.parameters import Parameters

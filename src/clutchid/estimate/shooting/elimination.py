@@ -27,6 +27,9 @@ class Eliminated:
 def eliminate(first: FloatArray, own: Sequence[FloatArray], links: Sequence[FloatArray], states: int) -> Eliminated:
     """Eliminate the states of a chain.
 
+    Of what is left after each state only the rows on the next one are carried on, so a step costs as many rows as there
+    are states, however many numbers theta has.
+
     Parameters
     ----------
     first : (m, states + k + 1)
@@ -40,19 +43,21 @@ def eliminate(first: FloatArray, own: Sequence[FloatArray], links: Sequence[Floa
     ------
     Nothing: a chain that does not determine its states gives singular rows in `Eliminated.own`.
     """
-    carried, kept = first, []
+    carried, kept, left = first, [], []
     for rows, link in zip(own, links, strict=False):
-        top = np.vstack([carried, rows])
-        stacked = np.zeros((top.shape[0] + link.shape[0], link.shape[1]))
-        stacked[: top.shape[0], :states] = top[:, :states]
-        stacked[: top.shape[0], 2 * states :] = top[:, states:]
-        stacked[top.shape[0] :] = link
+        above = carried.shape[0] + rows.shape[0]
+        stacked = np.zeros((above + link.shape[0], link.shape[1]))
+        for at, part in ((0, carried), (carried.shape[0], rows)):
+            stacked[at : at + part.shape[0], :states] = part[:, :states]
+            stacked[at : at + part.shape[0], 2 * states :] = part[:, states:]
+        stacked[above:] = link
         factor = triangular(stacked)
         kept.append(factor[:states])
-        carried = factor[states:, states:]
+        carried = factor[states : 2 * states, states:]
+        left.append(factor[2 * states :, 2 * states :])
     factor = triangular(np.vstack([carried, own[-1]]))
     kept.append(factor[:states])
-    return Eliminated(factor[states:, states:], tuple(kept))
+    return Eliminated(triangular(np.vstack([*left, factor[states:, states:]])), tuple(kept))
 
 
 def recover(chain: Eliminated, theta: FloatArray, noise: Sequence[FloatArray] | None = None) -> FloatArray:

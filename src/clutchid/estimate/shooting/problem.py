@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,19 +12,11 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.least_squares import Failure, triangular
 from clutchid.estimate.shooting.coordinates import Coordinate, smoothness
 from clutchid.estimate.shooting.elimination import Eliminated, eliminate
+from clutchid.estimate.shooting.links import first_rows, link_cost, link_rows, link_sigma
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.windows import (
-    Rows,
-    Track,
-    View,
-    first_rows,
-    link_cost,
-    link_rows,
-    link_sigma,
-    view,
-    window_cost,
-    window_rows,
-)
+from clutchid.estimate.shooting.rows import Rows, View, view, window_cost, window_rows
+from clutchid.estimate.shooting.threads import each
+from clutchid.estimate.shooting.windows import Track
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS
@@ -89,16 +82,20 @@ class Shooting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """The rows of one track: of its first state, its windows, and the links between them."""
+    """The rows of one track: of its first state, its windows, and the links between them.
+
+    `told` is what the windows say of theta alone, condensed; their rows on states and theta stand in `windows`.
+    """
 
     first: FloatArray
     windows: tuple[Rows, ...]
     links: tuple[FloatArray, ...]
+    told: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """The problem linearised at a point: prior rows ``[theta | r]``, chains, and half-free cost (sum of losses)."""
+    """The problem linearised at a point: prior rows ``[theta | r]``, chains, and its cost there (sum of losses)."""
 
     prior: FloatArray
     chains: tuple[Chain, ...]
@@ -142,36 +139,39 @@ def cost_at(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]
     total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
     for track, starts in zip(task.tracks, X, strict=True):
         seen = views[task.stems[track.log]]
+        work = partial(window_cost, track, seen=seen, measure=task.measure, noise=noise)
+        ends, sigma = [], link_sigma(track, task.actuator, noise)
         total += first_rows(track, starts[0], seen, "pressure_a" in task.measure, noise)[1]
-        end: FloatArray | None = None
-        for number, (window, start) in enumerate(zip(track.windows, starts, strict=True)):
-            if end is not None:
-                sigma = link_sigma(track.windows[number - 1], task.actuator, noise)
-                total += link_cost(end, start, sigma, noise.outlier)
-            answer = window_cost(track, window, start, seen, task.measure, noise)
+        for answer in each(work, track.windows, starts):
             if isinstance(answer, Failure):
                 return float("inf")
-            end = answer[0]
+            ends.append(answer[0])
             total += answer[1]
+        total += sum(
+            link_cost(end, start, width, noise.outlier)
+            for end, start, width in zip(ends[:-1], starts[1:], sigma[:-1], strict=True)
+        )
     return total if np.isfinite(total) else float("inf")
 
 
 def _chain(task: Shooting, noise: Noise, track: Track, starts: FloatArray, seen: View) -> tuple[Chain, float] | Failure:
+    """The rows of a track, and their cost."""
     first, cost = first_rows(track, starts[0], seen, "pressure_a" in task.measure, noise)
+    work = partial(window_rows, track, seen=seen, measure=task.measure, noise=noise)
     windows: list[Rows] = []
-    links = []
-    for window, start in zip(track.windows, starts, strict=True):
-        rows = window_rows(track, window, start, seen, task.measure, noise)
+    for rows in each(work, track.windows, starts):
         if isinstance(rows, Failure):
             return rows
-        if windows:
-            sigma = link_sigma(track.windows[len(windows) - 1], task.actuator, noise)
-            link, more = link_rows(windows[-1], start, sigma, seen.actuator, noise.outlier)
-            links.append(link)
-            cost += more
         windows.append(rows)
         cost += rows.cost
-    return Chain(first, tuple(windows), tuple(links)), cost
+    links, sigma = [], link_sigma(track, task.actuator, noise)
+    for before, start, width in zip(windows[:-1], starts[1:], sigma[:-1], strict=True):
+        link, more = link_rows(before, start, width, seen.actuator, noise.outlier)
+        links.append(link)
+        cost += more
+    n = starts.shape[1]
+    told = triangular(np.vstack([rows.own[n:, n:] for rows in windows]))
+    return Chain(first, tuple(windows), tuple(links), told), cost
 
 
 def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
@@ -199,12 +199,13 @@ def condense(task: Shooting, linear: Linear, damping: float = 0.0) -> tuple[Floa
     Nothing: numbers are checked where they enter.
     """
     names = VARIANTS[task.actuator.model]
-    size = len(task.coordinates)
-    held = np.zeros((len(names), len(names) + size + 1))
-    held[:, : len(names)] = np.sqrt(damping) * np.diag([HELD[name] for name in names])
+    n, size = len(names), len(task.coordinates)
+    held = np.zeros((n, n + size + 1))
+    held[:, :n] = np.sqrt(damping) * np.diag([HELD[name] for name in names])
     chains = []
     for chain in linear.chains:
-        own = [np.vstack([rows.own, held]) if damping else rows.own for rows in chain.windows]
-        chains.append(eliminate(chain.first, own, chain.links, len(names)))
+        own = [np.vstack([rows.own[:n], held]) if damping else rows.own[:n] for rows in chain.windows]
+        left = eliminate(chain.first, own, chain.links, n)
+        chains.append(replace(left, rows=np.vstack([chain.told, left.rows])))
     factor = triangular(np.vstack([linear.prior, *(chain.rows for chain in chains)]))
     return factor[: size + 1], chains

@@ -19,14 +19,12 @@ from clutchid.log import FloatArray
 #: Factors on all standard deviations, stage by stage: from far away, and from a calibrated start.
 FROM_AFAR, FROM_NEAR = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0)
 
-#: Most steps of a stage before the last one, and of the last.
-STEPS, LAST_STEPS = 5, 25
+#: Most steps of a coarse stage and of the one that is meant; each ends when the cost falls by less than this share.
+STEPS, LAST_STEPS = 5, 40
+ROUGH, TOLERANCE, CALM = 1e-2, 3e-5, 3
 
 #: Longest step in standard deviations of the prior.
 LONGEST = 3.0
-
-#: The search ends when the cost falls by less than this share of it.
-TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +57,9 @@ def search(
     found: Found | Failure = Failure("no stage to search in")
     count = 0
     for softness in stages:
-        last = softness == stages[-1]
         noise = task.noise.softened(softness)
-        found = _stage(task, noise, (x, tuple(X)), LAST_STEPS if last else STEPS, _counted(progress, softness, count))
+        ends = (LAST_STEPS, TOLERANCE) if softness == 1.0 else (STEPS, ROUGH)
+        found = _stage(task, noise, (x, tuple(X)), ends, _counted(progress, softness, count))
         if isinstance(found, Failure):
             return found
         x, X, count = found.x, found.X, count + found.evaluations
@@ -77,21 +75,23 @@ def _stage(
     task: Shooting,
     noise: Noise,
     start: tuple[FloatArray, tuple[FloatArray, ...]],
-    steps: int,
+    ends: tuple[int, float],
     tell: Callable[[int], None],
 ) -> Found | Failure:
-    x, X = start
+    (x, X), (steps, tolerance) = start, ends
     here = linearise(task, noise, x, X)
     if isinstance(here, Failure):
         return here
-    damping, growth = 1e-3, 2.0
+    damping, growth, calm = 1e-3, 2.0, 0
     for count in range(1, 4 * steps):
         tell(count)
         new_x, new_X = _step(task, here, x, X, damping)
         better = cost_at(task, noise, new_x, new_X) < here.cost
         there = linearise(task, noise, new_x, new_X) if better else here
         if better and isinstance(there, Linear):
-            settled = here.cost - there.cost < TOLERANCE * here.cost
+            # a step that was held short falls little anywhere: only one after the other says that the search is done
+            calm = calm + 1 if here.cost - there.cost < tolerance * here.cost else 0
+            settled = calm == CALM
             x, X, here = new_x, new_X, there
             damping, growth = max(damping / 5, 1e-7), 2.0
             steps -= 1

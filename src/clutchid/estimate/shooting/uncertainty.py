@@ -128,7 +128,7 @@ def _counted(chain: Chain) -> Chain:
     """A chain with `COLOUR` neighbouring samples counted as one; what is known of its first state stands."""
     share = 1.0 / np.sqrt(COLOUR)
     windows = tuple(replace(rows, own=share * rows.own) for rows in chain.windows)
-    return Chain(chain.first, windows, tuple(share * link for link in chain.links))
+    return Chain(chain.first, windows, tuple(share * link for link in chain.links), share * chain.told)
 
 
 def pressure_spread(of: Spread) -> list[FloatArray]:

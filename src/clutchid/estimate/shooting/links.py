@@ -1,0 +1,67 @@
+"""What ties windows together: the model's own error between neighbours, and what is known of the first state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchid.estimate.shooting.noise import SPAN, START, UNKNOWN_START, Noise
+from clutchid.estimate.shooting.rows import Rows, View, loss, robust
+from clutchid.estimate.shooting.windows import Track, units
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.simulation.run import columns, start_sensitivities, start_state
+
+
+def link_sigma(track: Track, actuator: Actuator, noise: Noise) -> FloatArray:
+    """Standard deviation of the step from the end of each window to the next start, shape (n windows, n states).
+
+    That is the model's own error over a window: its states drift like a random walk, and of the air that flows through
+    an open valve a part is misjudged.
+    """
+    p, names = actuator.parameters, VARIANTS[actuator.model]
+    segment = track.segment
+    edges = np.array([window.start for window in track.windows]) - segment.start
+    span = np.add.reduceat(segment.dt, edges)
+    u, opening = segment.inputs[: segment.dt.size], kernels(actuator.model).opening
+    share = opening(u[:, 0], p.R_0vs, p.R_1vs) + opening(u[:, 1], p.R_0ve, p.R_1ve)
+    opened = np.add.reduceat(share * segment.dt, edges)
+    volume = p.V_0A + 0.5 * p.A_A * p.y_max
+    air = noise.flow * opened * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / volume
+    sigma: FloatArray = np.array([noise.states[name] for name in names]) * np.sqrt(span / SPAN)[:, None]
+    at = names.index("p_A")
+    sigma[:, at] = np.hypot(sigma[:, at], air)
+    return sigma
+
+
+def link_cost(end: FloatArray, start: FloatArray, sigma: FloatArray, outlier: float) -> float:
+    """Cost of the step from the end of a window to the `start` of the next."""
+    return loss((start - end) / sigma, outlier)
+
+
+def link_rows(
+    before: Rows, start: FloatArray, sigma: FloatArray, actuator: Actuator, outlier: float
+) -> tuple[FloatArray, float]:
+    """Rows that tie the end of a window to the `start` of the next, and their cost."""
+    joined = np.column_stack([-before.to_start, np.diag(units(actuator)), -before.to_theta, start - before.end])
+    rows = joined / sigma[:, None]
+    cost = robust(rows, outlier)
+    return rows, cost
+
+
+def first_rows(
+    track: Track, start: FloatArray, seen: View, with_pressure: bool, noise: Noise
+) -> tuple[FloatArray, float]:
+    """Rows of what is known of the first state of a track, and their cost."""
+    names, segment = VARIANTS[seen.actuator.model], track.segment
+    spread = dict(START if segment.vented else UNKNOWN_START)
+    if with_pressure and np.isfinite(segment.pressure_start):
+        spread["p_A"] = max(spread["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
+    sigma = np.array([spread[name] for name in names])
+    known = start_sensitivities(segment, seen.actuator, columns(seen.actuator, seen.bases), estimated=False)
+    r = (start - start_state(segment, seen.actuator)) / sigma
+    rows = np.zeros((start.size, start.size + seen.size + 1))
+    rows[:, : start.size] = np.diag(units(seen.actuator) / sigma)
+    rows[:, [start.size + place for place in seen.places]] = -known * seen.slopes / sigma[:, None]
+    rows[:, -1] = r
+    return rows, float(r @ r)
