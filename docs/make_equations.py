@@ -36,9 +36,10 @@ pressure in the reservoir. What is not listed is as in the paper's model.
 
 """
 
-SWITCHED = """With a carrier (T_pwm above 0) the opening of a valve is the mean over a sample of the switched valve: a
-is the share of Eq. (11), s the phase at which the valve opens, c the phase at the start of the sample, d the part of a
-period that the sample lasts.
+SWITCHED = """With a carrier (T_pwm above 0) the opening of a valve is the mean over a sample of the switched valve. The
+share a of a period that the valve is open is a line as in Eq. (11) but for short pulses, which lift the valve in part
+only; b is that of the period before, whose pulse may outlast its period; s is the phase at which the valve opens, c the
+phase at the start of the sample, d the part of a period that the sample lasts.
 
 """
 
@@ -49,16 +50,16 @@ def page() -> str:
     parts.append(STRIBECK + _own("isothermal-stribeck"))
     parts.append(BALANCE + _own("energy-balance"))
     if len(system("energy-balance").inputs) > 2:
-        from clutchid.model.valves import switched_opening
+        from clutchid.model.opening import passed_pulses, pulse_share, switched_opening
 
-        parts.append(SWITCHED + _math(_formula(switched_opening)))
+        parts.append(SWITCHED + "\n\n".join(_math(_formula(f)) for f in (pulse_share, passed_pulses, switched_opening)))
     return "\n\n".join([*parts, "## Parameters", _rows()]) + "\n"
 
 
 def _own(variant: str) -> str:
     """The equations of `variant` that the paper's model does not have; the switched valve is told by its formula."""
     known = set(_lines("isothermal"))
-    lines = [line for line in _lines(variant) if line not in known and not re.match(r"[ay]_\{v[se]\}", line)]
+    lines = [line for line in _lines(variant) if line not in known and not re.match(r"[abiy]_\{v[se]\}", line)]
     return _math("\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}")
 
 

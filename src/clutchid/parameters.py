@@ -133,6 +133,24 @@ class Parameters:
     s_ve: float = _row(
         0.0, "1", "exhaust valve: phase of its opening in the period", at_least=-0.5, at_most=0.5, source=_BALANCE
     )
+    a_0vs: float = _row(
+        0.0,
+        "1",
+        "supply valve: share that its full pulses have at R_0vs",
+        at_least=0,
+        at_most=0.9,
+        source=_BALANCE,
+    )
+    k_vs: float = _row(3.0, "1", "supply valve: slope of its open share in short pulses", above=1, source=_BALANCE)
+    a_0ve: float = _row(
+        0.0,
+        "1",
+        "exhaust valve: share that its full pulses have at R_0ve",
+        at_least=0,
+        at_most=0.9,
+        source=_BALANCE,
+    )
+    k_ve: float = _row(3.0, "1", "exhaust valve: slope of its open share in short pulses", above=1, source=_BALANCE)
     tau_y: float = _row(0.0, "s", "lag of the recorded position", at_least=-0.05, at_most=0.05, source=_SENSORS)
     tau_p: float = _row(0.0, "s", "lag of the recorded pressure", at_least=-0.05, at_most=0.05, source=_SENSORS)
     e_y: float = _row(0.0, "m", "offset of the recorded position", at_least=-2e-3, at_most=2e-3, source=_SENSORS)

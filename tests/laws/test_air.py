@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.valves import breathing_flow, opening, orifice_flow, psi
+from clutchid.model.opening import opening
+from clutchid.model.valves import breathing_flow, orifice_flow, psi
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.stiffness import stiffness

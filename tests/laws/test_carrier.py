@@ -9,20 +9,28 @@ from hypothesis import strategies as st
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels
-from clutchid.model.valves import opening, switched_opening
+from clutchid.model.opening import opening, passed_pulses, pulse_share, switched_opening
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 
-_letters = sp.symbols("a s c d", real=True)
-mean_opening = sp.lambdify(_letters, switched_opening(*_letters), "math")
+_letters = sp.symbols("a b s c d", real=True)
+passed = sp.lambdify(_letters, passed_pulses(*_letters), "math")
 shares = st.floats(0, 1)
 phases = st.floats(-1, 1)
 EPS = 2.3e-16
 
 
-@given(shares, phases, st.integers(1, 40))
+_limit = sp.symbols("a i d", real=True)
+limited = sp.lambdify(_limit, switched_opening(*_limit), "math")
+
+
+def mean_opening(a, b, s, c, d):
+    return limited(a, passed(a, b, s, c, d), d)
+
+
+@given(shares, st.floats(0, 1), st.integers(1, 40))
 def test_over_the_samples_of_a_period_a_switched_valve_is_open_for_its_share(a, s, n):
-    parts = [mean_opening(a, s, k / n, 1 / n) for k in range(n)] if n > 1 else [mean_opening(a, s, 0.0, 1.0)]
+    parts = [mean_opening(a, a, s, k / n, 1 / n) for k in range(n)] if n > 1 else [passed(a, a, s, 0.0, 1.0)]
     assert min(parts) >= 0
     # d divides lengths that are rounded to 1e-16
     assert max(parts) <= 1 + 8 * n * EPS
@@ -35,21 +43,50 @@ def test_the_mean_over_a_sample_is_the_share_of_fine_time_in_which_the_valve_is_
     at = c + d * (np.arange(2000) + 0.5) / 2000
     open_ = (at - s) % 1.0 < a
     # four edges at most that may lie anywhere in a fine step
-    assert abs(mean_opening(a, s, c, d) - open_.mean()) <= 4 / 2000
+    assert abs(mean_opening(a, a, s, c, d) - open_.mean()) <= 4 / 2000
 
 
-@given(shares, phases, st.floats(0, 0.999))
+@given(shares, st.floats(0, 1.3), st.floats(0, 0.5), st.floats(0, 0.98), st.floats(1e-3, 0.5))
+def test_the_pulse_of_the_period_before_ends_when_it_ends(a, b, s, c, d):
+    assume(c + d <= 1)
+    at = c + d * (np.arange(2000) + 0.5) / 2000
+    open_ = ((at >= s) & (at < s + a)) | (at < s + b - 1)
+    # where both pulses are in a sample and overlap, the valve is wide open for all of what counts twice
+    overlapping = max(0.0, s + b - 1 - s) if b > 1 else 0.0
+    assert mean_opening(a, b, s, c, d) >= open_.mean() - 4 / 2000
+    assert mean_opening(a, b, s, c, d) <= min(1.0, open_.mean() + overlapping / d) + 4 / 2000
+
+
+@given(st.floats(0, 1.5), phases, st.floats(0, 0.999))
 def test_without_a_carrier_the_valve_is_open_by_its_share(a, s, c):
-    assert mean_opening(a, s, c, 0.0) == a
+    assert mean_opening(a, a, s, c, 0.0) == min(a, 1.0)
 
 
-@given(st.lists(st.tuples(shares, st.floats(0, 0.999), st.floats(0, 0.999)), min_size=1, max_size=5), phases)
+@given(st.lists(st.tuples(shares, shares, st.floats(0, 0.999), st.floats(0, 0.999)), min_size=1, max_size=5), phases)
 def test_for_arrays_of_samples_the_opening_is_the_same(rows, s):
-    a, c, d = (np.array(column) for column in zip(*rows, strict=True))
-    opened = kernels("energy-balance").switched_opening(a, c, d, s)
-    # a length is a difference of numbers up to 3, which d divides; where d is nothing, so is the carrier
-    for value, row, part in zip(opened, rows, d, strict=True):
-        assert value == pytest.approx(mean_opening(row[0], s, *row[1:]), abs=12 * EPS / max(part, 1e-12))
+    a, b, c, d = (np.array(column) for column in zip(*rows, strict=True))
+    for value, row in zip(kernels("energy-balance").passed_pulses(a, b, c, d, s), rows, strict=True):
+        # a length is a difference of numbers up to 3
+        assert value == pytest.approx(passed(row[0], row[1], s, row[2], row[3]), abs=12 * EPS)
+
+
+@given(shares, st.floats(0, 0.3), st.floats(0.5, 1.5), st.floats(1.0, 10.0))
+def test_without_a_share_at_the_start_the_pulses_follow_equation_11(u, R_0, R_1, k):
+    assume(k * (R_1 - R_0) >= 1)
+    # but for the end, where the averaged valve is wide open and the switched one outlasts its period
+    share, degree = float(pulse_share(u, R_0, R_1, 0.0, k)), float(opening(u, R_0, R_1))
+    assert min(share, 1.0) == pytest.approx(degree, abs=8 * EPS)
+
+
+def test_short_pulses_rise_steeply_to_the_line_of_the_full_ones():
+    u = np.linspace(0.0, 1.0, 201)
+    share = np.array([float(pulse_share(x, 0.1, 0.9, 0.2, 3.0)) for x in u])
+    assert np.all(share[u <= 0.1] == 0.0)
+    slope = np.diff(share) / np.diff(u)
+    short, full = (u[:-1] > 0.101) & (u[1:] < 0.19), u[:-1] > 0.21
+    assert slope[short] == pytest.approx(3.0)
+    assert slope[full] == pytest.approx(1.0)
+    assert share[-1] == pytest.approx(1.1), "the last pulse outlasts its period"
 
 
 def test_for_an_array_of_duty_cycles_the_opening_is_that_of_the_text():

@@ -10,8 +10,9 @@ from clutchid.model import Actuator, Load
 from clutchid.model.chambers import pressure_rate, volume_a, volume_b
 from clutchid.model.friction import deflection_rate, friction_force
 from clutchid.model.motion import acceleration
+from clutchid.model.opening import opening
 from clutchid.model.static import balanced_pressure, static_load, static_pressure
-from clutchid.model.valves import breathing_flow, opening, orifice_flow, psi
+from clutchid.model.valves import breathing_flow, orifice_flow, psi
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 

@@ -31,7 +31,7 @@ def opened() -> Log:
 def test_the_terms_are_those_of_the_kernels(variant):
     actuator, module = Actuator(model=variant), kernels(variant)
     state = np.array([ENGAGED[name] for name in VARIANTS[variant]])
-    inputs = np.array([1.0, 0.2, 0.3, 0.1])[: len(module.INPUTS)]
+    inputs = np.array([1.0, 0.2, 0.3, 0.1, 1.0, 0.2])[: len(module.INPUTS)]
     rates, jacobian = np.empty((1, state.size)), np.empty((1, state.size, state.size))
     load, p = actuator.load, actuator.parameters.array()
     module.linearise(state[None], inputs[None], p, load.breakpoints, load.combined(), rates, jacobian)

@@ -7,15 +7,18 @@ import sympy as sp
 from clutchid.codegen.system import Expr
 from clutchid.model.friction import coulomb_force, deflection_rate, friction_force, stribeck_force
 from clutchid.model.motion import stop_force
-from clutchid.model.valves import opening, switched_opening
+from clutchid.model.opening import opening, passed_pulses, pulse_share, switched_opening
 from clutchid.parameters import Parameters
+
+#: Duty cycles, phase and step of the valves' carrier, and the duty cycles one period of it before.
+INPUTS = ("u_vs", "u_ve", "c_pwm", "d_pwm", "u_vs1", "u_ve1")
 
 
 class Book:
     """Symbols by name; ``book.define(name, value)`` adds a named expression, in the order of computation."""
 
     def __init__(self, states: tuple[str, ...]) -> None:
-        names = (*states, *Parameters.names(), "u_vs", "u_ve", "c_pwm", "d_pwm", "f_l", "y_measured", "p_A_measured")
+        names = (*states, *Parameters.names(), *INPUTS, "f_l", "y_measured", "p_A_measured")
         self._symbols: dict[str, Expr] = {name: sp.Symbol(name, real=True) for name in names}
         self.rows: list[tuple[Expr, Expr]] = []
 
@@ -36,11 +39,16 @@ class Book:
 def openings(b: Book, switched: bool = False) -> None:
     """Opening degrees of both valves, Eq. (11); with `switched` as the carrier opens them."""
     for valve in ("vs", "ve"):
-        degree = opening(b[f"u_{valve}"], b[f"R_0{valve}"], b[f"R_1{valve}"])
-        if switched:
-            share = b.define(f"a_{valve}", degree)
-            degree = switched_opening(share, b["s_pwm"] + b[f"s_{valve}"], b["c_pwm"], b["d_pwm"])
-        b.define(f"y_{valve}", degree)
+        u, R_0, R_1 = b.all(f"u_{valve}", f"R_0{valve}", f"R_1{valve}")
+        if not switched:
+            b.define(f"y_{valve}", opening(u, R_0, R_1))
+            continue
+        law = b.all(f"R_0{valve}", f"R_1{valve}", f"a_0{valve}", f"k_{valve}")
+        share = b.define(f"a_{valve}", pulse_share(u, *law))
+        before = b.define(f"b_{valve}", pulse_share(b[f"u_{valve}1"], *law))
+        phase = b["s_pwm"] + b[f"s_{valve}"]
+        passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, *b.all("c_pwm", "d_pwm")))
+        b.define(f"y_{valve}", switched_opening(share, passed, b["d_pwm"]))
 
 
 def gated(opening_degree: Expr, flow: Expr) -> Expr:

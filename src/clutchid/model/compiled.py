@@ -57,7 +57,7 @@ def check_variant(variant: str) -> None:
 def kernels(variant: str) -> ModuleType:
     """Kernels of `variant`: ``run``, ``run_table``, ``run_all`` and ``linearise``, and what else is made of its text.
 
-    That is ``terms`` one after the other, the ``paper_table`` of the load, and ``opening`` and ``switched_opening`` of
+    That is ``terms`` one after the other, the ``paper_table`` of the load, and ``opening`` and ``passed_pulses`` of
     the valves for arrays. A warm call neither imports SymPy nor compiles.
 
     Raises
@@ -78,18 +78,18 @@ def _builder(variant: str) -> Callable[[], str]:
         from clutchid.codegen.numba_source import elementwise_source, function_source, numba_source
         from clutchid.codegen.terms import terms_source
         from clutchid.model.load import table_expressions
-        from clutchid.model.valves import opening, switched_opening
+        from clutchid.model.opening import opening, passed_pulses
 
         text = system(variant)
         knots = sp.symbols("t_1:5 phi2_slope", real=True)
-        u, R_0, R_1, a, s, c, d = sp.symbols("u R_0 R_1 a s c d", real=True)
+        u, R_0, R_1, a, b, s, c, d = sp.symbols("u R_0 R_1 a b s c d", real=True)
         return "".join(
             (
                 numba_source(text),
                 terms_source(text),
                 function_source("paper_table", knots, table_expressions(*knots)),
                 elementwise_source("opening", (u,), (R_0, R_1), opening(u, R_0, R_1)),
-                elementwise_source("switched_opening", (a, c, d), (s,), switched_opening(a, s, c, d)),
+                elementwise_source("passed_pulses", (a, b, c, d), (s,), passed_pulses(a, b, s, c, d)),
             )
         )
 

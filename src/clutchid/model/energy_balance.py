@@ -7,7 +7,7 @@ from functools import cache
 import sympy as sp
 
 from clutchid.codegen.system import System, Table
-from clutchid.model.assembly import Book, friction_and_stops, gated, openings
+from clutchid.model.assembly import INPUTS, Book, friction_and_stops, gated, openings
 from clutchid.model.chambers import (
     heated_pressure_rate,
     reservoir_rate,
@@ -28,7 +28,8 @@ STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S")
 def energy_balance(stribeck: bool = False) -> System:
     r"""The paper's model with the energy balance in place of Eqs. (4) and (5), and a supply that sags.
 
-    .. math:: \dot x = f(x, u; p), \quad x = (y, v, p_A, p_B, z, T_A, T_B, p_S), \quad u = (u_{vs}, u_{ve}, c, d)
+    .. math:: \dot x = f(x, u; p), \quad x = (y, v, p_A, p_B, z, T_A, T_B, p_S), \quad
+              u = (u_{vs}, u_{ve}, c, d, u_{vs1}, u_{ve1})
 
     Parameters
     ----------
@@ -38,8 +39,8 @@ def energy_balance(stribeck: bool = False) -> System:
     Returns
     -------
     system : System
-        Inputs are the duty cycles, and phase and step of the valves' carrier; the load f_l(y) is a table; jumps take a
-        measured position or pressure.
+        Inputs are the duty cycles, phase and step of the valves' carrier, and the duty cycles one period before; the
+        load f_l(y) is a table; jumps take a measured position or pressure.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def energy_balance(stribeck: bool = False) -> System:
     return System(
         name="energy_balance_stribeck" if stribeck else "energy_balance",
         states=b.all(*STATES),
-        inputs=b.all("u_vs", "u_ve", "c_pwm", "d_pwm"),
+        inputs=b.all(*INPUTS),
         parameters=b.all(*Parameters.names()),
         definitions=tuple(b.rows),
         derivatives=rates,

@@ -1,4 +1,4 @@
-"""Section 2.4: flow through valves and orifice, and how a duty cycle opens a valve."""
+"""Section 2.4: flow through valves and orifice."""
 
 from __future__ import annotations
 
@@ -174,82 +174,3 @@ def thermal_factor(T_0: Expr, T: Expr) -> Expr:
     '1.10'
     """
     return sp.sqrt(T_0 / T)
-
-
-def opening(u: Expr, R_0: Expr, R_1: Expr) -> Expr:
-    r"""Opening degree of an on/off valve at a duty cycle, Eq. (11).
-
-    .. math:: y_{vx} = \mathrm{sat}_{[0,1]} \frac{u - R_0}{R_1 - R_0}
-
-    Parameters
-    ----------
-    u : 1
-        Duty cycle in [0, 1].
-    R_0, R_1 : 1
-        Duty cycle where the valve starts to open and where it is fully open, R_0 < R_1.
-
-    Returns
-    -------
-    y_vx : 1
-        In [0, 1].
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
-    Examples
-    --------
-    >>> f"{opening(0.5, 0.07, 0.93):.2f}"
-    '0.50'
-    """
-    degree = (u - R_0) / (R_1 - R_0)
-    return sp.Piecewise((0, u <= R_0), (1, u >= R_1), (degree, True))
-
-
-def switched_opening(a: Expr, s: Expr, c: Expr, d: Expr) -> Expr:
-    r"""Mean opening over a sample of a valve that is switched by a carrier, in place of the mean over a period.
-
-    .. math:: \bar y = \frac{1}{d} \sum_{k=-1}^{2} |[c, c + d] \cap [k + s, k + s + a]|
-
-    Parameters
-    ----------
-    a : 1
-        Share of the period in which the valve is open, `opening` of the duty cycle.
-    s : 1
-        Phase of the carrier at which the valve opens, in [-1, 1].
-    c : 1
-        Phase of the carrier at the start of the sample, in [0, 1).
-    d : 1
-        Part of a period that the sample lasts; 0 where there is no carrier.
-
-    Returns
-    -------
-    y_vx : 1
-        In [0, 1]; `a` where there is no carrier.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
-    Notes
-    -----
-    The paper averages over the period. An on/off valve at 100 Hz moves the piston by up to 0.35 mm within a period, and
-    a recording at 1 kHz sees it. The mean over a sample has a useful derivative to `a` and `s`, an edge has none.
-
-    Examples
-    --------
-    A valve that is open for the first quarter of the period is open in half of the sample around its closing:
-
-    >>> f"{float(switched_opening(0.25, 0.0, 0.2, 0.1)):.2f}"
-    '0.50'
-    """
-
-    def least(p: Expr, q: Expr) -> Expr:
-        return sp.Piecewise((p, p < q), (q, True))
-
-    def overlap(low: Expr, high: Expr) -> Expr:
-        length = least(c + d, high) + least(-c, -low)
-        return sp.Piecewise((length, length > 0), (0, True))
-
-    total = sum(overlap(k + s, k + s + a) for k in (-1, 0, 1, 2))
-    return sp.Piecewise((total / d, d > 0), (a, True))

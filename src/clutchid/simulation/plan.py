@@ -194,7 +194,9 @@ def _inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
     """Held inputs at every sample: both duty cycles, and the valves' carrier where the model has one."""
     columns = [log[name][start:stop] for name in INPUTS]
     if "T_A" in VARIANTS[actuator.model]:
-        columns += carrier(log.time[start:stop], actuator.parameters)
+        time, p = log.time[start:stop], actuator.parameters
+        before = period_before(time, p)
+        columns += [*carrier(time, p), *(column[before] for column in columns)]
     return np.column_stack(columns)
 
 
@@ -205,6 +207,12 @@ def carrier(time: FloatArray, p: Parameters) -> list[FloatArray]:
     phase = (time / p.T_pwm) % 1.0
     step = np.diff(time, append=2 * time[-1] - time[-2]) / p.T_pwm
     return [phase, np.where(step < 1.0, step, 0.0)]
+
+
+def period_before(time: FloatArray, p: Parameters) -> NDArray[np.intp]:
+    """Number of the sample one period of the valves' carrier before each sample, the first where there is none."""
+    early = np.searchsorted(time, time - p.T_pwm * (1.0 - 1e-6), side="right") - 1
+    return np.maximum(early, 0)
 
 
 def _rest(time: FloatArray, position: FloatArray, closed: NDArray[np.bool_]) -> FloatArray:

@@ -65,7 +65,7 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     largest = 0.0
     load = actuator.load
     for duty in ((1.0, 0.0), (0.0, 1.0)):
-        u = np.zeros((x.shape[0], 4))
+        u = np.zeros((x.shape[0], len(kernels(actuator.model).INPUTS)))
         u[:, :2] = duty
         kernels(actuator.model).linearise(x, u, p.array(), load.breakpoints, load.combined(), rates, jacobian)
         finite = jacobian[np.all(np.isfinite(jacobian), axis=(1, 2))]

@@ -35,8 +35,14 @@ def plant() -> Actuator:
 
 @pytest.fixture(scope="session")
 def duties() -> Log:
-    """Duty cycles as a gearbox asks for them, 8 s at 1 kHz; position and pressure are those of another plant."""
-    return drive(Truck(), seconds=8.0, seed=1).log
+    """Duty cycles as a gearbox asks for them, 8 s at 1 kHz; position and pressure are those of another plant.
+
+    They differ a millionth from sample to sample, so that their grid does not tell the carrier of the plant here.
+    """
+    log = drive(Truck(), seconds=8.0, seed=1).log
+    shares = 1.0 - 1e-6 * np.random.default_rng(8).random((2, len(log)))
+    duty = {name: log[name] * by for name, by in zip(("duty_supply", "duty_exhaust"), shares, strict=True)}
+    return log.with_columns(**duty)
 
 
 @pytest.fixture(scope="session")

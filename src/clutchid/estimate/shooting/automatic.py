@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.estimate.shooting.carrier import find_carrier
+from clutchid.estimate.shooting.carrier import centred, find_carrier, grid_phase
 from clutchid.estimate.shooting.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator, Load
@@ -26,7 +26,7 @@ PAPER = (
 )  # fmt: skip
 BALANCE = ("T_w", "h_A", "V_S", "tau_S")
 STRIBECK = ("c_F", "R_S", "v_S")
-CARRIER = ("s_vs", "s_ve")
+CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "k_vs", "k_ve")
 
 #: The chamber vents when its pressure falls this near to the ambient, in Pa, which on land is in this range.
 VENTED, AMBIENT = 2e4, (0.5e5, 1.2e5)
@@ -52,9 +52,16 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     balance = "T_A" in VARIANTS[actuator.model]
     if balance:
         free += BALANCE
-        period, _ = find_carrier(logs[0], actuator)
+        period, phase = find_carrier(logs[0], actuator)
         if period > 0.0:
-            changes |= {"T_pwm": period, "s_vs": actuator.value("R_0vs"), "s_ve": actuator.value("R_0ve")}
+            # from a grid of the duty cycles, if there is one, the valves' own phases lead to what the pressure shows
+            grid = grid_phase(logs[0], period)
+            later = 0.0 if grid is None else centred(phase - grid)
+            changes |= {
+                "T_pwm": period,
+                "s_vs": actuator.value("R_0vs") + later,
+                "s_ve": actuator.value("R_0ve") + later,
+            }
             free += CARRIER
     if actuator.model.endswith("stribeck"):
         free += STRIBECK

@@ -1,4 +1,8 @@
-"""The carrier that switches the valves, found in a recording: its period from the pressure, its phase from either."""
+"""The carrier that switches the valves, found in a recording: from its duty cycles, the pressure or the position.
+
+A control unit takes a new duty cycle at the start of a period. Where the recorded duty cycles change on a grid in time
+only, the grid tells the phase exactly, if pressure or position do not contradict it.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,14 @@ PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 #: middling one: what any phase explains is the changing duty cycle, not the carrier.
 PHASES, CONTRAST = 20, 0.01
 
+#: The same where the period is known from the duty cycles, so that chance has one try only; and how near the phase must
+#: be, in periods, that the motion shows, where the grid is taken for the carrier.
+CONTRAST_ON_GRID, NEAR = 0.0025, 0.1
+
+#: The duty cycles change on a grid where their changes, as phasors on it, have a mean of this length; how many changes
+#: tell that, and the longest period in s that is looked for.
+ON_GRID, CHANGES, LONGEST = 0.95, 50, 0.1
+
 #: Samples that a period takes at least for its phase to show.
 SEEN = 2.5
 
@@ -29,11 +41,60 @@ SEEN = 2.5
 ENOUGH = 15.0
 
 
+def duty_grid(log: Log) -> tuple[float, float]:
+    """Period in s of the grid on which the duty cycles change, and its phase; (0, 0) where they change at any time.
+
+    Of a grid's divisors, which fit as well, the grid itself is the longest.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    step = float(np.median(np.diff(log.time)))
+    changed = np.zeros(len(log), dtype=bool)
+    for name in ("duty_supply", "duty_exhaust"):
+        changed[1:] |= np.abs(np.diff(log[name])) > 1e-9
+    at = log.time[changed]
+    if at.size < CHANGES:
+        return 0.0, 0.0
+    periods = step * np.arange(np.ceil(SEEN), round(LONGEST / step) + 1)
+    phasors = np.array([np.exp(2j * np.pi * at / period).mean() for period in periods])
+    fitting = np.flatnonzero(np.abs(phasors) > ON_GRID)
+    if fitting.size == 0:
+        return 0.0, 0.0
+    longest = fitting[-1]
+    return float(periods[longest]), float(np.angle(phasors[longest]) / (2 * np.pi) % 1.0)
+
+
+def grid_phase(log: Log, period: float) -> float | None:
+    """Phase of a carrier of known `period` in s where the duty cycles change on its grid; None where they do not.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    grid, phase = duty_grid(log)
+    periods = grid / period
+    if periods < 0.5 or abs(periods - round(periods)) > 0.01:
+        return None
+    return (phase * periods) % 1.0
+
+
+def on_grid(log: Log, actuator: Actuator) -> bool:
+    """Whether the phase of `actuator` is the one of the grid on which the duty cycles of `log` change."""
+    p = actuator.parameters
+    grid = grid_phase(log, p.T_pwm)
+    return grid is not None and abs(centred(grid - p.s_pwm)) < 1e-6
+
+
 def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIODS) -> tuple[float, float]:
     """Period in s of the carrier in a recording with pressure, and where in it the valves open; (0, 0) without one.
 
     An open valve changes the pressure at once, so the pressure's rate within a period shows when it is open. For every
-    period and phase the rate is compared with the opening that they predict beyond its mean.
+    period and phase the rate is compared with the opening that they predict beyond its mean. The period of the grid on
+    which the duty cycles change needs less evidence than others.
 
     Raises
     ------
@@ -43,8 +104,9 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     step = float(np.median(np.diff(log.time)))
     log = log.slice(0, min(len(log), round(ENOUGH / step)))
     rate = np.diff(log["pressure_a"])
-    best, found = CONTRAST, (0.0, 0.0)
-    for period in periods:
+    grid, _ = duty_grid(log)
+    best, found = 0.0, (0.0, 0.0)
+    for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:
         if period < SEEN * step:
             continue
         length = max(1, round(period / step))
@@ -53,7 +115,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
         tried = (actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases)
         shares = np.array([_explained(log, one, fast, length) for one in tried])
         contrast = float(shares.max() - np.median(shares))
-        if contrast > best:
+        if contrast > max(best, CONTRAST_ON_GRID if abs(period - grid) < 1e-3 * period else CONTRAST):
             best, found = contrast, (period, float(phases[np.argmax(shares)]))
     return found
 
@@ -74,7 +136,7 @@ def _explained(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> f
     ):
         share = text.opening(log[duty], low, high)
         # a valve's own phase begins to be searched at the duty cycle where it starts to open
-        opened = text.switched_opening(share, *clock, (p.s_pwm + low) % 1.0)
+        opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0)
         switched = np.where(np.isfinite(share), opened, np.nan)[:-1] * drive
         columns.append(switched - _smooth(switched, length))
     A = np.nan_to_num(np.column_stack(columns))

@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.carrier import SEEN, centred, find_carrier, find_phase
+from clutchid.estimate.shooting.carrier import NEAR, SEEN, centred, find_carrier, find_phase, grid_phase, on_grid
 from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import Shooting
@@ -108,7 +108,7 @@ def _phases(wanted: Wanted, logs: Sequence[Log], phased: Sequence[Actuator]) -> 
     return {
         f"s_pwm@{log.name}": Prior(own.parameters.s_pwm, WIDTHS["s_pwm"])
         for log, own in list(zip(logs, phased, strict=True))[later:]
-        if own.parameters.T_pwm > 0.0
+        if own.parameters.T_pwm > 0.0 and not on_grid(log, own)
     }
 
 
@@ -152,7 +152,10 @@ def with_phase(log: Log, actuator: Actuator, with_pressure: bool) -> Actuator:
     period = actuator.parameters.T_pwm
     if period == 0.0 or len(log) < 2 or period < SEEN * float(np.median(np.diff(log.time))):
         return actuator
+    grid = grid_phase(log, period)
     if with_pressure:
         _, phase = find_carrier(log, actuator, (period,))
-        return actuator.replace({"s_pwm": centred(phase)})
-    return actuator.replace({"s_pwm": find_phase(log, actuator)})
+        return actuator.replace({"s_pwm": centred(phase if grid is None else grid)})
+    phase = find_phase(log, actuator)
+    known = grid is not None and abs(centred(phase - grid)) < NEAR
+    return actuator.replace({"s_pwm": centred(grid) if known and grid is not None else phase})
