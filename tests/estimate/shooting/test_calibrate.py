@@ -63,7 +63,9 @@ def test_a_worn_load_is_read_from_position_alone(adapted, worn):
     assert np.sqrt(np.mean(miss**2)) < 0.008 * true.max(), "the load was 8 % off"
     assert adapted.errors.pressure_a_rms is None
     assert adapted.calibration is None, "a fit without pressure calibrates nothing"
-    assert set(adapted.parameters) == {*worn.load.names, "F_C@worn", "V_0A@worn"}, "seals and rest wear too"
+    assert set(adapted.parameters) == {*worn.load.names, "F_C@worn", "V_0A@worn", "y_max@worn"}, (
+        "seals and rest wear too"
+    )
 
 
 def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated, worn_log):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.estimate.shooting.carrier import PERIODS, centred, find_carrier, find_phase
+from clutchid.estimate.shooting.carrier import PERIODS, centred, duty_grid, find_carrier, find_phase, grid_phase
+from clutchid.estimate.shooting.fit import with_phase
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
 
@@ -91,3 +92,32 @@ def test_a_centred_phase_is_the_same_phase():
         assert -0.5 <= centred(phase) < 0.5
         turns = centred(phase) - phase
         assert turns == pytest.approx(round(turns), abs=1e-12)
+
+
+def test_duty_cycles_that_change_once_a_period_tell_it_and_its_phase():
+    t = np.arange(4000) * 1e-3
+    duty = np.repeat(np.random.default_rng(1).random(200), 20)
+    log = Log(t, {"duty_supply": np.roll(duty, 7), "duty_exhaust": np.zeros(t.size)})
+    period, phase = duty_grid(log)
+    assert period == pytest.approx(0.02)
+    assert phase == pytest.approx(0.35)
+    assert grid_phase(log, 0.02) == pytest.approx(0.35)
+    assert grid_phase(log, 0.01) == pytest.approx(0.7), "two periods of the carrier in one of the grid"
+    assert grid_phase(log, 0.012) is None
+
+
+def test_duty_cycles_that_change_at_any_time_have_no_grid():
+    t = np.arange(4000) * 1e-3
+    log = Log(t, {"duty_supply": np.random.default_rng(1).random(4000), "duty_exhaust": np.zeros(t.size)})
+    assert duty_grid(log) == (0.0, 0.0)
+    assert duty_grid(log.slice(0, 40)) == (0.0, 0.0), "too few changes"
+    assert grid_phase(log, 0.01) is None
+
+
+def test_the_phase_of_a_recording_with_a_grid_is_that_of_the_grid(plant, recorded_by):
+    log = recorded_by(plant, seconds=4.0)
+    duty = np.repeat(np.random.default_rng(2).random(len(log) // 10), 10)
+    held = log.with_columns(duty_supply=np.roll(duty, 3), duty_exhaust=np.zeros(len(log)))
+    actuator = plant.replace({"T_pwm": 0.01})
+    for with_pressure in (True, False):
+        assert with_phase(held, actuator, with_pressure).parameters.s_pwm == pytest.approx(0.3, abs=1e-6)

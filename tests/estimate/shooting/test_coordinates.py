@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.shooting.coordinates import SHARES, WIDTHS, Prior, coordinates, smoothness
+from clutchid.estimate.shooting.coordinates import SHARES, STOP, WIDTHS, Prior, coordinates, far_stop, smoothness
+from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
 
@@ -135,3 +136,12 @@ def test_the_smoothness_residual_has_the_derivatives_that_its_rows_say():
     moved = ACTUATOR.replace({"theta_7": ACTUATOR.value("theta_7") + 100.0})
     change = smoothness(moved, names, (0.0,) * 22, 3e8)[:, -1] - rows[:, -1]
     assert change == pytest.approx(100.0 * rows[:, names.index("theta_7")], abs=1e-9)
+
+
+def test_the_stroke_is_that_of_the_drawing_or_as_far_as_a_recording_reaches():
+    t = np.arange(0, 1, 1e-3)
+    short, far = (Log(t, {"position": top * np.sin(np.pi * t)}, "log") for top in (0.02, 0.0262))
+    assert far_stop(Actuator(), [short]) == Prior(0.025, STOP)
+    assert far_stop(Actuator(), [short, far]).mean == pytest.approx(0.0262, abs=1e-5)
+    nothing = Log(t, {"position": np.full(t.size, np.nan)}, "log")
+    assert far_stop(Actuator(), [nothing]) == Prior(0.025, STOP)

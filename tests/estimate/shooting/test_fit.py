@@ -106,7 +106,7 @@ def test_without_a_carrier_or_on_a_slow_recording_the_actuator_stays(plant, swit
 def test_each_recording_has_the_phase_of_its_own_carrier(switched, carried):
     logs = [position_only(log) for log in carried]
     shot = shoot(logs, switched, Wanted(("theta_9", "theta_10"), ("position",)), EXACT)
-    phases_and_wear = [f"{name}@{stem}" for name in ("s_pwm", "F_C", "V_0A") for stem in ("one", "two")]
+    phases_and_wear = [f"{name}@{stem}" for name in ("s_pwm", "F_C", "V_0A", "y_max") for stem in ("one", "two")]
     assert sorted(shot.task.names) == sorted(["theta_9", "theta_10", *phases_and_wear])
     phases = [shot.task.actuator_of(shot.found.x, stem).value("s_pwm") for stem in ("one", "two")]
     # seconds of a position with 30 µm of noise tell the phase to a hundredth of the period

@@ -33,7 +33,7 @@ def fit(shot, known):
 
 def test_the_load_curve_is_that_of_the_fitted_actuator_within_its_band(fit, worn):
     curve = fit.load_curve
-    assert curve.position[[0, -1]] == pytest.approx([0.0, 0.025])
+    assert curve.position[[0, -1]] == pytest.approx([0.0, fit.actuator.parameters.y_max])
     assert curve.force == pytest.approx(fit.actuator.load.force(curve.position))
     assert np.all((curve.low < curve.force) & (curve.force < curve.high))
     reached = (curve.position > 0.5e-3) & (curve.position < 20e-3)
@@ -62,7 +62,7 @@ def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit
         else:
             assert estimate.high - estimate.value == pytest.approx(1.96 * estimate.std)
             assert estimate.value - estimate.low == pytest.approx(1.96 * estimate.std)
-        assert estimate.unit == ("m³" if name == "V_0A@worn" else "N")
+        assert estimate.unit == ({"V_0A@worn": "m³", "y_max@worn": "m"}.get(name, "N"))
 
 
 def test_intervals_are_wider_with_a_calibration_that_is_less_sure(fit, shot):

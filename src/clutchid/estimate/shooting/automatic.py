@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.estimate.shooting.carrier import centred, find_carrier, grid_phase
-from clutchid.estimate.shooting.coordinates import Prior
+from clutchid.estimate.shooting.coordinates import Prior, far_stop
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator, Load
 from clutchid.model.compiled import VARIANTS
@@ -19,10 +19,10 @@ from clutchid.simulation.plan import VENTED_POSITION
 AUTOMATIC = "energy-balance-stribeck"
 
 #: Parameters that a calibration frees, where the model knows them: what differs from truck to truck and is not on a
-#: drawing. Areas and stroke are; mass and damping of the stops hardly show.
+#: drawing. Areas are; mass and damping of the stops hardly show.
 PAPER = (
-    "C_vs", "C_ve", "B_vs", "B_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z",
-    "D_zdot", "C_r", "tau_y", "tau_p",
+    "C_vs", "C_ve", "B_vs", "B_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "V_0B", "P_S", "P_0", "F_C", "D_v",
+    "K_z", "D_zdot", "C_r", "y_max", "tau_y", "tau_p",
 )  # fmt: skip
 BALANCE = ("T_w", "h_A", "V_S", "tau_S")
 STRIBECK = ("c_F", "R_S", "v_S")
@@ -67,7 +67,8 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
         free += STRIBECK
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     begin = replace(actuator, load=load).replace(changes)
-    return begin, (*load.names, *free), {"P_0": Prior(ambient, VENTED_STD)}
+    known = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, logs)}
+    return begin, (*load.names, *free), known
 
 
 def _check(logs: Sequence[Log], actuator: Actuator) -> None:

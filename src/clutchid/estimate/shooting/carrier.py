@@ -1,7 +1,7 @@
 """The carrier that switches the valves, found in a recording: from its duty cycles, the pressure or the position.
 
 A control unit takes a new duty cycle at the start of a period. Where the recorded duty cycles change on a grid in time
-only, the grid tells the phase exactly, if pressure or position do not contradict it.
+only, the grid tells the phase exactly; where they change at any time, pressure or position must show it.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 #: middling one: what any phase explains is the changing duty cycle, not the carrier.
 PHASES, CONTRAST = 20, 0.01
 
-#: The same where the period is known from the duty cycles, so that chance has one try only; and how near the phase must
-#: be, in periods, that the motion shows, where the grid is taken for the carrier.
-CONTRAST_ON_GRID, NEAR = 0.0025, 0.1
+#: The same where the period is known from the duty cycles, so that chance has one try only.
+CONTRAST_ON_GRID = 0.0025
 
 #: The duty cycles change on a grid where their changes, as phasors on it, have a mean of this length; how many changes
 #: tell that, and the longest period in s that is looked for.
@@ -80,13 +79,6 @@ def grid_phase(log: Log, period: float) -> float | None:
     if periods < 0.5 or abs(periods - round(periods)) > 0.01:
         return None
     return (phase * periods) % 1.0
-
-
-def on_grid(log: Log, actuator: Actuator) -> bool:
-    """Whether the phase of `actuator` is the one of the grid on which the duty cycles of `log` change."""
-    p = actuator.parameters
-    grid = grid_phase(log, p.T_pwm)
-    return grid is not None and abs(centred(grid - p.s_pwm)) < 1e-6
 
 
 def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIODS) -> tuple[float, float]:

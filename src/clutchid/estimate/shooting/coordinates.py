@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters
 
@@ -39,6 +39,23 @@ class Prior:
 
     mean: float
     std: float
+
+
+#: How far the far stop is from where a drawing, or the reach of a recording, puts it, as a standard deviation in m.
+STOP = 5e-4
+
+
+def far_stop(actuator: Actuator, logs: Sequence[Log]) -> Prior:
+    """What is known of the stroke: as on the drawing, or as far as recordings reach where that is further.
+
+    With the engaged rest the zero of the position moves, so the far stop of a worn clutch does as well.
+    """
+    reach = max((float(np.nanpercentile(log["position"], 99.9)) for log in logs if _measured(log)), default=0.0)
+    return Prior(max(actuator.parameters.y_max, reach), STOP)
+
+
+def _measured(log: Log) -> bool:
+    return "position" in log and bool(np.isfinite(log["position"]).any())
 
 
 @dataclass(frozen=True, slots=True)

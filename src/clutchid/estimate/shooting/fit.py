@@ -10,8 +10,8 @@ import numpy as np
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.carrier import NEAR, SEEN, centred, find_carrier, find_phase, grid_phase, on_grid
-from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates
+from clutchid.estimate.shooting.carrier import SEEN, centred, find_carrier, find_phase, grid_phase
+from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates, far_stop
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, Found, search
@@ -108,7 +108,7 @@ def _phases(wanted: Wanted, logs: Sequence[Log], phased: Sequence[Actuator]) -> 
     return {
         f"s_pwm@{log.name}": Prior(own.parameters.s_pwm, WIDTHS["s_pwm"])
         for log, own in list(zip(logs, phased, strict=True))[later:]
-        if own.parameters.T_pwm > 0.0 and not on_grid(log, own)
+        if own.parameters.T_pwm > 0.0 and grid_phase(log, own.parameters.T_pwm) is None
     }
 
 
@@ -120,10 +120,11 @@ def _wearing(
     if calibration is None or "pressure_a" in wanted.measure or not reads_load:
         return {}
     taken = {name.partition("@")[0] for name in wanted.names}
+    known = {name: Prior(actuator.value(name), deviation(actuator, name, calibration)) for name in WEARING}
     return {
-        f"{name}@{log.name}": Prior(actuator.value(name), deviation(actuator, name, calibration))
+        f"{name}@{log.name}": prior
         for log in logs
-        for name in WEARING
+        for name, prior in {**known, "y_max": far_stop(actuator, [log])}.items()
         if name not in taken
     }
 
@@ -152,10 +153,9 @@ def with_phase(log: Log, actuator: Actuator, with_pressure: bool) -> Actuator:
     period = actuator.parameters.T_pwm
     if period == 0.0 or len(log) < 2 or period < SEEN * float(np.median(np.diff(log.time))):
         return actuator
-    grid = grid_phase(log, period)
+    if (grid := grid_phase(log, period)) is not None:
+        return actuator.replace({"s_pwm": centred(grid)})
     if with_pressure:
         _, phase = find_carrier(log, actuator, (period,))
-        return actuator.replace({"s_pwm": centred(phase if grid is None else grid)})
-    phase = find_phase(log, actuator)
-    known = grid is not None and abs(centred(phase - grid)) < NEAR
-    return actuator.replace({"s_pwm": centred(grid) if known and grid is not None else phase})
+        return actuator.replace({"s_pwm": centred(phase)})
+    return actuator.replace({"s_pwm": find_phase(log, actuator)})
