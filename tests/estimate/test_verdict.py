@@ -115,9 +115,14 @@ def test_a_recording_that_does_not_reach_the_engaging_clutch_is_a_reason(fitted)
         assert not grave or told.trust == "none"
 
 
-def test_by_shooting_the_position_cannot_judge_and_the_verdict_says_so(fitted):
-    shot = replace(fitted, method="shooting")
+@pytest.mark.parametrize(
+    ("method", "said"),
+    [("shooting", "by shooting the position"), ("prediction-error", "by prediction error the position")],
+)
+def test_where_the_position_follows_it_cannot_judge_and_the_verdict_says_so(fitted, method, said):
+    shot = replace(fitted, method=method)
     (sentence,) = verdict(shot).unseen
+    assert sentence.startswith(said)
     assert "follows the measurement" in sentence
     assert "the pressure where it is measured" in sentence
     assert verdict(fitted).unseen == ()

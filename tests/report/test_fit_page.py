@@ -184,6 +184,13 @@ def test_by_shooting_the_page_says_what_its_errors_are(fitted):
     assert "What the verdict cannot see" in html
 
 
+def test_by_prediction_error_the_page_says_what_its_errors_are(fitted):
+    html = render(page_of(replace(fitted, method="prediction-error"), COMMAND))
+    assert "fitted by prediction error" in html
+    assert "those of prediction by a sample" in html
+    assert "What the verdict cannot see" in html
+
+
 def test_the_file_is_replaced_in_one_step(fitted, tmp_path):
     page = tmp_path / "page.html"
     page.write_text("old")

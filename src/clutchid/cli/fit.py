@@ -45,7 +45,7 @@ def fit(
     parts: int | None = None,
     carry: Literal["p", "q"] | None = None,
     model: str | None = None,
-    method: Literal["simulation", "shooting"] | None = None,
+    method: Literal["simulation", "shooting", "prediction-error"] | None = None,
     prior: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
     start: Path | None = None,
     verify: Annotated[list[Path] | None, Parameter(name="--verify", consume_multiple=True)] = None,
@@ -81,8 +81,9 @@ def fit(
         Model variant: isothermal (the paper), energy-balance, either with -stribeck. By default isothermal, and
         energy-balance-stribeck for `--free auto`.
     method
-        simulation (the paper) or shooting (many short simulations that meet softly); by default the one that what is
-        asked for needs. A calibration is one by shooting, and so is what starts from it.
+        simulation (the paper), shooting (many short simulations that meet softly) or prediction-error (a filter that
+        predicts every sample). By default simulation; shooting where what is asked for needs it, as a calibration
+        does; and what made the calibration, where --start has one.
     prior
         What is known before the data, NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), several after each other.
     start
@@ -129,7 +130,7 @@ class _Asked:
     priors: tuple[str, ...]
     partition: tuple[int | None, int | None, Literal["p", "q"] | None]
     model: str | None
-    method: Literal["simulation", "shooting"] | None
+    method: Literal["simulation", "shooting", "prediction-error"] | None
     ambient: str | None
 
 
@@ -154,8 +155,8 @@ def _fitted(files: _Files, asked: _Asked) -> Fit:
 
     partition = partition_of(*asked.partition)
     automatic = "auto" in names(asked.free)
-    shooting = partition is None and asked.method != "simulation"
-    actuator, calibration = _start(files.start, asked.model, automatic, shooting)
+    builds = partition is None and asked.method != "simulation"
+    actuator, calibration = _start(files.start, asked.model, automatic, builds)
     read = read_logs([*files.logs, *files.verify], pressure(asked.ambient, actuator.parameters.P_0))
     with progress_bar("fit") as show:
         return fit_logs(

@@ -24,12 +24,15 @@ class Calibration:
         tells the truth; it is taken off later fits.
     data : {name: hash}
         The calibration recordings.
+    method : 'shooting' or 'prediction-error'
+        How it was made; the bias is of this method.
     """
 
     names: tuple[str, ...]
     covariance: FloatArray
     bias: tuple[float, ...] = ()
     data: Mapping[str, str] | None = None
+    method: str = "shooting"
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`, 0 where a name was not calibrated."""

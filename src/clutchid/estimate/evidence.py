@@ -48,7 +48,7 @@ def evidence(fit: Fit) -> Evidence:
     actuator, names = fit.actuator, tuple(name for name in fit.parameters if "@" not in name)
     moved = joined([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
     # a B-spline acts near its knots only, and a prior keeps what is not told: there the motion says what is missing
-    told = actuator.load.basis == "paper" and fit.method != "shooting"
+    told = actuator.load.basis == "paper" and not fit.follows
     lacking = missing(moved, actuator, names, _as_heard(information(fit))) if told else missing(moved, actuator)
     return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(lacking))
 
@@ -65,8 +65,8 @@ def actuator_of(fit: Fit, name: str) -> Actuator:
 
 
 def as_recorded(fit: Fit, name: str, simulated: Log) -> Log:
-    """A simulation as the sensors would record it: by shooting, their lags and offsets are in the model."""
-    if fit.method != "shooting":
+    """A simulation as the sensors would record it, unless the fit was the paper's, which has no sensors."""
+    if not fit.follows:
         return simulated
     return sensed(simulated, actuator_of(fit, name).parameters)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.prediction_error.fit import fit_by_prediction_error
 from clutchid.estimate.problem import MEASURED, Problem, problem
 from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.search import Progress, two_stages
@@ -28,8 +29,9 @@ from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import outside_stroke, plan
 from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
 
-#: Methods by name: the paper's simulation error, ballistic or partitioned, and multiple shooting.
-METHODS = ("simulation", "shooting")
+#: Methods by name: the paper's simulation error, ballistic or partitioned, multiple shooting, and prediction error.
+Method = Literal["simulation", "shooting", "prediction-error"]
+METHODS: tuple[str, ...] = get_args(Method)
 
 
 def fit(
@@ -41,7 +43,7 @@ def fit(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     partition: Partition | None = None,
     verify: Sequence[Log] = (),
-    method: Literal["simulation", "shooting"] | None = None,
+    method: Method | None = None,
     priors: Mapping[str, Prior] | None = None,
     calibration: Calibration | None = None,
     on_failure: Literal["raise", "return"] = "raise",
@@ -51,8 +53,9 @@ def fit(
 
     'simulation' is the paper's method, in two stages: the coarse one tries factors on the load and stops early; the
     fine one goes on from the best with the noise scales found. 'shooting' lets many short simulations meet softly; it
-    knows priors, numbers of single recordings, and calibration. Both are bounded Levenberg-Marquardt searches on exact
-    sensitivities. docs/methods.md helps to choose.
+    knows priors, numbers of single recordings, and calibration. So does 'prediction-error', where a Kalman filter
+    predicts every sample. All are bounded Levenberg-Marquardt searches on exact sensitivities. docs/methods.md helps to
+    choose.
 
     Parameters
     ----------
@@ -73,12 +76,13 @@ def fit(
         Partitioned ballistic simulation; ballistic without.
     verify : logs
         Recordings that are simulated with the result, not fitted.
-    method : 'simulation' or 'shooting', optional
-        By default shooting where 'auto', priors, numbers of single recordings or a calibration ask for it.
+    method : 'simulation', 'shooting' or 'prediction-error', optional
+        By default the calibration's; without one shooting where 'auto', priors or numbers of single recordings ask for
+        it, else simulation.
     priors : {name: Prior}, optional
         What is known before the data, in SI; by default `clutchid.estimate.shooting.coordinates` says.
     calibration : Calibration, optional
-        ``fit.calibration`` of a fit with pressure, whose actuator this one is.
+        ``fit.calibration`` of a fit with pressure, by the same method, whose actuator this one is.
     on_failure : 'raise' or 'return'
         What to do when the start values cannot be simulated.
     progress : function(stage, evaluations), optional
@@ -103,8 +107,10 @@ def fit(
     """
     recordings = _uniquely_named([logs] if isinstance(logs, Log) else list(logs))
     request = Request(tuple(measure), tuple(free), bounds or {}, priors or {}, calibration)
-    if _chosen(method, request, partition) == "shooting":
-        return _shot(recordings, actuator, request, verify, (on_failure, progress))
+    chosen = _chosen(method, request, partition)
+    if chosen != "simulation":
+        search = fit_by_shooting if chosen == "shooting" else fit_by_prediction_error
+        return _followed(search, (recordings, actuator, request, progress), verify, on_failure)
     actuator = actuator or Actuator()
     names = free_names(free, actuator)
     _check([*recordings, *verify], measure, len(recordings), actuator.parameters.y_max)
@@ -123,43 +129,46 @@ def fit(
     return _verified(summary(task, solution, scales), verify, partition, measure)
 
 
-def _shot(
-    recordings: Sequence[Log],
-    actuator: Actuator | None,
-    request: Request,
+def _followed(
+    search: Callable[[Sequence[Log], Actuator, Request, Progress | None], Fit],
+    task: tuple[Sequence[Log], Actuator | None, Request, Progress | None],
     verify: Sequence[Log],
-    how: tuple[Literal["raise", "return"], Progress | None],
+    on_failure: Literal["raise", "return"],
 ) -> Fit:
-    """A fit by multiple shooting, verified."""
+    """A fit by multiple shooting or prediction error, verified."""
+    recordings, actuator, request, progress = task
     actuator = actuator or Actuator(model=AUTOMATIC if "auto" in request.free else "isothermal")
     _check([*recordings, *verify], request.measure, len(recordings), actuator.parameters.y_max)
-    result = fit_by_shooting(recordings, actuator, request, how[1])
+    result = search(recordings, actuator, request, progress)
     if result.status == "failed":
-        if how[0] == "raise":
+        if on_failure == "raise":
             raise SolveError(result.message)
         return result
     return _verified(result, verify, None, request.measure)
 
 
 def _chosen(method: str | None, request: Request, partition: Partition | None) -> str:
-    """The method of a fit: shooting where something is asked for that only it knows."""
+    """The method of a fit: that of the calibration, or shooting, where something is asked for that it knows."""
     automatic = "auto" in request.free or any("@" in name for name in request.free)
     asked = automatic or bool(request.calibration or request.priors)
-    chosen = method or ("shooting" if asked else "simulation")
+    needed = request.calibration.method if request.calibration else "shooting"
+    chosen = method or (needed if asked else "simulation")
     if chosen not in METHODS:
         raise ParameterError(unknown_name(chosen, METHODS, "method"))
-    if chosen == "shooting" and partition is not None:
-        raise ParameterError("a partition belongs to the method 'simulation'; shooting has windows of its own.")
+    if chosen != "simulation" and partition is not None:
+        why = "shooting has windows of its own" if chosen == "shooting" else "a filter goes on from sample to sample"
+        raise ParameterError(f"a partition belongs to the method 'simulation'; {why}.")
     if chosen == "simulation" and asked:
         raise ParameterError(
-            "'auto', priors, numbers of single recordings and a calibration need the method 'shooting'."
+            "'auto', priors, numbers of single recordings and a calibration need the method 'shooting' or "
+            "'prediction-error'."
         )
     return chosen
 
 
 def _verified(result: Fit, logs: Sequence[Log], partition: Partition | None, measure: Sequence[str]) -> Fit:
     """`result` with the simulations of other recordings, and what is to be said of them."""
-    done, warnings = verification(result.actuator, logs, partition, measure, result.method == "shooting")
+    done, warnings = verification(result.actuator, logs, partition, measure, result.follows)
     told = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
     status = "warning" if told and result.status == "ok" else result.status
     return replace(result, verification=done, warnings=told, status=status)

@@ -62,7 +62,7 @@ class ParameterFile:
             raise ParameterError(
                 f"[fit.calibration] bias: {len(bias)} numbers for {len(self.actuator.load.theta)} load weights."
             )
-        return Calibration(names, covariance, bias)
+        return Calibration(names, covariance, bias, method=str(self.fit.get("method", "shooting")))
 
     def starts_for(self, log: Log) -> Starts | None:
         """The starts of `log`, if they were estimated from just this file: the hash under [fit] data says so."""

@@ -88,6 +88,11 @@ class Fit:
     calibration: Calibration | None = None
     settled: bool = True
 
+    @property
+    def follows(self) -> bool:
+        """Whether the fitted simulation follows the measurement, and sensors are in the model: not so in the paper."""
+        return self.method != "simulation"
+
 
 def errors_over(pairs: Iterable[tuple[Log, Log]]) -> Errors:
     """Errors of simulated against measured recordings, over all (measured, simulated) pairs and samples together."""

@@ -63,7 +63,8 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     Notes
     -----
     Residuals are more than the band counts when they are coloured, move with a valve, and would make a load that is
-    larger than the band is wide. By shooting the position follows the measurement, so only the pressure is judged so.
+    larger than the band is wide. Where the position follows the measurement, as by shooting, only the pressure is
+    judged so.
 
     Examples
     --------
@@ -180,8 +181,8 @@ def _rounding(fit: Fit) -> list[_Reason]:
 
 
 def _wide(fit: Fit) -> list[_Reason]:
-    """Estimates whose standard error is as large as they are; by shooting a prior stands there, which the notes say."""
-    if fit.method == "shooting":
+    """Estimates whose standard error is as large as they are; where priors stand there, the notes say it."""
+    if fit.follows:
         return []
     wide = []
     for name, estimate in fit.parameters.items():
@@ -214,7 +215,7 @@ def _beyond_the_band(fit: Fit, found: Evidence) -> list[_Reason]:
         return []
     width = float(np.median((curve.high - curve.low)[inside]))
     slope = float(np.median(np.abs(np.gradient(curve.force, curve.position)[inside])))
-    force = {"position": 0.0 if fit.method == "shooting" else slope, "pressure_a": fit.actuator.parameters.A_A}
+    force = {"position": 0.0 if fit.follows else slope, "pressure_a": fit.actuator.parameters.A_A}
     reasons = []
     for name, diagnosis in found.diagnoses.items():
         for column, residual in diagnosis.columns.items():
@@ -272,11 +273,13 @@ def _reach(fit: Fit) -> list[_Reason]:
 
 
 def _unseen(fit: Fit) -> tuple[str, ...]:
-    if fit.method != "shooting":
+    if not fit.follows:
         return ()
+    steps = {"shooting": ("shooting", "window", "windows")}
+    how, each, between = steps.get(fit.method, ("prediction error", "sample", "samples"))
     judged = "the pressure where it is measured, and " if "pressure_a" in fit.scales else ""
     return (
-        "by shooting the position follows the measurement from window to window, so its residual cannot judge the "
-        f"model; that would need the steps between windows. Judged are {judged}the position simulated for {HORIZON:g} "
-        "s at a time.",
+        f"by {how} the position follows the measurement from {each} to {each}, so its residual cannot judge the "
+        f"model; that would need the steps between {between}. Judged are {judged}the position simulated for "
+        f"{HORIZON:g} s at a time.",
     )

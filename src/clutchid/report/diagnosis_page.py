@@ -86,7 +86,7 @@ def diagnosis_table(found: Evidence) -> Table:
 def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
     """Figures of the residuals of one recording and what is to be said of them."""
     pressure = "pressure_a" in diagnosis.columns
-    follows = " By shooting the simulated position follows the measured one." if fit.method == "shooting" else ""
+    follows = " The simulated position follows the measured one." if fit.follows else ""
     who = escape(diagnosis.name)
     colour = Picture(
         png(colour_figure(diagnosis)),

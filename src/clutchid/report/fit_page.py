@@ -83,7 +83,7 @@ def _subtitle(fit: Fit) -> str:
     if load.basis != "paper":
         ends = f"{load.knots[0] / MM:g} to {load.knots[-1] / MM:g}"
         basis = f"load on cubic B-splines, {len(load.knots)} knots from {ends} mm"
-    how = {"simulation": "simulation error", "shooting": "multiple shooting"}.get(fit.method, fit.method)
+    how = {"simulation": "simulation error", "shooting": "multiple shooting"}.get(fit.method, "prediction error")
     return f"Model {fit.actuator.model}; {basis}; fitted by {how}."
 
 
@@ -93,7 +93,10 @@ def _result(fit: Fit, found: Evidence) -> tuple[Block, ...]:
     blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in fit.warnings)]
     if fit.status != "failed":
         alt = "Load over position with its 95 % band and half of its peak"
-        blocks += [Text(_sentence(fit)), Picture(png(load_figure(fit)), _LOAD_CAPTION[fit.method], alt)]
+        blocks += [
+            Text(_sentence(fit)),
+            Picture(png(load_figure(fit)), _LOAD_CAPTION["shooting" if fit.follows else "simulation"], alt),
+        ]
     return tuple(blocks)
 
 
@@ -157,8 +160,10 @@ def error_table(fit: Fit) -> Table:
     rule = len(rows)
     rows += [(name, "verified", *_cells(r.errors)) for name, r in fit.verification.items()]
     note = "Errors against the measured samples; Σe² is the sum of squares, as in Table 2 of the paper."
-    if fit.method == "shooting":
-        note += " By shooting they are those within windows of 0.1 s; a verified recording is simulated as a whole."
+    if fit.follows:
+        which = "those within windows of 0.1 s" if fit.method == "shooting" else "those of prediction by a sample"
+        how = "shooting" if fit.method == "shooting" else "prediction error"
+        note += f" By {how} they are {which}; a verified recording is simulated as a whole."
     return Table("Simulation against measurement", columns, tuple(rows), (rule,), note)
 
 

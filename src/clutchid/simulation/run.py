@@ -119,7 +119,7 @@ def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray,
     """
     out = np.empty((len(segment), x0.size))
     failed = kernels(numbers.model).run(
-        x0.copy(), _inputs(segment, numbers.model), numbers.parameters, segment.dt, segment.substeps, segment.jump,
+        x0.copy(), inputs_of(segment, numbers.model), numbers.parameters, segment.dt, segment.substeps, segment.jump,
         segment.measured, numbers.breakpoints, numbers.load, out,
     )  # fmt: skip
     if failed >= 0:
@@ -154,7 +154,7 @@ def run_to_end(
     module = kernels(numbers.model)
     kernel = module.run_all if which.needs_parameters else module.run_table
     failed = kernel(
-        start[0].copy(), end, _inputs(segment, numbers.model), numbers.parameters, segment.dt,
+        start[0].copy(), end, inputs_of(segment, numbers.model), numbers.parameters, segment.dt,
         segment.substeps, segment.jump, segment.measured, numbers.breakpoints, numbers.load, numbers.basis,
         which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,
         np.array(watched, dtype=np.int64), out, sens,
@@ -165,8 +165,14 @@ def run_to_end(
     return out, sens, end, int(failed)
 
 
-def _inputs(segment: Segment, model: str) -> FloatArray:
-    """The inputs of `segment`; a kernel that reads more columns than there are reads foreign memory."""
+def inputs_of(segment: Segment, model: str) -> FloatArray:
+    """The inputs of `segment`; a kernel that reads more columns than there are reads foreign memory.
+
+    Raises
+    ------
+    ParameterError
+        If the segment was planned for a model with other inputs.
+    """
     wanted: tuple[str, ...] = kernels(model).INPUTS
     if segment.inputs.shape[1] != len(wanted):
         raise ParameterError(

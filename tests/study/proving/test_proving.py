@@ -1,13 +1,14 @@
 """The proving ground: the same result for any number of workers, kept, resumed, scored by hand-made answers."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from clutchid.errors import ExportError, ParameterError
 from clutchid.report.half_load import half_load
-from clutchid.study.proving import answers
+from clutchid.study.proving import answers, workflows
 from clutchid.study.proving import ground as proving
 from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.standings import coverage, every_recording, standings
@@ -124,6 +125,19 @@ def test_unknown_workflows_and_foreign_folders_are_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match="cannot be made"):
         proving.prove("paper", [0], tmp_path / "file")
+
+
+@pytest.mark.parametrize(
+    ("name", "methods"),
+    [("calibrated", ["shooting", None]), ("calibrated-prediction-error", ["prediction-error"] * 2)],
+)
+def test_a_workflow_calibrates_and_adapts_by_its_method(ground, monkeypatch, name, methods):
+    asked = []
+    once = SimpleNamespace(actuator=None, calibration=None)
+    monkeypatch.setattr(workflows, "fit", lambda *a, method=None, **k: asked.append(method) or once)
+    monkeypatch.setattr(workflows, "_answer", lambda result, log: None)
+    workflow(name)(ground.calibration.log, [ground.worn[0].log])
+    assert asked == methods
 
 
 def test_the_table_has_medians_worst_cases_and_ratios():

@@ -41,8 +41,8 @@ def fit_by_shooting(logs: Sequence[Log], actuator: Actuator, request: Request, p
     DataError, ParameterError
         As `clutchid.fit`; a failed search is a result of status "failed".
     """
-    actuator, wanted = _wanted(logs, actuator, request)
-    _check_size(logs, wanted)
+    actuator, wanted = wanted_of(logs, actuator, request)
+    check_size(logs, wanted)
     shot = shoot(logs, actuator, wanted, request.calibration, progress)
     result = summary(shot, request.calibration)
     if isinstance(result, Failure):
@@ -50,12 +50,18 @@ def fit_by_shooting(logs: Sequence[Log], actuator: Actuator, request: Request, p
     free_load = set(wanted.names) >= set(actuator.load.names)
     if "pressure_a" not in wanted.measure or not free_load:
         return result
-    kept = _calibration(result, actuator)
+    kept = calibration_of(result, actuator)
     return replace(result, calibration=replace(kept, bias=_bias(logs, result, kept, progress)))
 
 
-def _wanted(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, Wanted]:
-    """The actuator to start from, and the free numbers with their priors."""
+def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, Wanted]:
+    """The actuator to start from, and the free numbers with their priors.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
     stems = [log.name for log in logs]
     free, priors = request.free, dict(request.priors)
     if "auto" in free:
@@ -95,7 +101,16 @@ def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibrati
     }
 
 
-def _check_size(logs: Sequence[Log], wanted: Wanted) -> None:
+def check_size(logs: Sequence[Log], wanted: Wanted) -> None:
+    """Refuse a request with nothing free, and recordings that are too short for it.
+
+    Raises
+    ------
+    ParameterError
+        If nothing is free.
+    DataError
+        If there are fewer than ten measured samples for each free number.
+    """
     samples = sum(int(np.isfinite(log[name]).sum()) for log in logs for name in wanted.measure)
     if not wanted.names:
         raise ParameterError("nothing is free; name parameters, for example load.")
@@ -106,12 +121,17 @@ def _check_size(logs: Sequence[Log], wanted: Wanted) -> None:
         )
 
 
-def _calibration(result: Fit, actuator: Actuator) -> Calibration:
-    """Covariance of the shared parameters of a fit, the load weights left out."""
+def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
+    """Covariance of the shared parameters of a fit, the load weights left out.
+
+    Raises
+    ------
+    Nothing: a recording without a file has an unknown hash.
+    """
     at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and "@" not in name]
     names = tuple(name for i, name in enumerate(result.parameters) if i in at)
     data = {name: r.measured.metadata.get("sha256", "unknown") for name, r in result.recordings.items()}
-    return Calibration(names, result.covariance[np.ix_(at, at)], data=data)
+    return Calibration(names, result.covariance[np.ix_(at, at)], data=data, method=result.method)
 
 
 def _bias(logs: Sequence[Log], result: Fit, kept: Calibration, progress: Progress | None) -> tuple[float, ...]:

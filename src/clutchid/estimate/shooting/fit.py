@@ -69,20 +69,7 @@ def shoot(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    phased = [with_phase(log, actuator, "pressure_a" in wanted.measure) for log in logs]
-    plans = tuple(prepared(log, own, wanted.measure) for log, own in zip(logs, phased, strict=True))
-    own = {**_phases(wanted, logs, phased), **_wearing(wanted, logs, actuator, calibration)}
-    free, priors = (*wanted.names, *own), {**own, **wanted.priors}
-    task = Shooting(
-        actuator=phased[0],
-        coordinates=coordinates(phased[0], free, wanted.bounds, priors),
-        tracks=tracks(plans),
-        stems=tuple(log.name for log in logs),
-        measure=wanted.measure,
-        noise=Noise(),
-        curvature=CURVATURE,
-        reference=actuator.load.theta if calibration else (0.0,) * len(actuator.load.theta),
-    )
+    task, plans, phased = problem_of(logs, actuator, wanted, calibration)
     X: list[FloatArray] = []
     for track in task.tracks:
         guess = first_guess(track, phased[track.log], "pressure_a" in wanted.measure)
@@ -100,6 +87,33 @@ def shoot(
     if isinstance(fine, Found):
         fine = replace(fine, evaluations=fine.evaluations + coarse.evaluations)
     return Shot(task, plans, fine)
+
+
+def problem_of(
+    logs: Sequence[Log], actuator: Actuator, wanted: Wanted, calibration: Calibration | None = None
+) -> tuple[Shooting, tuple[Plan, ...], list[Actuator]]:
+    """The problem of a fit, the plans of its recordings, and `actuator` with the carrier's phase in each.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    phased = [with_phase(log, actuator, "pressure_a" in wanted.measure) for log in logs]
+    plans = tuple(prepared(log, own, wanted.measure) for log, own in zip(logs, phased, strict=True))
+    own = {**_phases(wanted, logs, phased), **_wearing(wanted, logs, actuator, calibration)}
+    free, priors = (*wanted.names, *own), {**own, **wanted.priors}
+    task = Shooting(
+        actuator=phased[0],
+        coordinates=coordinates(phased[0], free, wanted.bounds, priors),
+        tracks=tracks(plans),
+        stems=tuple(log.name for log in logs),
+        measure=wanted.measure,
+        noise=Noise(),
+        curvature=CURVATURE,
+        reference=actuator.load.theta if calibration else (0.0,) * len(actuator.load.theta),
+    )
+    return task, plans, phased
 
 
 def _phases(wanted: Wanted, logs: Sequence[Log], phased: Sequence[Actuator]) -> dict[str, Prior]:

@@ -46,16 +46,16 @@ def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
     bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(task.actuator.load.theta))
     fitted = corrected(task.actuator_of(found.x, task.stems[0]), bias)
     recordings, compared = _recordings(shot, found, uncertain)
-    warnings = (*plan_warnings(shot.plans), *_at_bounds(task, found.x), *_unsettled(found))
+    warnings = (*plan_warnings(shot.plans), *at_bounds(task, found.x), *unsettled(found.status, found.evaluations))
     slopes = task.slopes(found.x)
     matrix = uncertain.matrix
     return Fit(
         status="warning" if warnings else "ok",
         message=f"{found.status} after {found.evaluations} evaluations",
         actuator=fitted,
-        parameters=_estimates(task, found.x, matrix, fitted),
+        parameters=estimates_of(task, found.x, matrix, fitted),
         covariance=matrix * np.outer(slopes, slopes),
-        load_curve=_load_curve(task, fitted, matrix, slopes, bias),
+        load_curve=load_curve(task, fitted, matrix, slopes, bias),
         recordings=recordings,
         errors=errors_over(compared),
         scales=dict(task.noise.measured),
@@ -63,7 +63,7 @@ def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
         evaluations=found.evaluations,
         warnings=warnings,
         method="shooting",
-        notes=_not_told(task, matrix),
+        notes=not_told(task, matrix),
         settled=found.status == "converged",
     )
 
@@ -107,7 +107,13 @@ def _band(task: Shooting, log: int, deviations: list[FloatArray], pressure: Floa
     return {"pressure_a low": pressure - half, "pressure_a high": pressure + half}
 
 
-def _estimates(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
+def estimates_of(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
+    """The free numbers in SI with their 95 % intervals, from x and its covariance `matrix`.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
     estimates = {}
     for i, c in enumerate(task.coordinates):
         deviation = float(np.sqrt(matrix[i, i]))
@@ -118,10 +124,13 @@ def _estimates(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actuat
     return estimates
 
 
-def _load_curve(
-    task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: FloatArray, bias: FloatArray
-) -> LoadCurve:
-    """The load with its band; the bias that was taken off is as uncertain as it is large."""
+def load_curve(task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: FloatArray, bias: FloatArray) -> LoadCurve:
+    """The load with its band; the bias that was taken off is as uncertain as it is large.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
     y = np.linspace(0.0, fitted.parameters.y_max, 101)
     load, force = fitted.load, fitted.load.force(y)
     places = [(i, load.names.index(c.base)) for i, c in enumerate(task.coordinates) if c.base in load.names]
@@ -133,7 +142,13 @@ def _load_curve(
     return LoadCurve(y, force, force - half, force + half)
 
 
-def _at_bounds(task: Shooting, x: FloatArray) -> list[str]:
+def at_bounds(task: Shooting, x: FloatArray) -> list[str]:
+    """Which free numbers lie at a bound, in words.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
     low, high = task.bounds()
     warnings = []
     for i, c in enumerate(task.coordinates):
@@ -143,14 +158,25 @@ def _at_bounds(task: Shooting, x: FloatArray) -> list[str]:
     return warnings
 
 
-def _unsettled(found: Found) -> list[str]:
-    if found.status == "converged":
+def unsettled(status: str, evaluations: int) -> list[str]:
+    """That a search did not come to its end, in words.
+
+    Raises
+    ------
+    Nothing: any status but 'converged' is not the end.
+    """
+    if status == "converged":
         return []
-    return [f"the search stopped after {found.evaluations} evaluations without settling."]
+    return [f"the search stopped after {evaluations} evaluations without settling."]
 
 
-def _not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
-    """In words, from the information matrix: for which numbers what was known before the data still stands."""
+def not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
+    """In words, from the information matrix: for which numbers what was known before the data still stands.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
     weights = task.actuator.load.names
     stands = [
         c.name

@@ -9,6 +9,7 @@ from functools import partial
 
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate import Fit, fit
+from clutchid.estimate.fit import Method
 from clutchid.estimate.shooting.automatic import AUTOMATIC
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -24,16 +25,28 @@ def paper_method(partition: Partition | None, calibration: Log, worn: Sequence[L
 
 
 def calibrated(
-    model: str, change: Callable[[Fit], Fit], adapt: Callable[[Fit, Log], Fit], calibration: Log, worn: Sequence[Log]
+    model: str,
+    change: Callable[[Fit], Fit],
+    adapt: Callable[[Fit, Log], Fit],
+    calibration: Log,
+    worn: Sequence[Log],
+    *,
+    method: Method = "shooting",
 ) -> list[Answer]:
     """Calibrate once with pressure, then read the load of every worn recording from position alone."""
-    once = change(fit(calibration, Actuator(model=model), measure=("position", "pressure_a"), free=("auto",)))
+    both = ("position", "pressure_a")
+    once = change(fit(calibration, Actuator(model=model), measure=both, free=("auto",), method=method))
     return [_answer(adapt(once, log), log) for log in worn]
 
 
 def by_shooting(once: Fit, log: Log) -> Fit:
     """The default: only the load is free, what position alone missed on the calibration recording is taken off."""
     return fit(log, once.actuator, calibration=once.calibration)
+
+
+def by_prediction_error(once: Fit, log: Log) -> Fit:
+    """As `by_shooting`, with the errors that a filter makes when it predicts every sample."""
+    return fit(log, once.actuator, calibration=once.calibration, method="prediction-error")
 
 
 def by_simulation(partition: Partition | None, once: Fit, log: Log) -> Fit:
@@ -63,12 +76,12 @@ def with_mean_valves(once: Fit) -> Fit:
 
 
 def _answer(result: Fit, log: Log) -> Answer:
-    """The load of a fit, and the pressure: as fitted by shooting, else of a ballistic simulation."""
+    """The load of a fit, and the pressure: as fitted where it follows the position, else of a ballistic simulation."""
     if result.status == "failed":
         raise SolveError(result.message)
     curve = result.load_curve
     recording = result.recordings[log.name]
-    if result.method == "shooting":
+    if result.follows:
         pressure = recording.simulated["pressure_a"]
     else:
         done = simulate(result.actuator, log, starts=recording.starts, on_failure="return")
@@ -95,6 +108,9 @@ WORKFLOWS: dict[str, Workflow] = {
     "calibrated-isothermal": partial(calibrated, "isothermal-stribeck", as_it_is, by_shooting),
     "calibrated-not-adapted": partial(calibrated, AUTOMATIC, as_it_is, not_adapted),
     "calibrated-every-200": partial(calibrated, AUTOMATIC, as_it_is, partial(by_simulation, Partition(every=200))),
+    "calibrated-prediction-error": partial(
+        calibrated, AUTOMATIC, as_it_is, by_prediction_error, method="prediction-error"
+    ),
     "calibrated-ballistic": partial(calibrated, AUTOMATIC, as_it_is, partial(by_simulation, None)),
 }
 

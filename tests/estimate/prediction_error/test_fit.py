@@ -1,0 +1,152 @@
+"""A whole fit by prediction error."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.prediction_error import fit as module
+from clutchid.estimate.prediction_error.fit import bias, fit_by_prediction_error, predict
+from clutchid.estimate.shooting.calibrate import Request
+from clutchid.estimate.shooting.fit import Wanted
+from clutchid.estimate.shooting.summary import position_only
+
+EXACT = Calibration((), np.zeros((0, 0)))
+Y = np.linspace(0.5e-3, 20e-3, 40)
+LOAD = Request(("position",), ("load",), calibration=EXACT)
+
+
+@pytest.fixture(scope="module")
+def worn(plant):
+    return plant.replace({n: 1.08 * v for n, v in zip(plant.load.names, plant.load.theta, strict=True)})
+
+
+@pytest.fixture(scope="module")
+def worn_log(worn, recorded_by):
+    return position_only(recorded_by(worn, seed=5, name="worn"))
+
+
+@pytest.fixture(scope="module")
+def adapted(plant, worn_log):
+    return fit_by_prediction_error([worn_log], plant, LOAD)
+
+
+@pytest.fixture(scope="module")
+def calibrated(plant, recorded_by):
+    start = plant.replace({"C_vs": 20e-9, "F_C": 210.0, "tau_y": 0.0, "tau_p": 0.0})
+    free = ("load", "C_vs", "C_ve", "F_C", "V_0A", "tau_y", "tau_p")
+    return fit_by_prediction_error([recorded_by(plant)], start, Request(("position", "pressure_a"), free))
+
+
+def test_a_worn_load_is_found_from_position_alone(adapted, worn):
+    true = worn.load.force(Y)
+    assert adapted.status == "ok"
+    assert adapted.method == "prediction-error"
+    assert adapted.actuator.load.force(Y) == pytest.approx(true, abs=0.01 * true.max())
+    low, high = (
+        np.interp(Y, adapted.load_curve.position, c) for c in (adapted.load_curve.low, adapted.load_curve.high)
+    )
+    assert np.mean((low < true) & (true < high)) > 0.9
+
+
+def test_what_wears_beside_the_clutch_is_free_beside_the_load(adapted, plant):
+    assert set(adapted.parameters) == {*plant.load.names, "F_C@worn", "V_0A@worn", "y_max@worn"}
+
+
+def test_the_pressure_is_found_from_position_alone_with_a_band(adapted, worn, recorded_by):
+    true = recorded_by(worn.replace({"tau_p": 0.0}), seed=None)["pressure_a"]
+    simulated = adapted.recordings["worn"].simulated
+    assert np.sqrt(np.mean((simulated["pressure_a"] - true) ** 2)) < 4e3
+    inside = (simulated["pressure_a low"] < true) & (true < simulated["pressure_a high"])
+    assert np.mean(inside) > 0.9
+
+
+def test_the_notes_say_what_the_errors_look_like(adapted):
+    said = re.fullmatch(
+        r"errors of prediction of position: mean square ([\d.]+) times what the filter expects, 1 where noise is as "
+        r"assumed; neighbours correlate at (-?[\d.]+), 0 where the model misses nothing\.",
+        adapted.notes[-1],
+    )
+    # 6000 samples tell a mean square to 2 %; the model made the recording, so the filter expects a little more
+    assert 0.9 < float(said[1]) < 1.06
+    assert abs(float(said[2])) < 0.07
+
+
+def test_the_errors_are_those_of_prediction(adapted):
+    assert adapted.errors.position_rms == pytest.approx(adapted.scales["position"], rel=0.2)
+    assert adapted.errors.pressure_a_rms is None
+
+
+def test_a_calibration_finds_what_the_recording_tells(calibrated, plant):
+    assert calibrated.status == "ok"
+    for name in ("C_vs", "C_ve", "V_0A", "tau_y", "tau_p", "F_C"):
+        estimate = calibrated.parameters[name]
+        assert estimate.low < plant.value(name) < estimate.high, name
+    true = plant.load.force(Y)
+    assert calibrated.actuator.load.force(Y) == pytest.approx(true, abs=0.01 * true.max())
+
+
+def test_a_calibration_leaves_its_covariance_and_what_position_alone_misses(calibrated, plant):
+    kept = calibrated.calibration
+    assert kept.names == tuple(name for name in calibrated.parameters if not name.startswith("theta_"))
+    missed = plant.load.phi(Y) @ np.array(kept.bias)
+    # the model made the recording: position alone misses little
+    assert np.abs(missed).max() < 0.02 * plant.load.force(Y).max()
+
+
+def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
+    off = tuple(100.0 + 0.0 * value for value in plant.load.theta)
+    calibration = replace(EXACT, bias=off)
+    found = fit_by_prediction_error([worn_log], plant, replace(LOAD, calibration=calibration))
+    lower = adapted.load_curve.force - found.load_curve.force
+    assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ np.array(off), rel=1e-6)
+
+
+def test_the_search_tells_its_stages_and_counts_all_its_work(plant, worn_log):
+    told = []
+    wanted = Wanted(("theta_5",), ("position",))
+    _, found = predict([worn_log.slice(0, 800)], plant, wanted, EXACT, lambda stage, count: told.append((stage, count)))
+    assert [stage for stage, _ in told] == sorted([stage for stage, _ in told])
+    assert [count for _, count in told] == [*range(1, len(told) + 1)]
+    assert found.evaluations == len(told)
+
+
+def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
+    shot = module.problem([worn_log.slice(0, 500)], plant, Wanted(("theta_5",), ("position",)), EXACT)
+    seen = []
+
+    def swinging(task, x, here, evaluate):
+        seen.append(float(x[0]))
+        target = x + np.array([3 * (0.01 - x[0]), 0.0, 0.0, 0.0])  # three times as far as it should
+        at = replace(here.linearisation(), R=1e4 * np.eye(4))
+        return module.Solution(target, at, "converged", 1)
+
+    monkeypatch.setattr(module, "_round", swinging)
+    found = module.search(shot.task, np.zeros(4), 4)
+    assert found.status == "limit"
+    # a whole move; it is taken back: half a move; again: a quarter; it goes on: half
+    assert seen == pytest.approx([0.0, 0.03, 0.0, 0.0075])
+
+
+def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, worn_log, monkeypatch):
+    monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
+    found = fit_by_prediction_error([worn_log], plant, LOAD)
+    assert found.status == "failed"
+    assert found.method == "prediction-error"
+    assert "0.1 s" in found.message
+
+
+def test_a_recording_whose_search_fails_says_nothing_of_the_bias(plant, worn_log, monkeypatch):
+    monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("no"))
+    assert bias([worn_log], plant, EXACT) == (0.0,) * len(plant.load.theta)
+
+
+def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):
+    with pytest.raises(DataError, match="at least ten"):
+        fit_by_prediction_error([worn_log.slice(0, 50)], plant, LOAD)
+    with pytest.raises(ParameterError, match="nothing is free"):
+        fit_by_prediction_error([worn_log], plant, replace(LOAD, free=()))

@@ -1,0 +1,97 @@
+"""Prediction error as a method of `fit`: asked for, chosen by a calibration, verified, refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError, SolveError
+from clutchid.estimate import fit
+from clutchid.estimate.fit import verification
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
+from clutchid.estimate.prediction_error import filtering
+from clutchid.estimate.prediction_error import fit as module
+from clutchid.estimate.prediction_error.fit import fit_by_prediction_error
+from clutchid.estimate.shooting.calibrate import Request
+from clutchid.estimate.shooting.noise import Noise
+from clutchid.estimate.shooting.summary import position_only
+from clutchid.model import Actuator
+from clutchid.simulation import Partition
+
+BOTH = ("position", "pressure_a")
+PREDICTION_ERROR = "prediction-error"
+
+
+@pytest.fixture(scope="module")
+def recording(plant, recorded_by):
+    return recorded_by(plant, 2.0)
+
+
+@pytest.fixture(scope="module")
+def calibrated(plant, recording):
+    return fit(recording, plant, measure=BOTH, free=("load", "C_vs"), method=PREDICTION_ERROR)
+
+
+def test_a_fit_that_asks_for_it_is_by_prediction_error(plant, recording):
+    found = fit(recording, plant, measure=BOTH, free=("C_vs", "P_S"), method=PREDICTION_ERROR)
+    same = fit_by_prediction_error([recording], plant, Request(BOTH, ("C_vs", "P_S")))
+    assert found.method == PREDICTION_ERROR
+    assert found.follows
+    assert found.settled
+    assert found.parameters == same.parameters
+
+
+def test_what_a_calibration_left_is_gone_on_with_by_its_method(calibrated, recording, tmp_path):
+    write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")
+    content = read_parameters(tmp_path / "cal.toml")
+    assert content.calibration.method == calibrated.calibration.method == PREDICTION_ERROR
+    worn = replace(position_only(recording), name="worn")
+    adapted = fit(worn, content.actuator, calibration=content.calibration)
+    assert adapted.method == PREDICTION_ERROR
+    shot = fit(worn, content.actuator, calibration=content.calibration, free=("theta_5",), method="shooting")
+    assert shot.method == "shooting"
+
+
+def test_a_recording_is_verified_as_its_sensors_would_see_it(plant, recorded_by, recording):
+    other = recorded_by(plant, 2.0, seed=8, name="other")
+    found = fit(recording, plant, free=("C_vs",), verify=[other], method=PREDICTION_ERROR)
+    seen = verification(found.actuator, [other], None, through_sensors=True)[0]["other"]
+    assert found.verification["other"].errors == seen.errors
+    assert seen.errors.position_rms == pytest.approx(Noise().measured["position"], rel=0.2)
+
+
+def test_a_partition_is_refused(plant, recording):
+    with pytest.raises(ParameterError, match="from sample to sample"):
+        fit(recording, plant, partition=Partition(every=100), method=PREDICTION_ERROR)
+
+
+def test_a_misspelt_method_is_told_the_nearest(plant, recording):
+    with pytest.raises(ParameterError, match="did you mean 'prediction-error'"):
+        fit(recording, plant, method="prediction_error")
+
+
+def test_a_start_that_cannot_be_filtered_raises_or_is_returned(plant, recording, monkeypatch):
+    monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
+    with pytest.raises(SolveError, match=r"0\.1 s"):
+        fit(recording, plant, free=("C_vs",), method=PREDICTION_ERROR)
+    found = fit(recording, plant, free=("C_vs",), method=PREDICTION_ERROR, on_failure="return")
+    assert (found.status, found.settled) == ("failed", False)
+
+
+def test_the_papers_model_is_filtered_too(plant, recording):
+    paper = Actuator(plant.parameters)
+    found = fit(position_only(recording), paper, free=("theta_1", "theta_2"), method=PREDICTION_ERROR)
+    assert found.status != "failed"
+    assert np.isfinite(found.covariance).all()
+
+
+def test_a_segment_that_was_planned_for_another_model_is_refused(plant, recording, task_of):
+    task = task_of(recording, plant, ("C_vs",))
+    foreign = replace(plant, model="isothermal")
+    with pytest.raises(ParameterError, match="plan the recording"):
+        filtering.filtered(task.tracks[0], replace(task, actuator=foreign).view(np.zeros(1), "log"), BOTH, Noise())
+
+
+def test_the_machine_code_of_the_filter_lies_in_the_cache_folder():
+    assert "prediction_error" not in str(filtering._compiled_recursion().__file__)
