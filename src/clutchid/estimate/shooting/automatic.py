@@ -21,7 +21,7 @@ AUTOMATIC = "energy-balance-stribeck"
 #: Parameters that a calibration frees, where the model knows them: what differs from truck to truck and is not on a
 #: drawing. Areas are; mass and damping of the stops hardly show.
 PAPER = (
-    "C_vs", "C_ve", "B_vs", "B_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "V_0B", "P_S", "P_0", "F_C", "D_v",
+    "C_vs", "C_ve", "B_vs", "B_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v",
     "K_z", "D_zdot", "C_r", "y_max", "tau_y", "tau_p",
 )  # fmt: skip
 BALANCE = ("T_w", "h_A", "V_S", "tau_S")
