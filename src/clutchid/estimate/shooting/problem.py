@@ -21,6 +21,10 @@ from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS
 
+#: Standard deviations of its prior that a number stays within. Without, a calibration has sealed chamber B and made it
+#: twenty times as large: what no recording tells runs where the model is least itself.
+FARTHEST = 5.0
+
 #: How strongly a damped step holds each state, in standard deviations of a window's own information.
 HELD = {"y": 60.0, "v": 15.0, "p_A": 30.0, "p_B": 30.0, "z": 30.0, "T_A": 3.0, "T_B": 3.0, "p_S": 3.0}
 
@@ -55,12 +59,14 @@ class Shooting:
         return np.array([c.slope(value) for c, value in zip(self.coordinates, x.tolist(), strict=True)])
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of x."""
-        low, high = np.full((2, len(self.coordinates)), np.inf)
+        """Bounds of x: those of the numbers, and not further from what is known of them than `FARTHEST`."""
+        low, high = np.full((2, len(self.coordinates)), FARTHEST)
         low = -low
         for i, c in enumerate(self.coordinates):
-            low[i] = -np.inf if not np.isfinite(c.low) or (c.positive and c.low <= 0.0) else c.of(c.low)
-            high[i] = np.inf if not np.isfinite(c.high) else c.of(c.high)
+            if np.isfinite(c.low) and (c.low > 0.0 or not c.positive):
+                low[i] = max(low[i], c.of(c.low))
+            if np.isfinite(c.high):
+                high[i] = min(high[i], c.of(c.high))
         return low, high
 
     def places(self, stem: str) -> list[int]:
