@@ -10,7 +10,7 @@ from clutchid.estimate.shooting.coordinates import Prior, coordinates
 from clutchid.estimate.shooting.elimination import recover
 from clutchid.estimate.shooting.fit import prepared
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Shooting, condense, cost_at, linearise, prior_rows
+from clutchid.estimate.shooting.problem import FARTHEST, Shooting, condense, cost_at, linearise, prior_rows
 from clutchid.estimate.shooting.windows import tracks, units
 from clutchid.model import Actuator, Load
 
@@ -157,7 +157,7 @@ def test_bounds_of_x_lead_to_the_bounds_in_si(plant, recorded_by, task_of):
     assert [c.si(v) for c, v in zip(task.coordinates[:3], low[:3], strict=True)] == pytest.approx([8e5, -1e-5, 0.0])
     assert [c.si(v) for c, v in zip(task.coordinates[:2], high[:2], strict=True)] == pytest.approx([9.5e5, 3e-5])
     assert np.all(low < high)
-    assert (low[3], high[2], high[3]) == (-np.inf, np.inf, np.inf), "a positive number needs no lower bound"
+    assert (low[3], high[2], high[3]) == (-FARTHEST, FARTHEST, FARTHEST), "no number goes far from what is known of it"
 
 
 def test_prior_rows_hold_every_number_and_the_shape_of_a_free_load(task, plant):
