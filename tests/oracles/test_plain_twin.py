@@ -29,7 +29,8 @@ def test_the_twin_and_the_package_hold_the_same_appendix(twin):
     numbers = {name: getattr(parameters, name) for name in Parameters.names()}
     known = twin.appendix | twin.beyond
     assert {name: numbers[name] for name in known} == known
-    assert not any(numbers[name] for name in numbers.keys() - known.keys())  # what the twin does not know is off
+    # what the twin does not know is off; the slope of short pulses has no effect while a_0 is 0
+    assert not any(numbers[name] for name in numbers.keys() - known.keys() - {"k_vs", "k_ve"})
 
 
 @pytest.mark.parametrize("numbers", ["Appendix", "all different"])
