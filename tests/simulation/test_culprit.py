@@ -90,6 +90,7 @@ def test_a_failure_at_the_first_sample_has_no_term():
 
 
 def test_to_name_the_term_sympy_is_not_needed():
+    simulate(Actuator(), opened())  # on a new machine this makes the kernels, which takes SymPy
     code = (
         "import sys, numpy as np, clutchid\n"
         "log = clutchid.Log(np.arange(100) * 1e-3, {'duty_supply': np.ones(100), 'duty_exhaust': np.zeros(100)})\n"
