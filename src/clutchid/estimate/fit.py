@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,13 +13,13 @@ from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.prediction_error.fit import fit_by_prediction_error
+from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR
 from clutchid.estimate.problem import MEASURED, Problem, problem
 from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.search import Progress, two_stages
 from clutchid.estimate.sensing import sensed, undone
 from clutchid.estimate.shooting.automatic import AUTOMATIC
-from clutchid.estimate.shooting.calibrate import Request, fit_by_shooting
+from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.shooting.coordinates import Prior
 from clutchid.estimate.shooting.fit import with_phase
 from clutchid.estimate.summary import failed, plan_warnings, summary
@@ -109,7 +110,7 @@ def fit(
     request = Request(tuple(measure), tuple(free), bounds or {}, priors or {}, calibration)
     chosen = _chosen(method, request, partition)
     if chosen != "simulation":
-        search = fit_by_shooting if chosen == "shooting" else fit_by_prediction_error
+        search = partial(fit_by, SHOOTING) if chosen == "shooting" else partial(fit_by, PREDICTION_ERROR)
         return _followed(search, (recordings, actuator, request, progress), verify, on_failure)
     actuator = actuator or Actuator()
     names = free_names(free, actuator)

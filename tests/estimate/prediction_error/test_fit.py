@@ -10,9 +10,9 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.prediction_error import fit as module
-from clutchid.estimate.prediction_error.fit import bias, fit_by_prediction_error, predict
-from clutchid.estimate.shooting.calibrate import Request
-from clutchid.estimate.shooting.fit import Wanted
+from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR, predict
+from clutchid.estimate.shooting.calibrate import Request, bias, fit_by
+from clutchid.estimate.shooting.fit import Wanted, problem_of
 from clutchid.estimate.shooting.summary import position_only
 
 EXACT = Calibration((), np.zeros((0, 0)))
@@ -32,14 +32,14 @@ def worn_log(worn, recorded_by):
 
 @pytest.fixture(scope="module")
 def adapted(plant, worn_log):
-    return fit_by_prediction_error([worn_log], plant, LOAD)
+    return fit_by(PREDICTION_ERROR, [worn_log], plant, LOAD)
 
 
 @pytest.fixture(scope="module")
 def calibrated(plant, recorded_by):
     start = plant.replace({"C_vs": 20e-9, "F_C": 210.0, "tau_y": 0.0, "tau_p": 0.0})
     free = ("load", "C_vs", "C_ve", "F_C", "V_0A", "tau_y", "tau_p")
-    return fit_by_prediction_error([recorded_by(plant)], start, Request(("position", "pressure_a"), free))
+    return fit_by(PREDICTION_ERROR, [recorded_by(plant)], start, Request(("position", "pressure_a"), free))
 
 
 def test_a_worn_load_is_found_from_position_alone(adapted, worn):
@@ -101,7 +101,7 @@ def test_a_calibration_leaves_its_covariance_and_what_position_alone_misses(cali
 def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
     off = tuple(100.0 + 0.0 * value for value in plant.load.theta)
     calibration = replace(EXACT, bias=off)
-    found = fit_by_prediction_error([worn_log], plant, replace(LOAD, calibration=calibration))
+    found = fit_by(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
     lower = adapted.load_curve.force - found.load_curve.force
     assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ np.array(off), rel=1e-6)
 
@@ -109,14 +109,15 @@ def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
 def test_the_search_tells_its_stages_and_counts_all_its_work(plant, worn_log):
     told = []
     wanted = Wanted(("theta_5",), ("position",))
-    _, found = predict([worn_log.slice(0, 800)], plant, wanted, EXACT, lambda stage, count: told.append((stage, count)))
+    log = worn_log.slice(0, 800)
+    found = predict([log], plant, wanted, EXACT, lambda stage, count: told.append((stage, count))).found
     assert [stage for stage, _ in told] == sorted([stage for stage, _ in told])
     assert [count for _, count in told] == [*range(1, len(told) + 1)]
     assert found.evaluations == len(told)
 
 
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
-    shot = module.problem([worn_log.slice(0, 500)], plant, Wanted(("theta_5",), ("position",)), EXACT)
+    task, _, _ = problem_of([worn_log.slice(0, 500)], plant, Wanted(("theta_5",), ("position",)), EXACT)
     seen = []
 
     def swinging(task, x, here, evaluate):
@@ -126,7 +127,7 @@ def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, mon
         return module.Solution(target, at, "converged", 1)
 
     monkeypatch.setattr(module, "_round", swinging)
-    found = module.search(shot.task, np.zeros(4), 4)
+    found = module.search(task, np.zeros(4), 4)
     assert found.status == "limit"
     # a whole move; it is taken back: half a move; again: a quarter; it goes on: half
     assert seen == pytest.approx([0.0, 0.03, 0.0, 0.0075])
@@ -134,7 +135,7 @@ def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, mon
 
 def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, worn_log, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
-    found = fit_by_prediction_error([worn_log], plant, LOAD)
+    found = fit_by(PREDICTION_ERROR, [worn_log], plant, LOAD)
     assert found.status == "failed"
     assert found.method == "prediction-error"
     assert "0.1 s" in found.message
@@ -142,11 +143,11 @@ def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, wo
 
 def test_a_recording_whose_search_fails_says_nothing_of_the_bias(plant, worn_log, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("no"))
-    assert bias([worn_log], plant, EXACT) == (0.0,) * len(plant.load.theta)
+    assert bias(PREDICTION_ERROR, [worn_log], plant, EXACT) == (0.0,) * len(plant.load.theta)
 
 
 def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):
     with pytest.raises(DataError, match="at least ten"):
-        fit_by_prediction_error([worn_log.slice(0, 50)], plant, LOAD)
+        fit_by(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
     with pytest.raises(ParameterError, match="nothing is free"):
-        fit_by_prediction_error([worn_log], plant, replace(LOAD, free=()))
+        fit_by(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))

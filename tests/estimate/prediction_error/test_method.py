@@ -12,15 +12,15 @@ from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
 from clutchid.estimate.prediction_error import filtering
 from clutchid.estimate.prediction_error import fit as module
-from clutchid.estimate.prediction_error.fit import fit_by_prediction_error
-from clutchid.estimate.shooting.calibrate import Request
+from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR
+from clutchid.estimate.shooting.calibrate import Request, fit_by
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.model import Actuator
 from clutchid.simulation import Partition
 
 BOTH = ("position", "pressure_a")
-PREDICTION_ERROR = "prediction-error"
+METHOD = "prediction-error"
 
 
 @pytest.fixture(scope="module")
@@ -30,13 +30,13 @@ def recording(plant, recorded_by):
 
 @pytest.fixture(scope="module")
 def calibrated(plant, recording):
-    return fit(recording, plant, measure=BOTH, free=("load", "C_vs"), method=PREDICTION_ERROR)
+    return fit(recording, plant, measure=BOTH, free=("load", "C_vs"), method=METHOD)
 
 
 def test_a_fit_that_asks_for_it_is_by_prediction_error(plant, recording):
-    found = fit(recording, plant, measure=BOTH, free=("C_vs", "P_S"), method=PREDICTION_ERROR)
-    same = fit_by_prediction_error([recording], plant, Request(BOTH, ("C_vs", "P_S")))
-    assert found.method == PREDICTION_ERROR
+    found = fit(recording, plant, measure=BOTH, free=("C_vs", "P_S"), method=METHOD)
+    same = fit_by(PREDICTION_ERROR, [recording], plant, Request(BOTH, ("C_vs", "P_S")))
+    assert found.method == METHOD
     assert found.follows
     assert found.settled
     assert found.parameters == same.parameters
@@ -45,17 +45,17 @@ def test_a_fit_that_asks_for_it_is_by_prediction_error(plant, recording):
 def test_what_a_calibration_left_is_gone_on_with_by_its_method(calibrated, recording, tmp_path):
     write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")
     content = read_parameters(tmp_path / "cal.toml")
-    assert content.calibration.method == calibrated.calibration.method == PREDICTION_ERROR
+    assert content.calibration.method == calibrated.calibration.method == METHOD
     worn = replace(position_only(recording), name="worn")
     adapted = fit(worn, content.actuator, calibration=content.calibration)
-    assert adapted.method == PREDICTION_ERROR
+    assert adapted.method == METHOD
     shot = fit(worn, content.actuator, calibration=content.calibration, free=("theta_5",), method="shooting")
     assert shot.method == "shooting"
 
 
 def test_a_recording_is_verified_as_its_sensors_would_see_it(plant, recorded_by, recording):
     other = recorded_by(plant, 2.0, seed=8, name="other")
-    found = fit(recording, plant, free=("C_vs",), verify=[other], method=PREDICTION_ERROR)
+    found = fit(recording, plant, free=("C_vs",), verify=[other], method=METHOD)
     seen = verification(found.actuator, [other], None, through_sensors=True)[0]["other"]
     assert found.verification["other"].errors == seen.errors
     assert seen.errors.position_rms == pytest.approx(Noise().measured["position"], rel=0.2)
@@ -63,7 +63,7 @@ def test_a_recording_is_verified_as_its_sensors_would_see_it(plant, recorded_by,
 
 def test_a_partition_is_refused(plant, recording):
     with pytest.raises(ParameterError, match="from sample to sample"):
-        fit(recording, plant, partition=Partition(every=100), method=PREDICTION_ERROR)
+        fit(recording, plant, partition=Partition(every=100), method=METHOD)
 
 
 def test_a_misspelt_method_is_told_the_nearest(plant, recording):
@@ -74,14 +74,14 @@ def test_a_misspelt_method_is_told_the_nearest(plant, recording):
 def test_a_start_that_cannot_be_filtered_raises_or_is_returned(plant, recording, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
     with pytest.raises(SolveError, match=r"0\.1 s"):
-        fit(recording, plant, free=("C_vs",), method=PREDICTION_ERROR)
-    found = fit(recording, plant, free=("C_vs",), method=PREDICTION_ERROR, on_failure="return")
+        fit(recording, plant, free=("C_vs",), method=METHOD)
+    found = fit(recording, plant, free=("C_vs",), method=METHOD, on_failure="return")
     assert (found.status, found.settled) == ("failed", False)
 
 
 def test_the_papers_model_is_filtered_too(plant, recording):
     paper = Actuator(plant.parameters)
-    found = fit(position_only(recording), paper, free=("theta_1", "theta_2"), method=PREDICTION_ERROR)
+    found = fit(position_only(recording), paper, free=("theta_1", "theta_2"), method=METHOD)
     assert found.status != "failed"
     assert np.isfinite(found.covariance).all()
 

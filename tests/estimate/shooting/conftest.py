@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimate.result import Fit
-from clutchid.estimate.shooting.calibrate import Request, fit_by_shooting
+from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.shooting.coordinates import Prior, coordinates
 from clutchid.estimate.shooting.fit import CURVATURE, prepared
 from clutchid.estimate.shooting.noise import Noise
@@ -108,7 +108,7 @@ def calibrated(plant: Actuator, drive_log: Log) -> Fit:
     """A calibration on the recording with pressure, from an actuator whose load and valves are off."""
     start = plant.replace({"C_vs": 21e-9, "F_C": 240.0, "tau_y": 0.0, "tau_p": 0.0})
     start = replace(start, load=Load((7e5, 0.0, 0.0)))
-    return fit_by_shooting([drive_log], start, Request(("position", "pressure_a"), ("auto",)))
+    return fit_by(SHOOTING, [drive_log], start, Request(("position", "pressure_a"), ("auto",)))
 
 
 @pytest.fixture(scope="session")
@@ -127,4 +127,4 @@ def worn_log(worn: Actuator, recorded_by: Callable[..., Log]) -> Log:
 def adapted(calibrated: Fit, worn_log: Log) -> Fit:
     """The load of the worn plant, from its position and the calibration."""
     request = Request(("position",), ("load",), calibration=calibrated.calibration)
-    return fit_by_shooting([worn_log], calibrated.actuator, request)
+    return fit_by(SHOOTING, [worn_log], calibrated.actuator, request)

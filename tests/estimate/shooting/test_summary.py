@@ -165,7 +165,7 @@ def test_a_search_that_did_not_settle_is_a_warning(shot, known):
 def test_a_search_that_failed_is_passed_on_and_told_as_a_result_without_numbers(shot):
     failure = Failure("y is not finite at 0.3 s.")
     assert summary(replace(shot, found=failure), None) is failure
-    result = failed(shot, failure.message)
+    result = failed(shot, "shooting", failure.message)
     assert result.status == "failed"
     assert result.message == "the start values cannot be simulated. y is not finite at 0.3 s."
     assert list(result.parameters) == list(shot.task.names)

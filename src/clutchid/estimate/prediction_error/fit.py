@@ -1,4 +1,4 @@
-"""A whole fit by prediction error: what is free, the search, and what a calibration leaves to later fits."""
+"""The search for the least errors of prediction."""
 
 from __future__ import annotations
 
@@ -12,12 +12,10 @@ from clutchid.estimate.least_squares import Failure, Linearisation, Solution, mi
 from clutchid.estimate.prediction_error.innovations import noise_scales
 from clutchid.estimate.prediction_error.problem import Predicted, Prediction, predict_errors
 from clutchid.estimate.prediction_error.summary import summary
-from clutchid.estimate.result import Fit
 from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.calibrate import Request, calibration_of, check_size, wanted_of
+from clutchid.estimate.shooting.calibrate import Estimator
 from clutchid.estimate.shooting.fit import Shot, Wanted, problem_of
 from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.summary import failed, position_only
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 
@@ -33,53 +31,13 @@ SETTLED, LEAST_SHARE = 0.5, 0.1
 COARSE, FINE, STEPS = 1, 12, 6
 
 
-def fit_by_prediction_error(
-    logs: Sequence[Log], actuator: Actuator, request: Request, progress: Progress | None = None
-) -> Fit:
-    """Fit what is asked for; where the pressure is in use and the load is free, also calibrate.
-
-    Parameters
-    ----------
-    logs : several
-        Recordings with the measured columns of the request.
-    actuator : Actuator
-        Model and start values.
-    request : Request
-        As for a fit by shooting.
-    progress : function(stage, evaluations), optional
-        Called at each evaluation.
-
-    Returns
-    -------
-    fit : Fit
-        Its notes have the statistics of the errors of prediction; `simulated` of its recordings is what the filter
-        made of them.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As `clutchid.fit`; a failed search is a result of status "failed".
-    """
-    actuator, wanted = wanted_of(logs, actuator, request)
-    check_size(logs, wanted)
-    shot, found = predict(logs, actuator, wanted, request.calibration, progress)
-    result = found if isinstance(found, Failure) else summary(shot, found, request.calibration)
-    if isinstance(result, Failure):
-        return replace(failed(shot, result.message), method="prediction-error")
-    free_load = set(wanted.names) >= set(actuator.load.names)
-    if "pressure_a" not in wanted.measure or not free_load:
-        return result
-    kept = calibration_of(result, actuator)
-    return replace(result, calibration=replace(kept, bias=bias(logs, result.actuator, kept, progress)))
-
-
 def predict(
     logs: Sequence[Log],
     actuator: Actuator,
     wanted: Wanted,
     calibration: Calibration | None = None,
     progress: Progress | None = None,
-) -> tuple[Shot, Predicted | Failure]:
+) -> Shot[Predicted]:
     """Search for the numbers `wanted` with the least errors of prediction: the problem with its plans, and the end.
 
     Raises
@@ -87,25 +45,12 @@ def predict(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    shot = problem(logs, actuator, wanted, calibration)
-    coarse = search(shot.task, np.zeros(len(shot.task.coordinates)), COARSE, progress)
-    if isinstance(coarse, Failure):
-        return shot, coarse
-    scales = noise_scales(shot.task, coarse.at)
-    shot = replace(shot, task=replace(shot.task, noise=replace(shot.task.noise, measured=scales)))
-    return shot, search(shot.task, coarse.x, FINE, progress, coarse.evaluations)
-
-
-def problem(logs: Sequence[Log], actuator: Actuator, wanted: Wanted, calibration: Calibration | None) -> Shot:
-    """Free numbers, recordings and noise as multiple shooting has them; nothing is searched yet.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As `clutchid.fit`.
-    """
     task, plans, _ = problem_of(logs, actuator, wanted, calibration)
-    return Shot(task, plans, Failure("nothing is searched yet"))
+    coarse = search(task, np.zeros(len(task.coordinates)), COARSE, progress)
+    if isinstance(coarse, Failure):
+        return Shot(task, plans, coarse)
+    task = replace(task, noise=replace(task.noise, measured=noise_scales(task, coarse.at)))
+    return Shot(task, plans, search(task, coarse.x, FINE, progress, coarse.evaluations))
 
 
 def search(
@@ -158,21 +103,5 @@ def _round(task: Shooting, x: FloatArray, here: Prediction, evaluate: Callable[.
     return minimise(linearise, start, *task.bounds(), tolerance=TOLERANCE, max_evaluations=STEPS)
 
 
-def bias(
-    logs: Sequence[Log], actuator: Actuator, kept: Calibration, progress: Progress | None = None
-) -> tuple[float, ...]:
-    """What a fit by prediction error to position alone misses of the load weights of a calibrated actuator, in N.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As `clutchid.fit`; a recording whose search fails is left out.
-    """
-    missed = []
-    for log in logs:
-        wanted = Wanted(actuator.load.names, ("position",))
-        shot, found = predict([position_only(log)], actuator, wanted, kept, progress)
-        if isinstance(found, Predicted):
-            theta = shot.task.actuator_of(found.x, log.name).load.theta
-            missed.append(np.asarray(theta) - np.asarray(actuator.load.theta))
-    return tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * len(actuator.load.theta)
+#: Prediction error through a Kalman filter.
+PREDICTION_ERROR = Estimator("prediction-error", predict, summary)

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from clutchid.errors import ParameterError
 from clutchid.estimate.least_squares import Failure, Linearisation, triangular
 from clutchid.estimate.prediction_error.filtering import Filtered, filtered
 from clutchid.estimate.shooting.problem import Shooting, prior_rows
@@ -52,10 +51,9 @@ def predict_errors(task: Shooting, x: FloatArray, held: Prediction | None = None
     ------
     Nothing: a simulation that fails is a `Failure`.
     """
-    try:
-        views = {stem: task.view(x, stem) for stem in task.stems}
-    except ParameterError as error:
-        return Failure(str(error))
+    views = task.views(x)
+    if isinstance(views, Failure):
+        return views
     prior = prior_rows(task, x)
     cost = float(np.sum(prior[:, -1] ** 2))
     segments = []

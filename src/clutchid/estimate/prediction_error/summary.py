@@ -14,17 +14,9 @@ from clutchid.estimate.prediction_error.innovations import innovations
 from clutchid.estimate.prediction_error.problem import Predicted, predict_errors
 from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.shooting.fit import Shot
-from clutchid.estimate.shooting.summary import (
-    QUANTILE,
-    at_bounds,
-    corrected,
-    estimates_of,
-    load_curve,
-    not_told,
-    unsettled,
-)
+from clutchid.estimate.shooting.problem import Shooting
+from clutchid.estimate.shooting.summary import QUANTILE, described
 from clutchid.estimate.shooting.uncertainty import SCALE, considered
-from clutchid.estimate.summary import plan_warnings
 from clutchid.log import FloatArray, Log
 from clutchid.model.compiled import VARIANTS
 from clutchid.simulation.simulation import simulated_log
@@ -46,15 +38,13 @@ class Spread:
         return self.full[: self.size, : self.size]
 
 
-def summary(shot: Shot, found: Predicted, calibration: Calibration | None) -> Fit | Failure:
-    """The result of a search that found something.
+def summary(shot: Shot[Predicted], calibration: Calibration | None) -> Fit | Failure:
+    """The result of a search for the least errors of prediction.
 
     Parameters
     ----------
     shot : Shot
-        The problem and its plans.
-    found : Predicted
-        Where the search ended.
+        The problem, its plans, and where the search ended.
     calibration : Calibration, optional
         What the fit builds on: its bias is taken off, its covariance counts.
 
@@ -62,39 +52,19 @@ def summary(shot: Shot, found: Predicted, calibration: Calibration | None) -> Fi
     ------
     Nothing: a simulation that fails is a `Failure`.
     """
-    task = shot.task
-    spread = uncertainty(shot, found, calibration)
+    found = shot.found
+    if isinstance(found, Failure):
+        return found
+    spread = uncertainty(shot.task, found, calibration)
     if isinstance(spread, Failure):
         return spread
-    off = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(task.actuator.load.theta))
-    fitted = corrected(task.actuator_of(found.x, task.stems[0]), off)
     recordings, compared = _recordings(shot, found, spread)
-    warnings = (
-        *plan_warnings(shot.plans),
-        *at_bounds(task, found.x),
-        *unsettled(found.status, found.evaluations),
-    )
-    slopes, matrix = task.slopes(found.x), spread.matrix
-    return Fit(
-        status="warning" if warnings else "ok",
-        message=f"{found.status} after {found.evaluations} evaluations",
-        actuator=fitted,
-        parameters=estimates_of(task, found.x, matrix, fitted),
-        covariance=matrix * np.outer(slopes, slopes),
-        load_curve=load_curve(task, fitted, matrix, slopes, off),
-        recordings=recordings,
-        errors=errors_over(compared),
-        scales=dict(task.noise.measured),
-        bounds={c.name: (c.low, c.high) for c in task.coordinates},
-        evaluations=found.evaluations,
-        warnings=warnings,
-        method="prediction-error",
-        notes=(*not_told(task, matrix), *_statistics(shot, found)),
-        settled=found.status == "converged",
-    )
+    result = described(shot, found, spread.matrix, calibration, "prediction-error")
+    notes = (*result.notes, *_statistics(shot.task, found))
+    return replace(result, recordings=recordings, errors=errors_over(compared), notes=notes)
 
 
-def uncertainty(shot: Shot, found: Predicted, calibration: Calibration | None) -> Spread | Failure:
+def uncertainty(task: Shooting, found: Predicted, calibration: Calibration | None) -> Spread | Failure:
     """How uncertain the free numbers are: what the noise leaves, and what is only taken as known (Schmidt 1966).
 
     Errors of prediction are coloured where the model is not the truck; as many neighbours count as one as their own
@@ -104,7 +74,7 @@ def uncertainty(shot: Shot, found: Predicted, calibration: Calibration | None) -
     ------
     Nothing: a simulation that fails is a `Failure`.
     """
-    task, k = shot.task, len(shot.task.coordinates)
+    k = len(task.coordinates)
     extra, root = considered(task, calibration)
     wide = replace(task, coordinates=(*task.coordinates, *extra))
     there = predict_errors(wide, np.concatenate([found.x, np.zeros(len(extra))]))
@@ -123,7 +93,9 @@ def uncertainty(shot: Shot, found: Predicted, calibration: Calibration | None) -
     return Spread(SCALE**2 * full, k)
 
 
-def _recordings(shot: Shot, found: Predicted, spread: Spread) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
+def _recordings(
+    shot: Shot[Predicted], found: Predicted, spread: Spread
+) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
     """The recordings by name, and each as measured and as it was foreseen sample by sample."""
     task, names = shot.task, VARIANTS[shot.task.actuator.model]
     recordings, pairs = {}, []
@@ -152,10 +124,10 @@ def _band(pressure: FloatArray, half: FloatArray) -> Mapping[str, FloatArray]:
     return {"pressure_a low": pressure - half, "pressure_a high": pressure + half}
 
 
-def _statistics(shot: Shot, found: Predicted) -> tuple[str, ...]:
+def _statistics(task: Shooting, found: Predicted) -> tuple[str, ...]:
     """What the errors of prediction look like, in words."""
     notes = []
-    for name in shot.task.measure:
+    for name in task.measure:
         of = innovations(found.at, name)
         notes.append(
             f"errors of prediction of {name}: mean square {of.nis:.2f} times what the filter expects, 1 where noise "

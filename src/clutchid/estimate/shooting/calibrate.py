@@ -1,9 +1,10 @@
-"""A whole fit by multiple shooting: what is free, the fit itself, and what a calibration leaves to later fits."""
+"""A whole fit: what is free, the search by a method, and what a calibration leaves to later fits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Generic
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from clutchid.estimate.result import Fit
 from clutchid.estimate.search import Progress
 from clutchid.estimate.shooting.automatic import automatic
 from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.fit import Wanted, shoot
+from clutchid.estimate.shooting.fit import EndT, Shot, Wanted, shoot
 from clutchid.estimate.shooting.summary import failed, position_only, summary
 from clutchid.estimate.shooting.uncertainty import deviation
 from clutchid.log import Log
@@ -33,8 +34,40 @@ class Request:
     calibration: Calibration | None = None
 
 
-def fit_by_shooting(logs: Sequence[Log], actuator: Actuator, request: Request, progress: Progress | None = None) -> Fit:
+@dataclass(frozen=True, slots=True)
+class Estimator(Generic[EndT]):
+    """A way to fit: its name, the search for the wanted numbers, and what its end means to the user."""
+
+    name: str
+    search: Callable[[Sequence[Log], Actuator, Wanted, Calibration | None, Progress | None], Shot[EndT]]
+    summary: Callable[[Shot[EndT], Calibration | None], Fit | Failure]
+
+
+def fit_by(
+    estimator: Estimator[EndT],
+    logs: Sequence[Log],
+    actuator: Actuator,
+    request: Request,
+    progress: Progress | None = None,
+) -> Fit:
     """Fit what is asked for; where the pressure is in use and the load is free, also calibrate.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        `SHOOTING`, or that of `clutchid.estimate.prediction_error`.
+    logs : several
+        Recordings with the measured columns of the request.
+    actuator : Actuator
+        Model and start values.
+    request : Request
+        What is free, and what is known of it.
+    progress : function(stage, evaluations), optional
+        Called at each evaluation.
+
+    Returns
+    -------
+    fit : Fit
 
     Raises
     ------
@@ -43,15 +76,15 @@ def fit_by_shooting(logs: Sequence[Log], actuator: Actuator, request: Request, p
     """
     actuator, wanted = wanted_of(logs, actuator, request)
     check_size(logs, wanted)
-    shot = shoot(logs, actuator, wanted, request.calibration, progress)
-    result = summary(shot, request.calibration)
+    shot = estimator.search(logs, actuator, wanted, request.calibration, progress)
+    result = estimator.summary(shot, request.calibration)
     if isinstance(result, Failure):
-        return failed(shot, result.message)
+        return failed(shot, estimator.name, result.message)
     free_load = set(wanted.names) >= set(actuator.load.names)
     if "pressure_a" not in wanted.measure or not free_load:
         return result
     kept = calibration_of(result, actuator)
-    return replace(result, calibration=replace(kept, bias=_bias(logs, result, kept, progress)))
+    return replace(result, calibration=replace(kept, bias=bias(estimator, logs, result.actuator, kept, progress)))
 
 
 def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, Wanted]:
@@ -134,14 +167,30 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
     return Calibration(names, result.covariance[np.ix_(at, at)], data=data, method=result.method)
 
 
-def _bias(logs: Sequence[Log], result: Fit, kept: Calibration, progress: Progress | None) -> tuple[float, ...]:
-    """What the position alone misses of the load weights, over the calibration recordings on average."""
-    load = result.actuator.load
-    wanted = Wanted(load.names, ("position",))
+def bias(
+    estimator: Estimator[EndT],
+    logs: Sequence[Log],
+    actuator: Actuator,
+    kept: Calibration,
+    progress: Progress | None = None,
+) -> tuple[float, ...]:
+    """What a fit to position alone misses of the load weights of a calibrated actuator, over its recordings, in N.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`; a recording whose search fails is left out.
+    """
+    theta = np.asarray(actuator.load.theta)
     missed = []
     for log in logs:
-        shot = shoot([position_only(log)], result.actuator, wanted, kept, progress)
+        shot = estimator.search(
+            [position_only(log)], actuator, Wanted(actuator.load.names, ("position",)), kept, progress
+        )
         if not isinstance(shot.found, Failure):
-            found = shot.task.actuator_of(shot.found.x, log.name).load
-            missed.append(np.asarray(found.theta) - np.asarray(load.theta))
-    return tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * len(load.theta)
+            missed.append(np.asarray(shot.task.actuator_of(shot.found.x, log.name).load.theta) - theta)
+    return tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * theta.size
+
+
+#: Multiple shooting with soft continuity.
+SHOOTING = Estimator("shooting", shoot, summary)

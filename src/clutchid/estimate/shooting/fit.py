@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 
@@ -34,13 +35,32 @@ WEARING = ("F_C", "V_0A")
 MARGIN = 1.3
 
 
+class End(Protocol):
+    """Where a search ended, by whatever method: free numbers, how it ended, and after how much work."""
+
+    @property
+    def x(self) -> FloatArray:
+        """Free numbers as coordinates."""
+
+    @property
+    def status(self) -> Literal["converged", "stalled", "limit"]:
+        """How the search ended."""
+
+    @property
+    def evaluations(self) -> int:
+        """After how many evaluations."""
+
+
+EndT = TypeVar("EndT", bound=End)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Shot:
-    """What a fit by multiple shooting starts from: the problem, its plans, and where its search ended."""
+class Shot(Generic[EndT]):
+    """The problem of a fit, the plans of its recordings, and where its search ended."""
 
     task: Shooting
     plans: tuple[Plan, ...]
-    found: Found | Failure
+    found: EndT | Failure
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +79,7 @@ def shoot(
     wanted: Wanted,
     calibration: Calibration | None = None,
     progress: Progress | None = None,
-) -> Shot:
+) -> Shot[Found]:
     """Fit `wanted` to recordings by multiple shooting.
 
     With a `calibration` the search starts near its end, from the calibrated values.

@@ -85,6 +85,13 @@ class Shooting:
         bases = [self.coordinates[i].base for i in places]
         return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size)
 
+    def views(self, x: FloatArray) -> dict[str, View] | Failure:
+        """The view of every recording on x, by stem; a `Failure` where values contradict each other."""
+        try:
+            return {stem: self.view(x, stem) for stem in self.stems}
+        except ParameterError as error:
+            return Failure(str(error))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
@@ -115,10 +122,9 @@ def linearise(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArra
     ------
     Nothing: a simulation that fails is a `Failure`.
     """
-    try:
-        views = {stem: task.view(x, stem) for stem in task.stems}
-    except ParameterError as error:
-        return Failure(str(error))
+    views = task.views(x)
+    if isinstance(views, Failure):
+        return views
     prior = prior_rows(task, x)
     cost = float(np.sum(prior[:, -1] ** 2))
     chains = []
@@ -138,9 +144,8 @@ def cost_at(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]
     ------
     Nothing: a simulation that fails costs infinitely much.
     """
-    try:
-        views = {stem: task.view(x, stem) for stem in task.stems}
-    except ParameterError:
+    views = task.views(x)
+    if isinstance(views, Failure):
         return float("inf")
     total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
     for track, starts in zip(task.tracks, X, strict=True):

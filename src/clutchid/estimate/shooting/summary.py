@@ -11,7 +11,7 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.identifiability import listed
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
-from clutchid.estimate.shooting.fit import Shot
+from clutchid.estimate.shooting.fit import EndT, Shot
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.search import Found
 from clutchid.estimate.shooting.trajectory import recorded, trajectory
@@ -29,8 +29,8 @@ QUANTILE = 1.96
 NOT_TOLD = 0.9
 
 
-def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
-    """The result of a search that found something.
+def summary(shot: Shot[Found], calibration: Calibration | None) -> Fit | Failure:
+    """The result of a search by multiple shooting.
 
     Raises
     ------
@@ -39,16 +39,26 @@ def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
     found = shot.found
     if isinstance(found, Failure):
         return found
-    task = shot.task
-    uncertain = spread(task, found, calibration)
+    uncertain = spread(shot.task, found, calibration)
     if isinstance(uncertain, Failure):
         return uncertain
+    recordings, compared = _recordings(shot, found, uncertain)
+    result = described(shot, found, uncertain.matrix, calibration, "shooting")
+    return replace(result, recordings=recordings, errors=errors_over(compared))
+
+
+def described(shot: Shot[EndT], found: EndT, matrix: FloatArray, calibration: Calibration | None, method: str) -> Fit:
+    """What the end of a search says of numbers and load, with the covariance `matrix` of x; no recordings yet.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
+    task = shot.task
     bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(task.actuator.load.theta))
     fitted = corrected(task.actuator_of(found.x, task.stems[0]), bias)
-    recordings, compared = _recordings(shot, found, uncertain)
     warnings = (*plan_warnings(shot.plans), *at_bounds(task, found.x), *unsettled(found.status, found.evaluations))
     slopes = task.slopes(found.x)
-    matrix = uncertain.matrix
     return Fit(
         status="warning" if warnings else "ok",
         message=f"{found.status} after {found.evaluations} evaluations",
@@ -56,13 +66,13 @@ def summary(shot: Shot, calibration: Calibration | None) -> Fit | Failure:
         parameters=estimates_of(task, found.x, matrix, fitted),
         covariance=matrix * np.outer(slopes, slopes),
         load_curve=load_curve(task, fitted, matrix, slopes, bias),
-        recordings=recordings,
-        errors=errors_over(compared),
+        recordings={},
+        errors=errors_over([]),
         scales=dict(task.noise.measured),
         bounds={c.name: (c.low, c.high) for c in task.coordinates},
         evaluations=found.evaluations,
         warnings=warnings,
-        method="shooting",
+        method=method,
         notes=not_told(task, matrix),
         settled=found.status == "converged",
     )
@@ -74,7 +84,9 @@ def corrected(actuator: Actuator, bias: FloatArray) -> Actuator:
     return replace(actuator, load=replace(load, theta=tuple((np.asarray(load.theta) - bias).tolist())))
 
 
-def _recordings(shot: Shot, found: Found, uncertain: Spread) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
+def _recordings(
+    shot: Shot[Found], found: Found, uncertain: Spread
+) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
     """The recordings by name, and each as measured and as its sensors would record the simulation."""
     task = shot.task
     deviations = pressure_spread(uncertain)
@@ -192,7 +204,7 @@ def not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def failed(shot: Shot, message: str) -> Fit:
+def failed(shot: Shot[EndT], method: str, message: str) -> Fit:
     """The result of a search whose start cannot be simulated.
 
     Raises
@@ -215,7 +227,7 @@ def failed(shot: Shot, message: str) -> Fit:
         bounds={c.name: (c.low, c.high) for c in task.coordinates},
         evaluations=0,
         warnings=tuple(plan_warnings(shot.plans)),
-        method="shooting",
+        method=method,
         settled=False,
     )
 
