@@ -95,7 +95,7 @@ def closed_loop(actuator: Actuator, wanted: np.ndarray, name: str) -> Log:
     n, module, load = wanted.size, kernels(actuator.model), actuator.load
     p, breakpoints, table = actuator.parameters.array(), load.breakpoints, load.combined()
     q = actuator.parameters
-    vented = {"p_A": q.P_0, "p_B": q.P_0, "T_A": q.T_w, "T_B": q.T_w, "p_S": q.P_S}
+    vented = {"p_A": q.P_0, "p_B": q.P_0, "T_A": q.T_w, "T_B": q.T_w, "p_S": q.P_S, "p_G": q.P_S}
     x = np.array([vented.get(state, 0.0) for state in VARIANTS[actuator.model]])
     dt, one = np.array([1e-3]), np.ones(1, dtype=np.int32)
     never, nothing, two = np.zeros(2, dtype=np.uint8), np.zeros((2, 2)), np.empty((2, x.size))

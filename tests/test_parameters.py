@@ -23,6 +23,8 @@ def test_a_negative_conductance_is_refused_in_the_words_of_the_design():
         ("R_0vs", -0.1), ("R_0ve", 1.1), ("R_1vs", 2.5), ("B_vs", 1.01), ("B_ve", -1.01), ("B_0", 1.0), ("B_0", 0.0),
         ("C_r", -1e-9), ("rho_0", 0.0), ("y_max", 0.0), ("r_lam", 1.0), ("r_lam", 0.5), ("K_stop", 0.0),
         ("D_stop", -1.0), ("T_0", math.nan), ("P_S", math.inf), ("P_S", -math.inf),
+        ("b_vs", -0.01), ("b_ve", 0.91), ("m_vs", 0.0), ("m_ve", 3.1), ("tau_G", 0.0), ("F_h", 0.0), ("mu_h", 0.31),
+        ("mu_h", -0.01), ("K_h", 0.0), ("t_vs", -0.01), ("t_ve", 1.01),
     ],
 )  # fmt: skip
 def test_a_number_outside_its_range_is_refused_by_name(name, wrong):
@@ -30,7 +32,13 @@ def test_a_number_outside_its_range_is_refused_by_name(name, wrong):
         Parameters(**{name: wrong})
 
 
-@pytest.mark.parametrize(("name", "edge"), [("D_v", 0.0), ("C_r", 0.0), ("B_vs", 1.0), ("B_ve", -1.0), ("D_zdot", 0.0)])
+@pytest.mark.parametrize(
+    ("name", "edge"),
+    [
+        ("D_v", 0.0), ("C_r", 0.0), ("B_vs", 1.0), ("B_ve", -1.0), ("D_zdot", 0.0), ("b_vs", 0.0), ("mu_h", 0.0),
+        ("t_vs", 0.0), ("t_ve", 1.0),
+    ],
+)  # fmt: skip
 def test_an_edge_that_belongs_to_the_range_is_taken(name, edge):
     assert getattr(Parameters(**{name: edge}), name) == edge
 

@@ -29,6 +29,8 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "temperature_a": "K",
         "temperature_b": "K",
         "pressure_supply": "Pa",
+        "pressure_governor": "Pa",
+        "deflection_bearing": "m",
         "pressure_a low": "Pa",
         "pressure_a high": "Pa",
     }

@@ -114,12 +114,28 @@ class Parameters:
     K_stop: float = _row(3e7, "N/m", "stiffness of the end stops", above=0, source=_ERRATA)
     D_stop: float = _row(1e4, "N·s/m", "damping of the end stops", at_least=0, source=_ERRATA)
     d_stop: float = _row(1e-4, "m", "penetration over which an end stop takes hold", above=0, source=_ERRATA)
+    b_vs: float = _row(
+        0.3, "1", "critical pressure ratio of the supply valve", at_least=0, at_most=0.9, source=_BALANCE
+    )
+    m_vs: float = _row(0.5, "1", "subsonic index of the supply valve", above=0, at_most=3, source=_BALANCE)
+    b_ve: float = _row(
+        0.3, "1", "critical pressure ratio of the exhaust valve", at_least=0, at_most=0.9, source=_BALANCE
+    )
+    m_ve: float = _row(0.5, "1", "subsonic index of the exhaust valve", above=0, at_most=3, source=_BALANCE)
     gamma: float = _row(1.4, "1", "ratio of specific heats of air", above=1, at_most=2, source=_BALANCE)
     T_w: float = _row(293.0, "K", "temperature of the chamber walls", above=0, source=_BALANCE)
-    h_A: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber A", at_least=0, source=_BALANCE)
-    h_B: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber B", at_least=0, source=_BALANCE)
+    h_A: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber A at 1 bar", at_least=0, source=_BALANCE)
+    h_B: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber B at 1 bar", at_least=0, source=_BALANCE)
     V_S: float = _row(10e-3, "m³", "volume of the supply reservoir", above=0, source=_BALANCE)
     tau_S: float = _row(0.6, "s", "time in which the reservoir recovers", above=0, source=_BALANCE)
+    tau_G: float = _row(
+        10.0, "s", "time in which the compressor's governor comes back to P_S", above=0, source=_BALANCE
+    )
+    F_h: float = _row(25.0, "N", "release bearing: friction without load", above=0, source=_BALANCE)
+    mu_h: float = _row(
+        0.03, "1", "half the hysteresis of the load, as a share of it", at_least=0, at_most=0.3, source=_BALANCE
+    )
+    K_h: float = _row(5e5, "N/m", "stiffness of bearing and fork before they slip", above=0, source=_BALANCE)
     R_S: float = _row(1.3, "1", "static over Coulomb friction", at_least=1, at_most=5, source=_STRIBECK)
     v_S: float = _row(0.01, "m/s", "velocity at which static friction fades", above=0, source=_STRIBECK)
     c_F: float = _row(1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", at_least=0, source=_STRIBECK)
@@ -132,6 +148,22 @@ class Parameters:
     )
     s_ve: float = _row(
         0.0, "1", "exhaust valve: phase of its opening in the period", at_least=-0.5, at_most=0.5, source=_BALANCE
+    )
+    t_vs: float = _row(
+        0.1,
+        "1",
+        "supply valve: travel of its armature, as part of a period",
+        at_least=0.001,
+        at_most=1,
+        source=_BALANCE,
+    )
+    t_ve: float = _row(
+        0.1,
+        "1",
+        "exhaust valve: travel of its armature, as part of a period",
+        at_least=0.001,
+        at_most=1,
+        source=_BALANCE,
     )
     a_0vs: float = _row(
         0.0,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.opening import opening
-from clutchid.model.valves import breathing_flow, orifice_flow, psi
+from clutchid.model.valves import breathing_flow, iso_flow, iso_psi, orifice_flow, psi
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.stiffness import stiffness
@@ -22,9 +22,15 @@ pressures = st.floats(5e4, 1.2e6)
 ratios = st.floats(0, 1.5)
 critical = st.floats(0.1, 0.9)
 
+indices = st.floats(0.1, 3.0)
+choking = st.one_of(st.just(0.0), st.floats(0, 0.9))
+
+_b, _m = sp.symbols("b m", real=True)
 _r, _B, _B_0, _r_lam, _p_h, _p_l, _C, _u, _R_0, _R_1 = sp.symbols("r B B_0 r_lam p_h p_l C u R_0 R_1", real=True)
 flow_shape = sp.lambdify((_r, _B, _B_0, _r_lam), psi(_r, _B, _B_0, _r_lam), "math")
 flow = sp.lambdify((_p_h, _p_l, _C, _B), orifice_flow(_p_h, _p_l, _C, _B, P.rho_0, P.B_0, P.r_lam), "math")
+iso_shape = sp.lambdify((_r, _b, _m, _r_lam), iso_psi(_r, _b, _m, _r_lam), "math")
+valve_flow = sp.lambdify((_p_h, _p_l, _C, _b, _m), iso_flow(_p_h, _p_l, _C, _b, _m, P.rho_0, P.r_lam), "math")
 breath = sp.lambdify((_p_h, _p_l), breathing_flow(_p_h, _p_l, P.C_r, P.B_in, P.B_out, P.rho_0, P.B_0, P.r_lam), "math")
 open_at = sp.lambdify((_u, _R_0, _R_1), opening(_u, _R_0, _R_1), "math")
 
@@ -66,6 +72,72 @@ def test_air_never_flows_uphill(p_h, p_l, C, B):
         assert w >= 0
     if C > 0 and p_l < 0.99 * p_h and B < 1:
         assert w > 0
+
+
+@given(ratios, choking, indices, st.floats(0.91, 0.99999))
+def test_the_iso_flow_function_is_1_where_choked_and_0_where_no_pressure_drops(r, b, m, r_lam):
+    value = iso_shape(r, b, m, r_lam)
+    assert 0 <= value <= 1
+    if r <= b:
+        assert value == 1
+    if r >= 1:
+        assert value == 0
+    if b < r <= r_lam:  # the standard, typed again
+        assert value == pytest.approx((1 - ((r - b) / (1 - b)) ** 2) ** m, rel=1e-14)
+
+
+@given(st.floats(0, 1), st.floats(0, 1), choking, indices)
+def test_of_the_iso_flow_a_smaller_drop_never_gives_more_and_a_larger_index_never_either(one, other, b, m):
+    low, high = sorted((one, other))
+    # near r = 1 the difference of 1 and a square is rounded to 1e-16 of 1, and its power of 0.1 and more to 1e-14
+    assert iso_shape(high, b, m, 0.999) <= iso_shape(low, b, m, 0.999) + 1e-13
+    assert iso_shape(one, b, 1.2 * m, 0.999) <= iso_shape(one, b, m, 0.999) + 1e-13
+
+
+@given(st.floats(0, 0.998), choking)
+def test_an_index_of_one_half_is_the_quarter_ellipse_of_the_older_standard(r, b):
+    value = iso_shape(r, b, 0.5, 0.999)
+    assert value**2 + (max(0.0, r - b) / (1 - b)) ** 2 == pytest.approx(1, abs=1e-14)
+
+
+@given(st.floats(0, 1.2), critical, st.floats(0.91, 0.99999))
+def test_the_papers_flow_function_of_shape_1_is_the_iso_one_of_index_one_half(r, b, r_lam):
+    # 1 - x^2 near x = 1 loses what 1 - r_lam = 1e-5 leaves of sixteen digits; the paper adds and takes an ellipse
+    assert iso_shape(r, b, 0.5, r_lam) == pytest.approx(flow_shape(r, 1.0, b, r_lam), abs=1e-11)
+
+
+@given(st.floats(1e-3, 0.9), indices, st.floats(0.91, 0.99999))
+def test_the_iso_flow_function_has_no_jump_at_its_seams_and_no_kink_where_it_chokes(b, m, r_lam):
+    step = 1e-9
+    for seam in (b, r_lam, 1.0):
+        jump = abs(iso_shape(seam + step, b, m, r_lam) - iso_shape(seam - step, b, m, r_lam))
+        # the laminar line falls by psi(r_lam) <= 1 over 1 - r_lam; before it the slope is m / (1 - beyond^2)^(1 - m) at
+        # most of 2 / (1 - b), and 1 - beyond^2 >= (1 - r_lam) / (1 - b)
+        beyond = (1 - r_lam) / (1 - b)
+        steepest = 1 / (1 - r_lam) + 2 * m / (1 - b) * max(1.0, beyond ** (m - 1))
+        assert jump <= 2 * step * steepest + 1e-14
+    # beyond b it leaves 1 with the square of the way: a thousandth of 1 - b is worth a millionth of m
+    away = 1e-3 * (1 - b)
+    if b + away < r_lam:
+        assert 1 - iso_shape(b + away, b, m, r_lam) == pytest.approx(1e-6 * m, rel=1e-5)
+
+
+@given(pressures, pressures, st.floats(0, 1e-6), choking, indices)
+def test_through_an_iso_valve_air_never_flows_uphill_and_chokes_at_its_conductance(p_h, p_l, C, b, m):
+    w = valve_flow(p_h, p_l, C, b, m)
+    if p_l > p_h:
+        assert w == 0
+    elif p_l == p_h:
+        # as above: 1 - r is rounded to 1e-16 and stretched by psi(r_lam) / (1 - r_lam) < 1000; either sign
+        assert abs(w) <= 1e-12 * P.rho_0 * C * p_h
+    else:
+        assert w >= 0
+    if p_l <= 0.999 * b * p_h:
+        assert w == pytest.approx(P.rho_0 * C * p_h, rel=1e-15)
+    if C > 0 and p_l < 0.99 * p_h:
+        assert w > 0
+    # twice the pressure on both sides is twice the flow
+    assert valve_flow(2 * p_h, 2 * p_l, C, b, m) == 2 * w
 
 
 @given(st.floats(5e4, 3e5), st.floats(5e4, 3e5))

@@ -13,10 +13,11 @@ from clutchid.model.opening import opening, passed_pulses, pulse_share, switched
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 
-_letters = sp.symbols("a b s c d", real=True)
+_letters = sp.symbols("a b s e c d", real=True)
 passed = sp.lambdify(_letters, passed_pulses(*_letters), "math")
 shares = st.floats(0, 1)
 phases = st.floats(-1, 1)
+travels = st.one_of(st.just(0.0), st.floats(0, 1))
 EPS = 2.3e-16
 
 
@@ -24,26 +25,60 @@ _limit = sp.symbols("a i d", real=True)
 limited = sp.lambdify(_limit, switched_opening(*_limit), "math")
 
 
-def mean_opening(a, b, s, c, d):
-    return limited(a, passed(a, b, s, c, d), d)
+def mean_opening(a, b, s, e, c, d):
+    return limited(a, passed(a, b, s, e, c, d), d)
 
 
-@given(shares, st.floats(0, 1), st.integers(1, 40))
-def test_over_the_samples_of_a_period_a_switched_valve_is_open_for_its_share(a, s, n):
-    parts = [mean_opening(a, a, s, k / n, 1 / n) for k in range(n)] if n > 1 else [passed(a, a, s, 0.0, 1.0)]
-    assert min(parts) >= 0
-    # d divides lengths that are rounded to 1e-16
-    assert max(parts) <= 1 + 8 * n * EPS
-    assert abs(np.mean(parts) - a) <= 16 * n * EPS
+def lift(x, e):
+    """Lift of an armature that begins to rise at -e / 2 and arrives at e / 2; 0 or 1."""
+    return np.interp(x, [-e / 2, e / 2], [0.0, 1.0]) if e > 0 else np.where(x >= 0, 1.0, 0.0)
 
 
-@given(shares, phases, st.floats(0, 0.999), st.floats(1e-3, 0.999))
-def test_the_mean_over_a_sample_is_the_share_of_fine_time_in_which_the_valve_is_open(a, s, c, d):
-    assume(c + d <= 2 + s)  # the period after next, which only a phase near -1 lets into a sample, is not counted
+@given(shares, st.floats(0, 1), travels, st.integers(1, 40))
+def test_over_the_samples_of_a_period_a_switched_valve_passes_its_share_whatever_its_travel(a, s, e, n):
+    parts = [mean_opening(a, a, s, e, k / n, 1 / n) for k in range(n)] if n > 1 else [passed(a, a, s, e, 0.0, 1.0)]
+    # d divides sums of sixteen lengths up to 3, rounded to 1e-16
+    assert min(parts) >= -100 * n * EPS
+    assert max(parts) <= 1 + 100 * n * EPS
+    assert abs(np.mean(parts) - a) <= 100 * n * EPS
+
+
+@given(shares, st.floats(0, 1.5), phases, travels, st.floats(0, 0.999), st.floats(1e-3, 0.999))
+def test_what_a_sample_passes_is_the_mean_lift_over_fine_time_of_pulses_with_ramps(a, b, s, e, c, d):
+    # the period after next, which only a phase near -1 lets into a sample, is not counted
+    assume(c + d <= 2 + s - e / 2)
     at = c + d * (np.arange(2000) + 0.5) / 2000
-    open_ = (at - s) % 1.0 < a
-    # four edges at most that may lie anywhere in a fine step
-    assert abs(mean_opening(a, a, s, c, d) - open_.mean()) <= 4 / 2000
+    pulses = sum(lift(at - k - s, e) - lift(at - k - s - (a if k >= 0 else b), e) for k in range(-4, 3))
+    # six edges at most that may lie anywhere in a fine step: a jump is missed by a half of it, a ramp's corner by less
+    assert abs(passed(a, b, s, e, c, d) / d - pulses.mean()) <= 6 / 2000
+    assert mean_opening(a, b, s, e, c, d) == min(1.0, passed(a, b, s, e, c, d) / d)
+
+
+@given(shares, st.floats(0, 1.5), phases, st.floats(0, 0.999), st.floats(1e-3, 0.999))
+def test_without_travel_a_sample_passes_the_length_of_its_common_part_with_the_pulses(a, b, s, c, d):
+    starts = [(k + s, k + s + (a if k >= 0 else b)) for k in (-2, -1, 0, 1)]
+    common = sum(max(0.0, min(c + d, high) - max(c, low)) for low, high in starts)
+    assert passed(a, b, s, 0.0, c, d) == pytest.approx(common, abs=100 * EPS)
+
+
+@given(shares, st.floats(0, 1.5), phases, st.floats(0, 1), st.floats(0, 0.999), st.floats(1e-3, 0.999))
+def test_a_travel_moves_an_eighth_of_itself_at_each_of_eight_edges_at_most(a, b, s, e, c, d):
+    # a ramp of length e and the step at its middle differ by a triangle of e / 2 by 1 / 2 on either side
+    difference = passed(a, b, s, e, c, d) - passed(a, b, s, 0.0, c, d)
+    assert abs(difference) <= 8 * e / 8 + 100 * EPS
+
+
+@given(st.floats(0.01, 0.45), st.floats(0.0, 1.0), st.floats(0.05, 1))
+def test_a_pulse_shorter_than_the_travel_never_lifts_the_armature_fully(part, s, e):
+    a = part * e  # below half of the travel, so that pulses of neighbouring periods do not meet
+    d = 1e-3
+    middle = (s + a / 2) % 1.0 * (1 - d)
+    lifts = [mean_opening(a, a, s, e, c, d) for c in (*np.linspace(0, 1 - d, 101), middle)]
+    assert max(lifts) <= part + 100 * EPS / d
+    # where half of the pulse has passed the armature is as high as it gets, and stays there for the rest of the travel
+    centre = s + a / 2 - d / 2
+    if 0 <= centre <= 1 - d:
+        assert mean_opening(a, a, s, e, centre, d) == pytest.approx(part, abs=100 * EPS / d)
 
 
 @given(shares, st.floats(0, 1.3), st.floats(0, 0.5), st.floats(0, 0.98), st.floats(1e-3, 0.5))
@@ -53,21 +88,24 @@ def test_the_pulse_of_the_period_before_ends_when_it_ends(a, b, s, c, d):
     open_ = ((at >= s) & (at < s + a)) | (at < s + b - 1)
     # where both pulses are in a sample and overlap, the valve is wide open for all of what counts twice
     overlapping = max(0.0, s + b - 1 - s) if b > 1 else 0.0
-    assert mean_opening(a, b, s, c, d) >= open_.mean() - 4 / 2000
-    assert mean_opening(a, b, s, c, d) <= min(1.0, open_.mean() + overlapping / d) + 4 / 2000
+    assert mean_opening(a, b, s, 0.0, c, d) >= open_.mean() - 4 / 2000
+    assert mean_opening(a, b, s, 0.0, c, d) <= min(1.0, open_.mean() + overlapping / d) + 4 / 2000
 
 
-@given(st.floats(0, 1.5), phases, st.floats(0, 0.999))
-def test_without_a_carrier_the_valve_is_open_by_its_share(a, s, c):
-    assert mean_opening(a, a, s, c, 0.0) == min(a, 1.0)
+@given(st.floats(0, 1.5), phases, travels, st.floats(0, 0.999))
+def test_without_a_carrier_the_valve_is_open_by_its_share(a, s, e, c):
+    assert mean_opening(a, a, s, e, c, 0.0) == min(a, 1.0)
 
 
-@given(st.lists(st.tuples(shares, shares, st.floats(0, 0.999), st.floats(0, 0.999)), min_size=1, max_size=5), phases)
-def test_for_arrays_of_samples_the_opening_is_the_same(rows, s):
+rows_of_samples = st.lists(st.tuples(shares, shares, st.floats(0, 0.999), st.floats(0, 0.999)), min_size=1, max_size=5)
+
+
+@given(rows_of_samples, phases, travels)
+def test_for_arrays_of_samples_the_opening_is_the_same(rows, s, e):
     a, b, c, d = (np.array(column) for column in zip(*rows, strict=True))
-    for value, row in zip(kernels("energy-balance").passed_pulses(a, b, c, d, s), rows, strict=True):
-        # a length is a difference of numbers up to 3
-        assert value == pytest.approx(passed(row[0], row[1], s, row[2], row[3]), abs=12 * EPS)
+    for value, row in zip(kernels("energy-balance").passed_pulses(a, b, c, d, s, e), rows, strict=True):
+        # sixteen terms up to 3, with half a dozen roundings each
+        assert value == pytest.approx(passed(row[0], row[1], s, e, row[2], row[3]), abs=100 * EPS)
 
 
 @given(shares, st.floats(0, 0.3), st.floats(0.5, 1.5), st.floats(1.0, 10.0))
@@ -95,10 +133,14 @@ def test_for_an_array_of_duty_cycles_the_opening_is_that_of_the_text():
     assert kernels("isothermal").opening(u, 0.07, 0.93) == pytest.approx(expected, abs=4 * EPS)
 
 
-def filling(actuator: Actuator) -> Log:
+def pulsed() -> Log:
     t = np.arange(0, 0.4, 1e-3)
     supply, exhaust = np.where((t > 0.03) & (t < 0.13), 0.4, 0.0), np.where(t > 0.25, 0.3, 0.0)
-    return simulate(actuator, Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})).log
+    return Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})
+
+
+def filling(actuator: Actuator) -> Log:
+    return simulate(actuator, pulsed()).log
 
 
 def test_a_fast_carrier_moves_the_piston_as_the_averaged_valve_does():
@@ -114,11 +156,23 @@ def test_a_fast_carrier_moves_the_piston_as_the_averaged_valve_does():
     assert np.array_equal(moved(0.0005), averaged)  # several periods in a sample
 
 
-@pytest.mark.parametrize("name", ["s_vs", "s_ve", "R_0vs", "R_1ve", "C_vs"])
+def test_a_travel_that_vanishes_leads_to_the_valve_that_opens_at_once():
+    def moved(travel: float) -> np.ndarray:
+        parameters = Parameters(T_pwm=0.0093, s_vs=0.21, s_ve=0.17, t_vs=travel, t_ve=travel)
+        names = ("C_vs", "s_vs", "t_vs")
+        done = simulate(Actuator(parameters, Load(), "energy-balance"), pulsed(), sensitivities=names)
+        assert all(np.isfinite(done.sensitivities[name]).all() for name in names)
+        return done.log["position"]
+
+    at_once, short, default = moved(0.0), moved(1e-6), moved(0.1)
+    # an edge is off by an eighth of 1e-6 of a period: 1e-9 s of at most 0.3 m/s; forty edges
+    assert np.abs(short - at_once).max() < 40 * 1e-9 * 0.3
+    assert np.abs(default - at_once).max() > 1e-6
+
+
+@pytest.mark.parametrize("name", ["s_vs", "s_ve", "R_0vs", "R_1ve", "C_vs", "t_vs", "t_ve"])
 def test_sensitivities_through_switched_valves_are_exact(name):
-    t = np.arange(0, 0.4, 1e-3)
-    supply, exhaust = np.where((t > 0.03) & (t < 0.13), 0.4, 0.0), np.where(t > 0.25, 0.3, 0.0)
-    log = Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})
+    log = pulsed()
     # a period that no number of samples fills, so that no edge lies on a sample
     parameters = Parameters(T_pwm=0.0093, s_pwm=0.137, s_vs=0.21, s_ve=-0.17)
     actuator = Actuator(parameters, Load(), "energy-balance-stribeck")

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.chambers import heated_pressure_rate, pressure_rate, reservoir_rate, temperature_rate, wall_area
+from clutchid.model.chambers import (
+    heat_flow,
+    heated_pressure_rate,
+    pressure_rate,
+    temperature_rate,
+    wall_area,
+)
+from clutchid.model.supply import governor_rate, reservoir_rate
 from clutchid.model.valves import thermal_factor
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
@@ -81,8 +88,35 @@ def test_the_wall_of_a_chamber_is_that_of_a_cylinder(A, V):
     assert float(wall_area(V, A)) == pytest.approx(2 * A + np.pi * d * length, rel=1e-12)
 
 
+@given(pressures, temperatures, temperatures, st.floats(1e-3, 0.1), st.floats(0, 5e3))
+def test_heat_flows_from_warm_to_cold_and_none_flows_between_equals(p, T, T_w, S, h):
+    Q = float(heat_flow(p, T, T_w, S, h))
+    assert Q * (T_w - T) >= 0
+    assert float(heat_flow(p, T, T, S, h)) == float(heat_flow(p, T, T_w, S, 0.0)) == 0
+
+
+@given(pressures, temperatures, temperatures, st.floats(1e-3, 0.1), st.floats(1.0, 5e3), st.floats(1.1, 9.0))
+def test_heat_transfer_goes_with_the_root_of_pressure_and_is_the_given_one_at_1_bar_and_20_degrees(p, T, T_w, S, h, n):
+    Q = float(heat_flow(p, T, T_w, S, h))
+    assert float(heat_flow(n * p, T, T_w, S, h)) == pytest.approx(np.sqrt(n) * Q, rel=1e-14)
+    assert float(heat_flow(p, T, T_w, n * S, h)) == pytest.approx(n * Q, rel=1e-14)
+    assert float(heat_flow(1e5, 293.15, T_w, S, h)) == pytest.approx(h * S * (T_w - 293.15), rel=1e-14)
+    # of the same density in another state, p ~ T, the coefficient goes with T
+    hot = float(heat_flow(n * p, n * T, n * T_w, S, h))
+    assert hot == pytest.approx(n**2 * Q, rel=1e-12, abs=1e-12 * h * S * T * n**2)
+
+
+@given(st.floats(5e5, 1.3e6), st.floats(5e5, 1.3e6), st.floats(0.1, 100.0))
+def test_a_governor_comes_back_to_its_mean_from_either_side_and_stays_there(p_G, P_S, tau_G):
+    rate = governor_rate(p_G, P_S, tau_G)
+    assert rate * (P_S - p_G) >= 0
+    assert governor_rate(P_S, P_S, tau_G) == 0
+    # the tangent reaches the mean after tau_G
+    assert p_G + tau_G * rate == pytest.approx(P_S, rel=4 * EPS)
+
+
 @given(st.floats(4e5, 9e5), st.floats(0.05, 3.0), st.floats(1e-3, 0.1))
-def test_a_reservoir_recovers_towards_the_supply_pressure_and_a_flow_only_lowers_it(p_S, tau_S, V_S):
+def test_a_reservoir_recovers_towards_the_governors_pressure_and_a_flow_only_lowers_it(p_S, tau_S, V_S):
     at_rest = reservoir_rate(p_S, 9e5, tau_S, 0.0, V_S, R, T_0)
     assert at_rest == (9e5 - p_S) / tau_S >= 0
     assert reservoir_rate(p_S, 9e5, tau_S, 0.02, V_S, R, T_0) < at_rest
@@ -123,7 +157,7 @@ def test_a_sealed_chamber_changes_its_energy_by_heat_and_work_only(h):
     actuator = Actuator(parameters, LOAD, "energy-balance")
     log = simulate(actuator, shut(0.1, step), starts=[(8e-3, 2e5)]).log
     for (p, V, T), A in zip(chambers(log, parameters), (parameters.A_A, parameters.A_B), strict=True):
-        heat = h * np.array([float(wall_area(v, A)) for v in V]) * (320.0 - T)
+        heat = h * np.array([float(wall_area(v, A)) for v in V]) * (320.0 - T) * np.sqrt(p * T / (1e5 * 293.15))
         gained = p * V / (GAMMA - 1)
         work = np.concatenate([[0], np.cumsum((p[1:] + p[:-1]) / 2 * np.diff(V))])
         warmed = np.concatenate([[0], np.cumsum((heat[1:] + heat[:-1]) / 2 * step)])
@@ -138,7 +172,7 @@ def test_what_flows_in_and_out_is_what_chambers_and_reservoir_hold(variant):
     n = round(0.4 / step)
     t = np.arange(n) * step
     supply, exhaust = np.where(t < 0.09, 0.8, 0.0), np.where(t > 0.15, 0.6, 0.0)
-    parameters = Parameters(V_S=3e-3, tau_S=0.2)
+    parameters = Parameters(V_S=3e-3, tau_S=0.2, b_vs=0.4, m_vs=0.6, b_ve=0.25, m_ve=0.75)
     actuator = Actuator(parameters, LOAD, variant)
     log = simulate(actuator, Log(t, {"duty_supply": supply, "duty_exhaust": exhaust})).log
 
@@ -151,10 +185,19 @@ def test_what_flows_in_and_out_is_what_chambers_and_reservoir_hold(variant):
         line = printed(np.array(0.999)) * (1 - r) / 1e-3
         return np.where(r <= 0.999, printed(r), np.maximum(line, 0))
 
+    def iso(r, b, m):  # ISO 6358, typed again for arrays
+        def turbulent(r):
+            return (1 - (np.clip(r - b, 0, None) / (1 - b)) ** 2) ** m
+
+        line = turbulent(np.array(0.999)) * (1 - r) / 1e-3
+        return np.where(r <= 0.999, turbulent(np.minimum(r, 0.999)), np.maximum(line, 0))
+
     p_A, p_B, p_S = log["pressure_a"], log["pressure_b"], log["pressure_supply"]
     T_A, T_B = log["temperature_a"], log["temperature_b"]
-    w_vs = 1.185 * 19e-9 * psi(p_A / p_S, 0.1) * p_S * np.clip((supply - 0.07) / 0.86, 0, 1)
-    w_ve = 1.185 * 21.4e-9 * psi(P_0 / p_A, -0.7) * p_A * np.sqrt(T_0 / T_A) * np.clip((exhaust - 0.07) / 0.86, 0, 1)
+    w_vs = 1.185 * 19e-9 * iso(p_A / p_S, 0.4, 0.6) * p_S * np.clip((supply - 0.07) / 0.86, 0, 1)
+    w_ve = (
+        1.185 * 21.4e-9 * iso(P_0 / p_A, 0.25, 0.75) * p_A * np.sqrt(T_0 / T_A) * np.clip((exhaust - 0.07) / 0.86, 0, 1)
+    )
     w_in = 1.185 * 5e-8 * psi(p_B / P_0, 0.5) * P_0
     w_out = 1.185 * 5e-8 * psi(P_0 / p_B, 0.5) * p_B * np.sqrt(T_0 / T_B)
     (_, V_A, _), (_, V_B, _) = chambers(log, parameters)
@@ -165,6 +208,7 @@ def test_what_flows_in_and_out_is_what_chambers_and_reservoir_hold(variant):
         "reservoir": (p_S * 3e-3 / (R * T_0), recovered - w_vs),
     }
     assert np.ptp(p_S) > 2e4
+    assert np.all(log["pressure_governor"] == 9e5)  # which the reservoir recovers to
     edges = (round(0.09 / step), round(0.15 / step) + 1)
     for mass, rate in masses.values():
         for a, b in itertools.pairwise((0, *edges, n)):
@@ -176,7 +220,7 @@ def test_what_flows_in_and_out_is_what_chambers_and_reservoir_hold(variant):
 
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1), st.integers(2, 60)), min_size=1, max_size=6))
-def test_bristle_temperatures_and_reservoir_stay_within_their_limits(pattern):
+def test_bristle_bearing_temperatures_and_reservoir_stay_within_their_limits(pattern):
     fine = 8
     duties = np.repeat([[a, b] for a, b, _ in pattern], [fine * count for *_, count in pattern], axis=0)
     time = np.arange(duties.shape[0]) * 1e-3 / fine
@@ -186,6 +230,8 @@ def test_bristle_temperatures_and_reservoir_stay_within_their_limits(pattern):
     allowance = 1 + (1e-3 / fine * stiffness(actuator)) ** 4  # of RK4, as for the isothermal bristle
     pressed = p.F_C + p.c_F * np.abs(log["pressure_a"] - log["pressure_b"]).max()
     assert np.abs(log["deflection"]).max() <= p.R_S * pressed / p.K_z * allowance
+    held = p.F_h + p.mu_h * LOAD.force(np.linspace(0.0, log["position"].max(), 1000)).max()
+    assert np.abs(log["deflection_bearing"]).max() <= held / p.K_h * allowance
     assert log["pressure_supply"].max() <= p.P_S * allowance
     # Filling heats to gamma T_0 at most, and squeezing chamber A by a retreating piston 25 mm of 37 mm long further.
     hottest = p.gamma * p.T_0 * ((p.V_0A + p.A_A * p.y_max) / p.V_0A) ** (p.gamma - 1)

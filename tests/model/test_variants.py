@@ -15,6 +15,12 @@ from clutchid.simulation.simulation import STATE_COLUMNS
 
 THETA = (9e5, -0.3e5, 0.6e5)
 GAS = ["isothermal", "energy-balance"]
+SCALES = (1e-3, 1e-1, 1e5, 1e5, 1e-4, 1e2, 1e2, 1e5, 1e5, 1e-4)
+
+#: Where both gas models have the same valves: the older quarter ellipse is the paper's psi of B = 1.
+SAME_VALVES = {"B_vs": 1.0, "B_ve": 1.0, "b_vs": 0.582, "m_vs": 0.5, "b_ve": 0.582, "m_ve": 0.5}
+#: A bearing without hysteresis that slips at 1 mN.
+FREE_BEARING = {"F_h": 1e-3, "mu_h": 0.0, "K_h": 10.0}
 
 
 def linearised(variant: str, x: np.ndarray, u: np.ndarray, **changes: float) -> tuple[np.ndarray, np.ndarray]:
@@ -27,11 +33,11 @@ def linearised(variant: str, x: np.ndarray, u: np.ndarray, **changes: float) -> 
 
 @pytest.fixture(scope="module")
 def points() -> tuple[np.ndarray, np.ndarray]:
-    """Random states (y, v, p_A, p_B, z, T_A, T_B, p_S) in and just outside the stroke, and duty cycles; seed fixed."""
+    """Random states of the energy balance in and just outside the stroke, and duty cycles; seed fixed."""
     generator = np.random.default_rng(32)
-    low = np.array([-2e-4, -0.3, 1.15e5, 0.9e5, -2e-4, 240.0, 250.0, 7.5e5])
-    high = np.array([25.2e-3, 0.3, 7.4e5, 1.4e5, 2e-4, 380.0, 330.0, 9e5])
-    x = generator.uniform(low, high, (500, 8))
+    low = np.array([-2e-4, -0.3, 1.15e5, 0.9e5, -2e-4, 240.0, 250.0, 7.5e5, 8e5, -2e-4])
+    high = np.array([25.2e-3, 0.3, 7.4e5, 1.4e5, 2e-4, 380.0, 330.0, 9e5, 1e6, 2e-4])
+    x = generator.uniform(low, high, (500, 10))
     x[:250, 1] *= 0.05  # half of them where static friction fades
     return x, generator.uniform(0, 1, (500, 2))
 
@@ -74,20 +80,21 @@ def test_a_simulation_without_static_friction_and_pressed_seals_is_the_plain_one
 def test_air_at_the_temperature_of_the_walls_and_full_of_heat_has_the_rates_of_the_isothermal_model(points):
     # With gamma towards 1 the heat of compression vanishes: p_dot = R T_0 w / V - p V_dot / V, Eq. (4), at T = T_0.
     x, u = points[0].copy(), points[1]
-    x[:, [5, 6]], x[:, 7] = 293.0, 9e5
+    x[:, [5, 6]], x[:, 7], x[:, 9] = 293.0, 9e5, 0.0
     gamma = 1 + 1e-9
-    rich, _ = linearised("energy-balance", x, u, gamma=gamma)
-    plain, _ = linearised("isothermal", x[:, :5].copy(), u, gamma=gamma)
+    rich, _ = linearised("energy-balance", x, u, gamma=gamma, **SAME_VALVES)
+    plain, _ = linearised("isothermal", x[:, :5].copy(), u, gamma=gamma, **SAME_VALVES)
     # of first order in gamma - 1, times temperature and heat terms of some ten times a rate; c_p loses nine digits
     assert np.all(np.abs(rich[:, :5] - plain) <= 1e-5 * np.abs(plain).max(axis=0))
 
 
 def test_with_ever_better_heat_transfer_a_simulation_becomes_the_isothermal_one(drive):
     log = drive.slice(0, 3000)
-    plain = simulate(Actuator(Parameters(V_S=1e3), Load(THETA)), log).log["position"]
+    same = {"V_S": 1e3, **SAME_VALVES, **FREE_BEARING}
+    plain = simulate(Actuator(Parameters(**same), Load(THETA)), log).log["position"]
     apart = []
     for h in (1e3, 1e4, 1e5):
-        warm = Actuator(Parameters(h_A=h, h_B=h, V_S=1e3), Load(THETA), "energy-balance")
+        warm = Actuator(Parameters(h_A=h, h_B=h, **same), Load(THETA), "energy-balance")
         apart.append(float(np.sqrt(np.mean((simulate(warm, log).log["position"] - plain) ** 2))))
     # What is left of the difference is in proportion to 1 / h; the best must be far below the 1 mm of h = 50.
     assert apart[1] < apart[0] / 3
@@ -108,7 +115,7 @@ def test_a_huge_reservoir_does_not_sag(drive):
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_a_vented_actuator_at_rest_stays_at_rest_in_every_variant(variant):
-    x = np.array([[0.0, 0.0, 1.095e5, 1.095e5, 0.0, 293.0, 293.0, 9e5]])[:, : len(VARIANTS[variant])].copy()
+    x = np.array([[0.0, 0.0, 1.095e5, 1.095e5, 0.0, 293.0, 293.0, 9e5, 9e5, 0.0]])[:, : len(VARIANTS[variant])].copy()
     rates, _ = linearised(variant, x, np.zeros((1, 2)))
     # areas times pressures of 1.3 kN cancel to rounding; over 10 kg
     assert np.abs(rates).max() <= 10 * 2.3e-16 * 1.35e3 / 10
@@ -119,7 +126,7 @@ def test_the_jacobian_of_every_variant_is_the_derivative_of_its_rates(points, va
     states = VARIANTS[variant]
     x, u = points[0][:, : len(states)].copy(), points[1]
     rates, jacobian = linearised(variant, x, u)
-    scales = dict(zip(VARIANTS["energy-balance"], (1e-3, 1e-1, 1e5, 1e5, 1e-4, 1e2, 1e2, 1e5), strict=True))
+    scales = dict(zip(VARIANTS["energy-balance"], SCALES, strict=True))
     for column, state in enumerate(states):
         errors = []
         for step in (1e-5, 1e-6, 1e-7):
@@ -145,10 +152,24 @@ def test_in_steady_sliding_the_bristle_carries_the_friction_of_the_pressed_seals
     assert abs(1e6 * z - (200 + 1.5e-4 * (p_A - p_B))) < 0.1
 
 
+@pytest.mark.parametrize("variant", [*GAS[1:], "energy-balance-stribeck"])
+def test_a_bearing_that_slips_at_once_leaves_the_motion_alone_and_a_stiff_one_takes_its_share(variant, drive):
+    log = drive.slice(0, 3000)
+
+    def moved(**changes: float) -> np.ndarray:
+        return simulate(Actuator(Parameters(**changes), Load(THETA), variant), log).log["position"]
+
+    free, lighter = moved(**FREE_BEARING), moved(**{**FREE_BEARING, "F_h": 1e-6, "K_h": 1e-2})
+    # a millinewton on springs of 1e5 N/m at least; less than that where friction holds
+    assert np.abs(free - lighter).max() < 2 * 1e-3 / 1e5
+    # the default bearing holds 25 N and 3 % of some 4 kN, a quarter of a millimetre of a load that rises by 5e5 N/m
+    assert 0.05e-3 < np.abs(moved() - free).max() < 2e-3
+
+
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("carry", ["p", "q"])
 def test_a_jump_keeps_what_it_does_not_take_in_every_variant(variant, carry):
-    # one reset to 6 mm in the middle of a held stroke: temperatures and the supply go on
+    # one reset to 6 mm in the middle of a held stroke: temperatures, supply and bearing go on
     n = 41
     position = np.full(n, np.nan)
     position[20] = 6e-3
@@ -167,7 +188,9 @@ def test_a_jump_keeps_what_it_does_not_take_in_every_variant(variant, carry):
     assert reset["pressure_a"][21] == pytest.approx(squeezed * plain["pressure_a"][20], rel=0.05)
     if "T_A" in VARIANTS[variant]:
         assert reset["temperature_a"][21] == pytest.approx(plain["temperature_a"][20], rel=0.03)
-        assert reset["pressure_supply"][-1] == 9e5
+        assert reset["pressure_supply"][-1] == reset["pressure_governor"][-1] == 9e5
+        # the position jumps by 2 mm, the bearing follows the motion of that millisecond only
+        assert abs(reset["deflection_bearing"][21] - plain["deflection_bearing"][20]) < 0.3 * 1e-3
 
 
 def test_the_paper_has_no_temperature_and_the_energy_balance_has_the_column(drive):

@@ -27,8 +27,9 @@ APPENDIX = {
 
 #: What the energy balance and the Stribeck friction add.
 BEYOND = {
-    "gamma": 1.4, "T_w": 293.0, "h_A": 50.0, "h_B": 50.0, "V_S": 10e-3, "tau_S": 0.6, "R_S": 1.3, "v_S": 0.01,
-    "c_F": 1.5e-4,
+    "gamma": 1.4, "T_w": 293.0, "h_A": 50.0, "h_B": 50.0, "V_S": 10e-3, "tau_S": 0.6, "tau_G": 10.0, "R_S": 1.3,
+    "v_S": 0.01, "c_F": 1.5e-4, "b_vs": 0.3, "m_vs": 0.5, "b_ve": 0.3, "m_ve": 0.5, "F_h": 25.0, "mu_h": 0.03,
+    "K_h": 5e5,
 }  # fmt: skip
 
 
@@ -44,6 +45,15 @@ def psi(r: float, B: float, B_0: float, r_lam: float) -> float:
     else:
         Omega_1 = Omega_0 - (1 - r)
     return Omega_0 + B * Omega_1
+
+
+def iso(r: float, b: float, m: float, r_lam: float) -> float:
+    """ISO 6358-1:2013, subsonic and choked; straight line from r_lam to 0 at r = 1."""
+    if r >= 1:
+        return 0.0
+    if r > r_lam:
+        return iso(r_lam, b, m, 1.0) * (1 - r) / (1 - r_lam)
+    return 1.0 if r <= b else (1 - ((r - b) / (1 - b)) ** 2) ** m
 
 
 def load(y: float, theta: Sequence[float], slope: float = 1.0) -> float:
@@ -104,9 +114,9 @@ def chamber(m: float, U: float, V: float, q: SimpleNamespace) -> tuple[float, fl
 
 
 def rich_rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p: dict[str, float]) -> list[float]:
-    """The energy balance with Stribeck friction; x = (y, v, m_A, m_B, z, U_A, U_B, m_S), masses and energies of air."""
+    """The energy balance with Stribeck friction; x holds masses and energies of air, see `content`."""
     q = SimpleNamespace(**p)
-    y, v, m_A, m_B, z, U_A, U_B, m_S = (float(value) for value in x)
+    y, v, m_A, m_B, z, U_A, U_B, m_S, p_G, z_h = (float(value) for value in x)
     V_A, V_B = q.V_0A + q.A_A * y, q.V_0B + q.A_B * (q.y_max - y)
     p_A, T_A = chamber(m_A, U_A, V_A, q)
     p_B, T_B = chamber(m_B, U_B, V_B, q)
@@ -117,8 +127,13 @@ def rich_rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p
         """Eq. (10), with the density of air at T_h before the orifice as ISO 6358 has it."""
         return q.rho_0 * C * psi(p_l / p_h, B, q.B_0, q.r_lam) * p_h * math.sqrt(q.T_0 / T_h)
 
-    w_vs = g(p_S, p_A, q.T_0, q.C_vs, q.B_vs) * opening(u[0], q.R_0vs, q.R_1vs)
-    w_ve = g(p_A, q.P_0, T_A, q.C_ve, q.B_ve) * opening(u[1], q.R_0ve, q.R_1ve)
+    def wall_to_air(h: float, p: float, T: float, S: float) -> float:
+        """Eichelberg: the coefficient goes with the root of pressure and temperature; h holds at 1 bar and 20 degC."""
+        return h * math.sqrt(p / 1e5) * math.sqrt(T / 293.15) * S * (q.T_w - T)
+
+    w_vs = q.rho_0 * q.C_vs * p_S * iso(p_A / p_S, q.b_vs, q.m_vs, q.r_lam) * opening(u[0], q.R_0vs, q.R_1vs)
+    w_ve = q.rho_0 * q.C_ve * p_A * iso(q.P_0 / p_A, q.b_ve, q.m_ve, q.r_lam) * math.sqrt(q.T_0 / T_A)
+    w_ve *= opening(u[1], q.R_0ve, q.R_1ve)
     w_in, w_out = g(q.P_0, p_B, q.T_0, q.C_r, q.B_in), g(p_B, q.P_0, T_B, q.C_r, q.B_out)
     # a cylinder of length V / A: its round wall and its two ends
     S_A, S_B = (2 * A + 2 * math.sqrt(math.pi * A) * V / A for A, V in ((q.A_A, V_A), (q.A_B, V_B)))
@@ -127,35 +142,40 @@ def rich_rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p
     z_dot = v - q.K_z / F * abs(v) * z
     f_f = q.D_v * v + q.K_z * z + q.D_zdot * z_dot
     f_s = stop(y - q.y_max, v, q.K_stop, q.D_stop, q.d_stop) - stop(-y, -v, q.K_stop, q.D_stop, q.d_stop)
-    force = q.A_A * p_A - q.A_B * p_B - (q.A_A - q.A_B) * q.P_0 - load(y, theta) - f_f - f_s
+    f_l = load(y, theta)
+    slips = q.F_h + q.mu_h * max(0.0, f_l)  # what the bearing holds at most; then its deflection stays
+    force = q.A_A * p_A - q.A_B * p_B - (q.A_A - q.A_B) * q.P_0 - f_l - q.K_h * z_h - f_f - f_s
     return [
         v,
         force / q.M,
         w_vs - w_ve,
         w_in - w_out,
         z_dot,
-        c_p * (q.T_0 * w_vs - T_A * w_ve) + q.h_A * S_A * (q.T_w - T_A) - p_A * q.A_A * v,
-        c_p * (q.T_0 * w_in - T_B * w_out) + q.h_B * S_B * (q.T_w - T_B) + p_B * q.A_B * v,
-        (q.P_S - p_S) / q.tau_S * q.V_S / (q.R * q.T_0) - w_vs,
+        c_p * (q.T_0 * w_vs - T_A * w_ve) + wall_to_air(q.h_A, p_A, T_A, S_A) - p_A * q.A_A * v,
+        c_p * (q.T_0 * w_in - T_B * w_out) + wall_to_air(q.h_B, p_B, T_B, S_B) + p_B * q.A_B * v,
+        (p_G - p_S) / q.tau_S * q.V_S / (q.R * q.T_0) - w_vs,
+        (q.P_S - p_G) / q.tau_G,
+        v * (1 - q.K_h * z_h / slips) if v > 0 else v * (1 + q.K_h * z_h / slips),
     ]
 
 
 def content(x: np.ndarray, p: dict[str, float]) -> np.ndarray:
-    """(y, v, m_A, m_B, z, U_A, U_B, m_S) of states (y, v, p_A, p_B, z, T_A, T_B, p_S), shape (8,) or (8, n)."""
+    """(y, v, m_A, m_B, z, U_A, U_B, m_S, p_G, z_h) of the states of the model, shape (10,) or (10, n)."""
     q = SimpleNamespace(**p)
-    y, v, p_A, p_B, z, T_A, T_B, p_S = x
+    y, v, p_A, p_B, z, T_A, T_B, p_S, p_G, z_h = x
     V_A, V_B = q.V_0A + q.A_A * y, q.V_0B + q.A_B * (q.y_max - y)
     U_A, U_B = p_A * V_A / (q.gamma - 1), p_B * V_B / (q.gamma - 1)
-    return np.array([y, v, p_A * V_A / (q.R * T_A), p_B * V_B / (q.R * T_B), z, U_A, U_B, p_S * q.V_S / (q.R * q.T_0)])
+    masses = p_A * V_A / (q.R * T_A), p_B * V_B / (q.R * T_B)
+    return np.array([y, v, *masses, z, U_A, U_B, p_S * q.V_S / (q.R * q.T_0), p_G, z_h])
 
 
 def state(c: np.ndarray, p: dict[str, float]) -> np.ndarray:
     """The states of `content`, its inverse."""
     q = SimpleNamespace(**p)
-    y, v, m_A, m_B, z, U_A, U_B, m_S = c
+    y, v, m_A, m_B, z, U_A, U_B, m_S, p_G, z_h = c
     p_A, T_A = chamber(m_A, U_A, q.V_0A + q.A_A * y, q)
     p_B, T_B = chamber(m_B, U_B, q.V_0B + q.A_B * (q.y_max - y), q)
-    return np.array([y, v, p_A, p_B, z, T_A, T_B, m_S * q.R * q.T_0 / q.V_S])
+    return np.array([y, v, p_A, p_B, z, T_A, T_B, m_S * q.R * q.T_0 / q.V_S, p_G, z_h])
 
 
 def radau(time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], theta: Sequence[float]) -> np.ndarray:
@@ -166,9 +186,9 @@ def radau(time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], theta: Sequ
 
 
 def rich_radau(time: np.ndarray, inputs: np.ndarray, x0: Sequence[float], theta: Sequence[float]) -> np.ndarray:
-    """As `radau`, for the energy balance with Stribeck friction; states (y, v, p_A, p_B, z, T_A, T_B, p_S)."""
+    """As `radau`, for the energy balance with Stribeck friction; (y, v, p_A, p_B, z, T_A, T_B, p_S, p_G, z_h)."""
     p = APPENDIX | BEYOND
-    usual = content(np.array([1e-2, 1e-1, 1e5, 1e5, 1e-4, 300.0, 300.0, 1e5]), p)
+    usual = content(np.array([1e-2, 1e-1, 1e5, 1e5, 1e-4, 300.0, 300.0, 1e5, 1e5, 1e-4]), p)
     start = content(np.asarray(x0, dtype=float), p)
     return state(integrated(lambda x, u: rich_rates(x, u, theta, p), time, inputs, start, usual).T, p).T
 
@@ -197,7 +217,7 @@ def integrated(
 def twin() -> SimpleNamespace:
     """The plain twins: `rates`, `load`, `psi`, `opening`, `stop`, `radau`, the rich ones, and all numbers."""
     functions: dict[str, Callable[..., object]] = {
-        "rates": rates, "load": load, "psi": psi, "opening": opening, "stop": stop, "radau": radau,
+        "rates": rates, "load": load, "psi": psi, "iso": iso, "opening": opening, "stop": stop, "radau": radau,
         "rich_rates": rich_rates, "rich_radau": rich_radau, "content": content, "state": state,
     }  # fmt: skip
     return SimpleNamespace(appendix=APPENDIX, beyond=BEYOND, **functions)

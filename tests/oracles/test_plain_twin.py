@@ -29,8 +29,8 @@ def test_the_twin_and_the_package_hold_the_same_appendix(twin):
     numbers = {name: getattr(parameters, name) for name in Parameters.names()}
     known = twin.appendix | twin.beyond
     assert {name: numbers[name] for name in known} == known
-    # what the twin does not know is off; the slope of short pulses has no effect while a_0 is 0
-    assert not any(numbers[name] for name in numbers.keys() - known.keys() - {"k_vs", "k_ve"})
+    # what the twin does not know is off; slopes of short pulses and travels have no effect without a carrier
+    assert not any(numbers[name] for name in numbers.keys() - known.keys() - {"k_vs", "k_ve", "t_vs", "t_ve"})
 
 
 @pytest.mark.parametrize("numbers", ["Appendix", "all different"])
@@ -101,23 +101,26 @@ RICH = "energy-balance-stribeck"
 def test_the_rates_of_the_energy_balance_are_those_of_mass_and_energy_in_the_twin(twin, numbers):
     generator = np.random.default_rng(2)
     n = 2000
-    low = np.array([-1e-3, -0.3, 0.8e5, 0.8e5, -2e-4, 240.0, 240.0, 5e5])
-    high = np.array([26e-3, 0.3, 10e5, 2e5, 2e-4, 380.0, 380.0, 9e5])
-    x, u = generator.uniform(low, high, (n, 8)), generator.uniform(0, 1, (n, 2))
+    low = np.array([-1e-3, -0.3, 0.8e5, 0.8e5, -2e-4, 240.0, 240.0, 5e5, 8e5, -4e-4])
+    high = np.array([26e-3, 0.3, 10e5, 2e5, 2e-4, 380.0, 380.0, 9e5, 1e6, 4e-4])
+    x, u = generator.uniform(low, high, (n, 10)), generator.uniform(0, 1, (n, 2))
     x[: n // 4, 1] *= 0.05  # static friction fades within 10 mm/s
     x[: n // 4, 3] = 1.095e5 * generator.uniform(0.998, 1.002, n // 4)  # both sides of the laminar line
+    x[n // 4 : n // 2, 2] = x[n // 4 : n // 2, 7] * generator.uniform(0.998, 1.002, n // 4)  # of the supply valve too
+    x[n // 2 : 3 * n // 4, 2] = 1.095e5 * generator.uniform(0.998, 1.002, n // 4)  # and of the exhaust valve
     load, p = Load(THETA), twin.appendix | twin.beyond
     if numbers == "all different":
         p = {name: value * generator.uniform(0.85, 1.0) for name, value in p.items()}
         p |= {"A_A": 13e-3, "r_lam": 0.9985, "gamma": 1.32, "R_S": 1.2}
-    computed, jacobian = np.empty((n, 8)), np.empty((n, 8, 8))
+        p |= {"b_vs": 0.45, "m_vs": 0.6, "b_ve": 0.2, "m_ve": 0.75, "mu_h": 0.05}
+    computed, jacobian = np.empty((n, 10)), np.empty((n, 10, 10))
     values = Parameters().replace(p).array()
     wide = np.pad(u, ((0, 0), (0, len(system(RICH).inputs) - 2)))
     kernels(RICH).linearise(x, wide, values, load.breakpoints, load.combined(), computed, jacobian)
     for i in range(n):
         c = twin.content(x[i], p)
         rate = np.array(twin.rich_rates(c, u[i], THETA, p))
-        y, v, m_A, m_B, _, U_A, U_B, m_S = c
+        y, v, m_A, m_B, _, U_A, U_B, m_S, *_ = c
         pressures, temperatures = x[i, [2, 3, 7]], x[i, [5, 6]]
         V_dot = np.array([p["A_A"] * v, -p["A_B"] * v])
         V = np.array([p["V_0A"] + p["A_A"] * y, p["V_0B"] + p["A_B"] * (p["y_max"] - y)])
@@ -128,6 +131,7 @@ def test_the_rates_of_the_energy_balance_are_those_of_mass_and_energy_in_the_twi
             rate[4],
             *temperatures * (grown - rate[[2, 3]] / [m_A, m_B]),
             pressures[2] * rate[7] / m_S,
+            *rate[8:],
         ]
         # as for the isothermal rates, a dozen terms that may cancel: 1e-12 of the largest rate over all the points
         assert np.all(np.abs(computed[i] - expected) <= 1e-12 * np.abs(computed).max(axis=0))
@@ -140,7 +144,7 @@ def test_the_energy_balance_moves_as_radau_on_mass_and_energy_to_a_micrometre(tw
             (0.05, 0.8, 0), (0.08, 0, 0), (0.05, 0, 1.0), (0.10, 0, 0), (0.04, 0.5, 0.2), (0.05, 0, 0.12), (0.06, 0, 0),
         ]
     )  # fmt: skip
-    reference = twin.rich_radau(time, duties, [0, 0, 1.095e5, 1.095e5, 0, 293, 293, 9e5], THETA)
+    reference = twin.rich_radau(time, duties, [0, 0, 1.095e5, 1.095e5, 0, 293, 293, 9e5, 9e5, 0], THETA)
     assert reference[:, 0].min() > -1e-12
     assert 0.01 < reference[:, 0].max() < 0.024
     assert np.ptp(reference[:, 5]) > 30  # the air heats up and cools by tens of kelvin

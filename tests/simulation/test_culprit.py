@@ -12,7 +12,10 @@ from clutchid.model.compiled import VARIANTS, kernels
 from clutchid.simulation import simulate
 from clutchid.simulation.culprit import culprit
 
-ENGAGED = {"y": 5e-3, "v": 0.1, "p_A": 4e5, "p_B": 1.2e5, "z": 1e-6, "T_A": 300.0, "T_B": 290.0, "p_S": 9e5}
+ENGAGED = {
+    "y": 5e-3, "v": 0.1, "p_A": 4e5, "p_B": 1.2e5, "z": 1e-6, "T_A": 300.0, "T_B": 290.0, "p_S": 9e5, "p_G": 9.1e5,
+    "z_h": 1e-5,
+}  # fmt: skip
 
 
 def at(actuator: Actuator, duty=(1.0, 0.0), **changes) -> str:

@@ -18,7 +18,8 @@ ACTS = 0.01
 #: Of correlated pairs, the most that are told.
 MOST_PAIRS = 3
 
-_SUPPLY, _EXHAUST = ("R_0vs", "R_1vs", "B_vs", "C_vs"), ("R_0ve", "R_1ve", "B_ve", "C_ve")
+_SUPPLY = ("R_0vs", "R_1vs", "B_vs", "b_vs", "m_vs", "C_vs")
+_EXHAUST = ("R_0ve", "R_1ve", "B_ve", "b_ve", "m_ve", "C_ve")
 _STOP = ("y_max", "K_stop", "D_stop", "d_stop", "V_0B")
 
 

@@ -3,20 +3,97 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
 
-
-def seen_position(position: FloatArray, velocity: FloatArray, p: Parameters) -> FloatArray:
-    """Position in m that the sensor records, where the piston is at `position` with `velocity`."""
-    return position - p.tau_y * velocity + p.e_y
+#: A lag shorter than this part of a sample is taken as a shift in time.
+LEAST = 0.01
 
 
-def seen_pressure(pressure: FloatArray, time: FloatArray, p: Parameters) -> FloatArray:
-    """Pressure in Pa that the sensor records of `pressure` over `time`; of a single sample its lag is not known."""
-    rate = np.gradient(pressure, time) if time.size > 1 else np.zeros_like(pressure)
-    return pressure - p.tau_p * rate + p.e_p
+def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
+    """What a sensor with a lag of first order shows of `x`, which goes straight from sample to sample.
+
+    Parameters
+    ----------
+    x : shape (n,) or (n, m)
+        Samples first. Before the first, x has changed as it does after it.
+    tau : s
+        Time constant; below 0 the sensor is early, and its rate is taken for the lag.
+    step : s
+        Time from sample to sample.
+
+    Returns
+    -------
+    shown : as x
+
+    Raises
+    ------
+    Nothing: of a single sample the lag is not known.
+
+    Examples
+    --------
+    A ramp is shown 2 ms late:
+
+    >>> lagged(0.25 * np.arange(4.0), 2e-3, 1e-3)
+    array([-0.5 , -0.25,  0.  ,  0.25])
+    """
+    if x.shape[0] < 2:
+        return x
+    if tau < LEAST * step:
+        return x - tau * np.gradient(x, step, axis=0)
+    decay, before, now = _shares(tau, step)
+    start = x[0] - tau * (x[1] - x[0]) / step
+    shown: FloatArray = lfilter([now, before], [1.0, -decay], x, axis=0, zi=(start - now * x[0])[None])[0]
+    return shown
+
+
+def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> FloatArray:
+    """Derivative of `lagged` to tau, in units of x per second; `shown` is ``lagged(x, tau, step)``, shape (n,).
+
+    Raises
+    ------
+    Nothing: of a single sample the lag is not known.
+    """
+    if x.shape[0] < 2:
+        return np.zeros_like(x)
+    if tau < LEAST * step:
+        return -np.gradient(x, step)
+    decay, *_ = _shares(tau, step)
+    q = tau / step
+    of_decay = decay / q**2
+    of_now = of_decay * q + decay - 1.0
+    drive = of_now * x
+    drive[1:] += of_decay * shown[:-1] - (of_now + of_decay) * x[:-1]
+    drive[0] = x[0] - x[1]
+    slope: FloatArray = lfilter([1.0], [1.0, -decay], drive) / step
+    return slope
+
+
+def _shares(tau: float, step: float) -> tuple[float, float, float]:
+    """Shares of the last value shown, the last sample and this sample in the value shown now."""
+    q = tau / step
+    decay = float(np.exp(-1.0 / q))
+    now = 1.0 - (1.0 - decay) * q
+    return decay, 1.0 - decay - now, now
+
+
+def seen(values: FloatArray, time: FloatArray, lag: float, offset: float) -> FloatArray:
+    """What a sensor with a lag in s and an offset records of `values` over `time`; where they are NaN it is NaN.
+
+    Raises
+    ------
+    Nothing: what is not known stays NaN.
+    """
+    if time.size < 2:
+        return values + offset
+    record = np.full_like(values, np.nan)
+    step = float(np.median(np.diff(time)))
+    known = np.flatnonzero(np.isfinite(values))
+    for part in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        record[part] = lagged(values[part], lag, step)
+    return record + offset
 
 
 def sensed(simulated: Log, p: Parameters) -> Log:
@@ -25,7 +102,7 @@ def sensed(simulated: Log, p: Parameters) -> Log:
     Parameters
     ----------
     simulated : Log
-        With position, velocity and pressure_a.
+        With position and pressure_a.
     p : Parameters
         Lags ``tau_y`` and ``tau_p`` in s, offsets ``e_y`` in m and ``e_p`` in Pa.
 
@@ -39,13 +116,13 @@ def sensed(simulated: Log, p: Parameters) -> Log:
 
     >>> t = np.array([0.0, 1e-3])
     >>> pressure = np.full(2, 3e5)
-    >>> motion = Log(t, {"position": 0.25 * t, "velocity": np.full(2, 0.25), "pressure_a": pressure})
+    >>> motion = Log(t, {"position": 0.25 * t, "pressure_a": pressure})
     >>> f"{sensed(motion, Parameters(tau_y=2e-3))['position'][0] * 1e3:.2f} mm"
     '-0.50 mm'
     """
-    shift = seen_pressure(simulated["pressure_a"], simulated.time, p) - simulated["pressure_a"]
+    shift = seen(simulated["pressure_a"], simulated.time, p.tau_p, p.e_p) - simulated["pressure_a"]
     bands = [key for key in ("pressure_a", "pressure_a low", "pressure_a high") if key in simulated]
-    position = seen_position(simulated["position"], simulated["velocity"], p)
+    position = seen(simulated["position"], simulated.time, p.tau_y, p.e_y)
     return simulated.with_columns(position=position, **{key: simulated[key] + shift for key in bands})
 
 

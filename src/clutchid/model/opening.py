@@ -78,17 +78,21 @@ def pulse_share(u: Expr, R_0: Expr, R_1: Expr, a_0: Expr, k: Expr) -> Expr:
     return sp.Piecewise((0, u <= R_0), (ballistic, ballistic < full), (full, True))
 
 
-def passed_pulses(a: Expr, b: Expr, s: Expr, c: Expr, d: Expr) -> Expr:
-    r"""Time in a sample in which a switched valve is open, in parts of a period.
+def passed_pulses(a: Expr, b: Expr, s: Expr, e: Expr, c: Expr, d: Expr) -> Expr:
+    r"""Lift of a switched valve over a sample, in parts of a period: pulses with ramps as edges.
 
-    .. math:: \sum_{k=-2}^{1} |[c, c + d] \cap [k + s, k + s + a_k]|, \quad a_k = a \; (k \ge 0), \; b \; (k < 0)
+    .. math:: \sum_{k=-2}^{1} \int_c^{c + d} \ell(x - k - s) - \ell(x - k - s - a_k) \, dx, \quad
+              \ell(x) = \mathrm{sat}_{[0,1]} \left(\frac{x}{e} + \frac{1}{2}\right), \quad
+              a_k = a \; (k \ge 0), \; b \; (k < 0)
 
     Parameters
     ----------
     a, b : 1
         Share of the period that the valve is open, `pulse_share` of the duty cycle, in this period and the one before.
     s : 1
-        Phase of the carrier at which the valve opens, in [-1, 1].
+        Phase of the carrier at which the valve is half open, in [-1, 1].
+    e : 1
+        Part of a period that the armature travels, above 0.
     c : 1
         Phase of the carrier at the start of the sample, in [0, 1).
     d : 1
@@ -106,24 +110,25 @@ def passed_pulses(a: Expr, b: Expr, s: Expr, c: Expr, d: Expr) -> Expr:
     Notes
     -----
     Not in the paper. A pulse goes on into the next period by as much as it began late and outlasts its own, so the duty
-    cycle of the period before matters. An edge within a sample has a useful derivative to `a` and `s`.
+    cycle of the period before matters. A pulse shorter than the travel lifts the armature in part. An edge has a useful
+    derivative to `a` and `s`.
 
     Examples
     --------
     The last pulse before the valve stays closed ends when it ends, not with its period:
 
-    >>> f"{float(passed_pulses(0.0, 1.0, 0.15, 0.0, 0.1)):.2f} {float(passed_pulses(0.0, 1.0, 0.15, 0.1, 0.1)):.2f}"
-    '0.10 0.05'
+    >>> [f"{float(passed_pulses(0.0, 1.0, 0.15, 0.02, c, 0.1)):.2f}" for c in (0.0, 0.1)]
+    ['0.10', '0.05']
     """
 
-    def least(p: Expr, q: Expr) -> Expr:
-        return sp.Piecewise((p, p < q), (q, True))
+    def risen(x: Expr) -> Expr:
+        ramp = x + e / 2
+        return sp.Piecewise((0, ramp <= 0), (x, x >= e / 2), (ramp * ramp / (2 * e), True))
 
-    def overlap(low: Expr, high: Expr) -> Expr:
-        length = least(c + d, high) + least(-c, -low)
-        return sp.Piecewise((length, length > 0), (0, True))
+    def lifted(edge: Expr) -> Expr:
+        return risen(c + d - edge) - risen(c - edge)
 
-    return sum((overlap(k + s, k + s + (a if k >= 0 else b)) for k in (-2, -1, 0, 1)), sp.Integer(0))
+    return sum((lifted(k + s) - lifted(k + s + (a if k >= 0 else b)) for k in (-2, -1, 0, 1)), sp.Integer(0))
 
 
 def switched_opening(a: Expr, passed: Expr, d: Expr) -> Expr:
@@ -158,7 +163,7 @@ def switched_opening(a: Expr, passed: Expr, d: Expr) -> Expr:
     --------
     A valve that is open for the first quarter of the period is open in half of the sample around its closing:
 
-    >>> f"{float(switched_opening(0.25, passed_pulses(0.25, 0.25, 0.0, 0.2, 0.1), 0.1)):.2f}"
+    >>> f"{float(switched_opening(0.25, passed_pulses(0.25, 0.25, 0.0, 0.02, 0.2, 0.1), 0.1)):.2f}"
     '0.50'
     """
     return sp.Piecewise((a, (d <= 0) & (a < 1)), (1, d <= 0), (passed / d, passed < d), (1, True))

@@ -98,6 +98,92 @@ def orifice_flow(p_h: Expr, p_l: Expr, C: Expr, B: Expr, rho_0: Expr, B_0: Expr,
     return rho_0 * C * psi(p_l / p_h, B, B_0, r_lam) * p_h
 
 
+def iso_psi(r: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
+    r"""Flow function of a pneumatic component by ISO 6358-1, laminar near r = 1.
+
+    .. math:: \psi(r) = \left(1 - \left(\frac{\max(0, r - b)}{1 - b}\right)^2\right)^m, \quad r \le r_{lam}
+
+    Parameters
+    ----------
+    r : 1
+        Pressure behind over pressure before the orifice, at least 0.
+    b : 1
+        Critical pressure ratio, in [0, 1): below, the flow is choked.
+    m : 1
+        Subsonic index, above 0; 0.5 is the quarter ellipse of the older standard.
+    r_lam : 1
+        Pressure ratio above which psi is a straight line to 0 at r = 1.
+
+    Returns
+    -------
+    psi : 1
+        In [0, 1]; 0 where r >= 1.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    Not in the paper. Its `psi` with one shape B misses an index of 0.7 by 6 % rms of the flow, and the load by as much.
+
+    References
+    ----------
+    ISO 6358-1:2013, sonic conductance C, critical back-pressure ratio b, subsonic index m.
+
+    Examples
+    --------
+    >>> [f"{iso_psi(r, 0.3, m, 0.999):.2f}" for r, m in ((0.2, 0.5), (0.65, 0.5), (0.65, 0.8))]
+    ['1.00', '0.87', '0.79']
+    """
+
+    def turbulent(at: Expr) -> Expr:
+        beyond = sp.Piecewise(((at - b) / (1 - b), at > b), (0, True))
+        return (1 - beyond**2) ** m
+
+    laminar = (1 - r) / (1 - r_lam) * turbulent(r_lam)
+    return sp.Piecewise((turbulent(r), r <= r_lam), (laminar, r <= 1), (0, True))
+
+
+def iso_flow(p_h: Expr, p_l: Expr, C: Expr, b: Expr, m: Expr, rho_0: Expr, r_lam: Expr = 0.999) -> Expr:
+    r"""Air mass flow through a pneumatic component by ISO 6358-1, at the temperature of its reference.
+
+    .. math:: g = \rho_0 \, C \, \psi(p_l / p_h, b, m) \, p_h
+
+    Parameters
+    ----------
+    p_h, p_l : Pa
+        Absolute pressure before and behind, above 0.
+    C : m³/(Pa·s)
+        Sonic conductance, at least 0.
+    b, m : 1
+        Critical pressure ratio and subsonic index, see `iso_psi`.
+    rho_0 : kg/m³
+        Reference density of air.
+    r_lam : 1
+        Pressure ratio above which the flow is laminar.
+
+    Returns
+    -------
+    w : kg/s
+        From `p_h` to `p_l`, never negative; 0 where p_l >= p_h.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    References
+    ----------
+    ISO 6358-1:2013.
+
+    Examples
+    --------
+    >>> f"{iso_flow(9e5, 1.095e5, 19e-9, 0.3, 0.5, 1.185):.5f} kg/s"
+    '0.02026 kg/s'
+    """
+    return rho_0 * C * iso_psi(p_l / p_h, b, m, r_lam) * p_h
+
+
 def breathing_flow(
     p_B: Expr, P_0: Expr, C_r: Expr, B_in: Expr, B_out: Expr, rho_0: Expr, B_0: Expr, r_lam: Expr = 0.999
 ) -> Expr:

@@ -42,7 +42,7 @@ def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
     --------
     Below absolute zero no air flows out:
 
-    >>> state = np.array([1e-3, 0.0, 2e5, 1.1e5, 0.0, -5.0, 293.0, 9e5])
+    >>> state = np.array([1e-3, 0.0, 2e5, 1.1e5, 0.0, -5.0, 293.0, 9e5, 9e5, 0.0])
     >>> culprit(Actuator(model="energy-balance"), state, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[:67]
     'the term w_ve is not finite; in it stand p_A = 2e+05, T_A = -5, y_v'
     """

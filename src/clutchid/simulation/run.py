@@ -20,7 +20,7 @@ IntArray = NDArray[np.int64]
 #: Names of the unknown start of a segment, as sensitivities.
 POSITION_START, PRESSURE_START = "y_start", "p_A_start"
 #: Parameters that states start at.
-_START_ROWS = {"T_w": ("T_A", "T_B"), "P_S": ("p_S",)}
+_START_ROWS = {"T_w": ("T_A", "T_B"), "P_S": ("p_S", "p_G")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +89,7 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
     else:
         y = segment.position_start
         p_A = guessed_pressure(segment, actuator)
-    known = {"y": y, "p_A": p_A, "p_B": p.P_0, "T_A": p.T_w, "T_B": p.T_w, "p_S": p.P_S}
+    known = {"y": y, "p_A": p_A, "p_B": p.P_0, "T_A": p.T_w, "T_B": p.T_w, "p_S": p.P_S, "p_G": p.P_S}
     return np.array([known.get(name, 0.0) for name in VARIANTS[actuator.model]])
 
 

@@ -36,6 +36,8 @@ STATE_COLUMNS = {
     "T_A": "temperature_a",
     "T_B": "temperature_b",
     "p_S": "pressure_supply",
+    "p_G": "pressure_governor",
+    "z_h": "deflection_bearing",
 }
 
 

@@ -59,6 +59,7 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
         "T_A": (0.8 * p.T_0, 1.3 * p.T_0),
         "T_B": (p.T_0,),
         "p_S": (p.P_S,),
+        "p_G": (p.P_S,),
     }
     x = np.array(list(product(*(ranges.get(name, (0.0,)) for name in VARIANTS[actuator.model]))))
     rates, jacobian = np.empty_like(x), np.empty((*x.shape, x.shape[1]))

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from clutchid.estimate.result import Fit
+from clutchid.estimate.sensing import lagged
 from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.shooting.coordinates import Prior, coordinates
 from clutchid.estimate.shooting.fit import CURVATURE, prepared
@@ -34,27 +36,32 @@ def plant() -> Actuator:
 
 
 @pytest.fixture(scope="session")
-def duties() -> Log:
-    """Duty cycles as a gearbox asks for them, 8 s at 1 kHz; position and pressure are those of another plant.
+def duties_of() -> Callable[[int], Log]:
+    """Duty cycles of a drive as a gearbox asks for them, 8 s at 1 kHz; position and pressure are of another plant.
 
     They differ a millionth from sample to sample, so that their grid does not tell the carrier of the plant here.
     """
-    log = drive(Truck(), seconds=8.0, seed=1).log
-    shares = 1.0 - 1e-6 * np.random.default_rng(8).random((2, len(log)))
-    duty = {name: log[name] * by for name, by in zip(("duty_supply", "duty_exhaust"), shares, strict=True)}
-    return log.with_columns(**duty)
+
+    @cache
+    def of(number: int) -> Log:
+        log = drive(Truck(), seconds=8.0, seed=number).log
+        shares = 1.0 - 1e-6 * np.random.default_rng(8).random((2, len(log)))
+        duty = {name: log[name] * by for name, by in zip(("duty_supply", "duty_exhaust"), shares, strict=True)}
+        return log.with_columns(**duty)
+
+    return of
 
 
 @pytest.fixture(scope="session")
-def recorded_by(duties: Log) -> Callable[..., Log]:
-    """Make a recording of an actuator: recorded_by(actuator, seconds=4, seed=None) without noise."""
+def recorded_by(duties_of: Callable[[int], Log]) -> Callable[..., Log]:
+    """Make a recording of an actuator: recorded_by(actuator, seconds=4, seed=None, driven=1) without noise."""
 
-    def make(actuator: Actuator, seconds: float = 8.0, seed: int | None = 3, name: str = "log") -> Log:
-        inputs = duties.slice(0, round(seconds * 1000))
+    def make(actuator: Actuator, seconds: float = 8.0, seed: int | None = 3, name: str = "log", driven: int = 5) -> Log:
+        inputs = duties_of(driven).slice(0, round(seconds * 1000))
         simulated = simulate(actuator, inputs).log
         p = actuator.parameters
-        position = simulated["position"] - p.tau_y * simulated["velocity"] + p.e_y
-        pressure = simulated["pressure_a"] - p.tau_p * np.gradient(simulated["pressure_a"], 1e-3) + p.e_p
+        position = lagged(simulated["position"], p.tau_y, 1e-3) + p.e_y
+        pressure = lagged(simulated["pressure_a"], p.tau_p, 1e-3) + p.e_p
         if seed is not None:
             generator = np.random.default_rng(seed)
             position = position + POSITION_NOISE * generator.standard_normal(position.size)
@@ -120,7 +127,7 @@ def worn(plant: Actuator) -> Actuator:
 @pytest.fixture(scope="session")
 def worn_log(worn: Actuator, recorded_by: Callable[..., Log]) -> Log:
     """6 s of the worn plant, position only."""
-    return position_only(recorded_by(worn, seconds=6.0, seed=5, name="worn"))
+    return position_only(recorded_by(worn, seconds=6.0, seed=5, name="worn", driven=1))
 
 
 @pytest.fixture(scope="session")

@@ -6,15 +6,29 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.estimate.shooting.automatic import BALANCE, CARRIER, PAPER, STRIBECK, VENTED_STD, automatic
+from clutchid.estimate.sensing import lagged
+from clutchid.estimate.shooting.automatic import (
+    BALANCE,
+    CARRIER,
+    LAG,
+    ON_OFF_DELAY,
+    PAPER,
+    SHAPES,
+    SHORT_PULSES,
+    STRIBECK,
+    VENTED_STD,
+    automatic,
+)
+from clutchid.estimate.shooting.carrier import centred, duty_grid
 from clutchid.estimate.shooting.coordinates import SHARES, WIDTHS
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS
+from clutchid.simulation import simulate
 
 FREED = {
-    "isothermal": set(PAPER),
-    "isothermal-stribeck": {*PAPER, *STRIBECK},
+    "isothermal": {*PAPER, *SHAPES},
+    "isothermal-stribeck": {*PAPER, *SHAPES, *STRIBECK},
     "energy-balance": {*PAPER, *BALANCE},
     "energy-balance-stribeck": {*PAPER, *BALANCE, *STRIBECK},
 }
@@ -42,7 +56,7 @@ def test_the_load_starts_as_near_as_splines_come_to_the_one_given(drive_log):
 
 
 def test_whatever_may_be_freed_has_a_spread():
-    assert {*PAPER, *BALANCE, *STRIBECK, *CARRIER} <= {*SHARES, *WIDTHS}
+    assert {*PAPER, *SHAPES, *BALANCE, *STRIBECK, *CARRIER} <= {*SHARES, *WIDTHS}
 
 
 def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
@@ -77,15 +91,75 @@ def test_without_a_carrier_the_valves_are_averaged(drive_log, plant):
 
 
 def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, recorded_by):
-    log = recorded_by(plant.replace({"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07}), seconds=6.0)
+    log = recorded_by(
+        plant.replace({"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0}), seconds=6.0
+    )
     begin, free, _ = automatic([log], plant)
     assert begin.value("T_pwm") == 0.01
     assert (begin.value("s_vs"), begin.value("s_ve")) == (0.07, 0.07)
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (SHORT_PULSES, SHORT_PULSES)
     assert set(CARRIER) <= set(free)
     # the paper's valves know no carrier, so nothing of it is freed
     isothermal, free, _ = automatic([log], replace(plant, model="isothermal"))
     assert isothermal.value("T_pwm") == 0.0
     assert not set(CARRIER) & set(free)
+
+
+def on_grid(log, shift):
+    """The duty cycles of `log`, taken over once in 10 ms, at `shift` samples of it."""
+    at = np.maximum(10 * ((np.arange(len(log)) - shift) // 10) + shift, 0)
+    return log.with_columns(**{name: log[name][at] for name in ("duty_supply", "duty_exhaust")})
+
+
+def recorded_on_grid(plant, duties_of, shift):
+    """6 s of a switched unit that takes new duty cycles over where a period begins; its valves open 2 ms later."""
+    inputs = on_grid(duties_of(5).slice(0, 6000), shift)
+    begun = {"T_pwm": 0.01, "s_pwm": centred(shift / 10), "s_vs": 0.2, "s_ve": 0.2, "t_vs": 0.01, "t_ve": 0.01}
+    pressure = lagged(simulate(plant.replace(begun), inputs).log["pressure_a"], LAG, 1e-3)
+    pressure = pressure + 2e3 * np.random.default_rng(3).standard_normal(pressure.size)
+    return inputs.with_columns(pressure_a=pressure)
+
+
+@pytest.mark.parametrize("shift", [0, 4])
+def test_on_a_grid_the_search_begins_with_the_delay_of_the_valves_that_the_pressure_shows(plant, duties_of, shift):
+    log = recorded_on_grid(plant, duties_of, shift)
+    period, phase = duty_grid(log)
+    assert period == pytest.approx(0.01)
+    assert centred(phase - shift / 10) == pytest.approx(0.0, abs=1e-6)
+    begin, free, _ = automatic([log], plant)
+    assert begin.value("T_pwm") == pytest.approx(0.01)
+    # the phase is tried in steps of a twentieth of a period; a lag to first order is not a shift by all of it
+    assert (begin.value("s_vs"), begin.value("s_ve")) == (pytest.approx(0.2, abs=0.1), pytest.approx(0.2, abs=0.1))
+    assert begin.value("s_vs") - begin.value("s_ve") == begin.value("R_0vs") - begin.value("R_0ve")
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (SHORT_PULSES, SHORT_PULSES)
+    assert set(CARRIER) <= set(free)
+
+
+def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant):
+    held = np.repeat(np.random.default_rng(2).integers(0, 3, len(drive_log) // 2), 2)
+    # the chamber vents at the start, as it was recorded
+    held[:50] = 0
+    bang = drive_log.with_columns(duty_supply=1.0 * (held == 1), duty_exhaust=1.0 * (held == 2))
+    begin, free, _ = automatic([bang], plant)
+    assert begin.value("T_pwm") == pytest.approx(2e-3)
+    assert (begin.value("s_vs"), begin.value("s_ve")) == (ON_OFF_DELAY, ON_OFF_DELAY)
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (plant.value("a_0vs"), plant.value("a_0ve"))
+    assert set(CARRIER) <= set(free)
+
+
+def test_an_on_off_unit_whose_commands_change_at_any_time_has_no_carrier(drive_log, plant):
+    held = np.random.default_rng(2).integers(0, 3, len(drive_log))
+    bang = drive_log.with_columns(duty_supply=1.0 * (held == 1), duty_exhaust=1.0 * (held == 2))
+    begin, free, _ = automatic([bang], plant)
+    assert begin.value("T_pwm") == 0.0
+    assert not set(CARRIER) & set(free)
+
+
+@pytest.mark.parametrize("model", VARIANTS)
+def test_the_lags_of_the_sensors_begin_at_what_sensors_have(drive_log, model):
+    begin, free, _ = automatic([drive_log], Actuator(model=model))
+    assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG)
+    assert {"tau_y", "tau_p"} <= set(free)
 
 
 def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive_log, plant):

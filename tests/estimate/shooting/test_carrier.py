@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.estimate.shooting.carrier import PERIODS, centred, duty_grid, find_carrier, find_phase, grid_phase
+from clutchid.estimate.shooting.carrier import (
+    CHANGES,
+    PERIODS,
+    centred,
+    duty_grid,
+    find_carrier,
+    find_phase,
+    grid_phase,
+    on_off,
+    shows,
+)
 from clutchid.estimate.shooting.fit import with_phase
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
@@ -24,8 +34,8 @@ def log(switched, recorded_by):
 
 
 def apart(one, other):
-    """Distance of two phases on the circle."""
-    return abs(centred(one - other))
+    """Distance of two phases on the circle, rounded: the phases that are tried are twentieths."""
+    return round(abs(centred(one - other)), 9)
 
 
 def test_period_and_phase_are_found_in_a_recording_with_pressure(plant, log):
@@ -72,7 +82,7 @@ def test_without_pressure_the_period_cannot_be_found(plant, log):
 
 
 def test_a_late_pressure_sensor_shows_the_carrier_late(plant, switched, recorded_by):
-    log = recorded_by(switched.replace({"tau_p": 2e-3}), seconds=4.0)
+    log = recorded_by(switched.replace({"tau_p": 2e-3}), seconds=4.0, seed=None)
     late = centred(find_carrier(log, plant, (PERIOD,))[1] - PHASE)
     # 2 ms are 0.2 of the period; the lag of the sensor is free beside the phases of the valves, which take it up
     assert 0.05 <= late <= 0.25
@@ -121,3 +131,74 @@ def test_the_phase_of_a_recording_with_a_grid_is_that_of_the_grid(plant, recorde
     actuator = plant.replace({"T_pwm": 0.01})
     for with_pressure in (True, False):
         assert with_phase(held, actuator, with_pressure).parameters.s_pwm == pytest.approx(0.3, abs=1e-6)
+
+
+def commanded(samples, every, step=1e-3, shift=0):
+    """An on/off unit: both valves opened and closed on a grid of `every` samples of `step` seconds."""
+    rng = np.random.default_rng(6)
+    held = np.repeat(rng.integers(0, 3, samples // every + 1), every)[:samples]
+    held = np.roll(held, shift)
+    return Log(np.arange(samples) * step, {"duty_supply": 1.0 * (held == 1), "duty_exhaust": 1.0 * (held == 2)})
+
+
+def test_a_unit_that_only_opens_and_closes_is_told_from_one_that_opens_in_part(drive_log):
+    bang = commanded(4000, 2)
+    assert on_off(bang)
+    assert not on_off(drive_log)
+    for name in ("duty_supply", "duty_exhaust"):
+        between = bang[name].copy()
+        between[10 : 10 + CHANGES - 1] = 0.5
+        assert on_off(bang.with_columns(**{name: between})), "a few samples between may be edges"
+        between[10 + CHANGES - 1] = 0.5
+        assert not on_off(bang.with_columns(**{name: between}))
+
+
+def test_missing_duty_cycles_are_not_taken_for_a_part():
+    bang = commanded(4000, 2)
+    holed = bang["duty_supply"].copy()
+    holed[::7] = np.nan
+    assert on_off(bang.with_columns(duty_supply=holed))
+
+
+def test_edges_of_an_on_off_unit_show_from_two_samples_and_a_phase_from_two_and_a_half(drive_log):
+    bang = commanded(4000, 2)
+    assert [shows(bang, period) for period in (1e-3, 1.9e-3, 2e-3, 2.5e-3)] == [False, False, True, True]
+    assert [shows(drive_log, period) for period in (2e-3, 2.4e-3, 2.5e-3, 0.01)] == [False, False, True, True]
+    slow = commanded(4000, 2, step=1e-2)
+    assert [shows(slow, period) for period in (0.01, 0.02)] == [False, True]
+
+
+@pytest.mark.parametrize(("every", "shift", "phase"), [(2, 0, 0.0), (2, 1, 0.5), (5, 2, 0.4)])
+def test_the_grid_of_an_on_off_unit_is_looked_for_from_two_samples(every, shift, phase):
+    period, found = duty_grid(commanded(4000, every, shift=shift))
+    assert period == pytest.approx(every * 1e-3)
+    assert apart(found, phase) < 1e-6
+
+
+def test_a_unit_that_opens_in_part_has_no_grid_of_two_samples():
+    bang = commanded(4000, 2)
+    part = bang.with_columns(duty_supply=0.5 * bang["duty_supply"])
+    assert not on_off(part)
+    assert duty_grid(part) == (0.0, 0.0)
+
+
+def test_an_on_off_unit_has_no_carrier_in_its_pressure(plant, recorded_by):
+    log = recorded_by(plant, seconds=4.0)
+    bang = log.with_columns(**{name: np.round(log[name]) for name in ("duty_supply", "duty_exhaust")})
+    assert on_off(bang)
+    assert find_carrier(bang, plant) == (0.0, 0.0)
+    assert find_carrier(bang, plant, (PERIOD,)) == (0.0, 0.0)
+
+
+def test_the_phase_of_an_on_off_unit_is_that_of_its_commands(plant):
+    bang = commanded(4000, 2, shift=1)
+    for with_pressure in (True, False):
+        found = with_phase(bang, plant.replace({"T_pwm": 2e-3}), with_pressure).parameters.s_pwm
+        assert apart(found, 0.5) < 1e-6
+
+
+def test_the_phase_in_a_pressure_is_found_less_the_lag_of_its_sensor(plant, switched, recorded_by):
+    late = switched.replace({"tau_p": 2e-3})
+    log = recorded_by(late, seconds=4.0, seed=None)
+    _, phase = find_carrier(log, late, (PERIOD,))
+    assert with_phase(log, late, True).value("s_pwm") == pytest.approx(centred(phase - 0.2))

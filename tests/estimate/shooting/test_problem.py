@@ -11,10 +11,13 @@ from clutchid.estimate.shooting.elimination import recover
 from clutchid.estimate.shooting.fit import prepared
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import FARTHEST, Shooting, condense, cost_at, linearise, prior_rows
-from clutchid.estimate.shooting.windows import tracks, units
+from clutchid.estimate.shooting.windows import first_guess, tracks, units
 from clutchid.model import Actuator, Load
+from clutchid.model.compiled import VARIANTS
 
 NAMES = ("theta_5", "theta_9", "theta_14", "C_vs", "P_S", "F_C", "T_w", "P_0", "tau_y", "tau_p", "e_y")
+#: Number of states.
+N = len(VARIANTS["energy-balance-stribeck"])
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,7 @@ def own_gradient(linear, size, n):
 def test_the_gradient_to_theta_at_held_states_is_that_of_differences(task, point, outlier):
     x, X = point
     noise = replace(Noise(), outlier=outlier).softened(8.0)
-    gradient = own_gradient(linearise(task, noise, x, X), x.size, 8)
+    gradient = own_gradient(linearise(task, noise, x, X), x.size, N)
     h = 1e-5
     for i, name in enumerate(NAMES):
         e = h * np.eye(x.size)[i]
@@ -68,8 +71,8 @@ def test_the_gradient_to_the_states_is_that_of_differences(task, point):
     linear, unit, h = linearise(task, noise, x, X), units(task.actuator), 1e-6
     chain, number = linear.chains[0], 12
     own, before, after = chain.windows[number].own, chain.links[number - 1], chain.links[number]
-    gradient = 2 * own[:, :8].T @ own[:, -1] + 2 * before[:, 8:16].T @ before[:, -1] + 2 * after[:, :8].T @ after[:, -1]
-    for state in range(8):
+    gradient = 2 * (own[:, :N].T @ own[:, -1] + before[:, N : 2 * N].T @ before[:, -1] + after[:, :N].T @ after[:, -1])
+    for state in range(N):
         costs = []
         for sign in (1, -1):
             moved = X[0].copy()
@@ -134,19 +137,25 @@ def test_each_recording_says_something_about_its_own_numbers_only(pair, plant, t
     task = task_of(pair, plant, ("P_S@one", "P_S@two"))
     linear = linearise(task, task.noise, np.zeros(2), starts_of(task))
     for number, chain in enumerate(linear.chains):
-        told = [np.abs(rows.own[:, 8:-1]).max(axis=0) for rows in chain.windows]
-        told += [np.abs(link[:, 16:-1]).max(axis=0) for link in chain.links]
+        told = [np.abs(rows.own[:, N:-1]).max(axis=0) for rows in chain.windows]
+        told += [np.abs(link[:, 2 * N : -1]).max(axis=0) for link in chain.links]
         largest = np.max(told, axis=0)
         assert largest[number] > 0.0
         assert largest[1 - number] == 0.0
 
 
-def test_the_true_pressure_of_the_second_recording_costs_less_than_the_shared_one(pair, plant, task_of, starts_of):
+def test_the_true_pressure_of_the_second_recording_costs_less_than_the_shared_one(pair, plant, task_of):
     task = task_of(pair, plant, ("P_S@one", "P_S@two"))
     right = np.array([0.0, task.coordinates[1].of(8.2e5)])
-    noise, X = Noise().softened(8.0), starts_of(task)
-    assert cost_at(task, noise, right, X) < cost_at(task, noise, np.zeros(2), X)
-    assert cost_at(task, noise, right, X) < cost_at(task, noise, right[::-1].copy(), X)
+    noise = Noise().softened(8.0)
+
+    def cost(x):
+        # the pressure at the governor is a state: each recording starts at its own
+        own = (task.actuator_of(x, task.stems[track.log]) for track in task.tracks)
+        return cost_at(task, noise, x, [first_guess(t, a, True) for t, a in zip(task.tracks, own, strict=True)])
+
+    assert cost(right) < cost(np.zeros(2))
+    assert cost(right) < cost(right[::-1].copy())
 
 
 def test_bounds_of_x_lead_to_the_bounds_in_si(plant, recorded_by, task_of):
@@ -192,7 +201,7 @@ def test_numbers_that_contradict_each_other_are_a_failure_and_an_infinite_cost(d
     plans = [prepared(drive_log.slice(0, 500), plant, ("position",))]
     priors = {"R_0vs": Prior(0.07, 0.5)}
     task = Shooting(plant, coordinates(plant, names, {}, priors), tracks(plans), ("log",), ("position",), Noise(), 3e8)
-    x, X = np.array([1.8, 0.0]), [np.zeros((len(task.tracks[0].windows), 8))]
+    x, X = np.array([1.8, 0.0]), [np.zeros((len(task.tracks[0].windows), N))]
     answer = linearise(task, task.noise, x, X)
     assert isinstance(answer, Failure)
     assert "R_0vs" in answer.message

@@ -182,7 +182,7 @@ def test_missing_samples_change_the_load_by_less_than_the_noise_allows(
 
 
 def test_pressure_that_is_not_asked_for_is_not_used(plant, worn, recorded_by, task_of, starts_of, found):
-    log = recorded_by(worn, seconds=6.0, seed=5, name="worn")
+    log = recorded_by(worn, seconds=6.0, seed=5, name="worn", driven=1)
     wrong = log.with_columns(pressure_a=log["pressure_a"] + 5e4)
     blind = task_of([wrong], plant, plant.load.names, ("position",))
     answer = search(blind, np.zeros(22), starts_of(blind), FROM_NEAR)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from clutchid.estimate.sensing import lagged
 from clutchid.estimate.shooting.problem import linearise
 from clutchid.estimate.shooting.search import Found
 from clutchid.estimate.shooting.trajectory import noise_scales, recorded, trajectory
@@ -38,14 +39,15 @@ def test_the_sensors_record_along_the_trajectory_what_the_log_holds(exact):
     assert np.median(np.abs(seen["pressure_a"] - log["pressure_a"])) < 30.0
 
 
-def test_lags_and_offsets_move_the_record_by_their_derivatives(exact):
+def test_the_record_along_given_states_has_the_lags_and_offsets_of_its_sensors(exact):
     _, task, found, states = exact
     x = np.array([c.of(v) for c, v in zip(task.coordinates, (3e-3, 2.5e-3, 4e-5, 700.0), strict=True)])
     moved = recorded(task, Found(x, found.X, found.at, "converged", 1), 0, states)
     plain = recorded(task, found, 0, states)
-    assert moved["position"] - plain["position"] == pytest.approx(-2e-3 * states[:, 1] + 4e-5, abs=1e-12)
-    rate = np.gradient(states[:, 2], 1e-3)
-    assert moved["pressure_a"] - plain["pressure_a"] == pytest.approx(-1e-3 * rate + 700.0, abs=1e-6)
+    position = lagged(states[:, 0], 3e-3, 1e-3) - lagged(states[:, 0], 1e-3, 1e-3) + 4e-5
+    pressure = lagged(states[:, 2], 2.5e-3, 1e-3) - lagged(states[:, 2], 1.5e-3, 1e-3) + 700.0
+    assert moved["position"] - plain["position"] == pytest.approx(position, abs=1e-12)
+    assert moved["pressure_a"] - plain["pressure_a"] == pytest.approx(pressure, abs=1e-6)
 
 
 def test_a_late_sensor_records_what_was_before(exact):

@@ -16,7 +16,7 @@ from clutchid.model.compiled import VARIANTS
 BOTH = ("position", "pressure_a")
 NAMES = (
     "theta_4", "theta_9", "C_vs", "C_ve", "P_S", "R_0vs", "V_0A", "F_C", "R_S", "h_A", "T_w", "tau_y", "tau_p", "e_y",
-    "e_p", "s_vs", "s_pwm",
+    "e_p", "s_vs", "s_pwm", "m_ve", "b_vs", "t_vs", "mu_h", "K_h",
 )  # fmt: skip
 STATES = VARIANTS["energy-balance-stribeck"]
 #: Nothing counts as an outlier: the derivative of Huber's loss is tested with `robust`.
@@ -25,8 +25,9 @@ ALL_IN = replace(Noise(), outlier=1e9)
 
 @pytest.fixture(scope="module")
 def switched(plant):
-    # the valves open within a sample: where an edge lies on a sample, the mean opening has a kink
-    return plant.replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07, "s_pwm": 0.1234})
+    # the valves open within a sample: where an edge lies on a sample, the mean opening has a kink; the governor is
+    # fast, so that a window tells its pressure
+    return plant.replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07, "s_pwm": 0.1234, "tau_G": 1.0})
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +79,34 @@ def test_rows_and_end_have_the_derivatives_to_a_number_that_differences_have(tas
     assert here.own[:, len(STATES) + place] == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
     scaled = here.to_theta[:, place] / units(task.actuator)
     assert scaled == pytest.approx(end, abs=1e-3 * max(np.abs(end).max(), 1e-6))
+
+
+@pytest.mark.parametrize("name", ["tau_y", "tau_p"])
+@pytest.mark.parametrize("lag", [-1e-3, 0.0, 0.3e-3, 5e-3])
+def test_rows_have_the_derivatives_to_any_lag_that_differences_have(task, telling, uncompressed, name, lag):
+    place, h = NAMES.index(name), 1e-4
+    x = np.zeros(len(NAMES))
+    x[place] = task.coordinates[place].of(lag)
+    e, start = h * np.eye(len(NAMES))[place], telling[name][2]
+    here = rows_at(task, telling[name], x, start)
+    up, down = (rows_at(task, telling[name], x + step, start).own[:, -1] for step in (e, -e))
+    residual = (up - down) / (2 * h)
+    assert np.abs(residual).max() > 0.1, "the window must tell the lag, or nothing is tested"
+    # states do not depend on the lag of a sensor: no kink moves
+    assert here.own[:, len(STATES) + place] == pytest.approx(residual, abs=1e-5 * np.abs(residual).max())
+    assert np.all(here.to_theta[:, place] == 0.0)
+
+
+@pytest.mark.parametrize("name", ["theta_9", "C_vs", "P_S"])
+def test_a_lag_is_put_on_the_derivatives_to_other_numbers_too(task, telling, uncompressed, name):
+    place, x, h = NAMES.index(name), np.zeros(len(NAMES)), 1e-4
+    for lag in ("tau_y", "tau_p"):
+        x[NAMES.index(lag)] = task.coordinates[NAMES.index(lag)].of(8e-3)
+    e, start = h * np.eye(len(NAMES))[place], telling[name][2]
+    here = rows_at(task, telling[name], x, start).own[:, len(STATES) + place]
+    up, down = (rows_at(task, telling[name], x + step, start).own[:, -1] for step in (e, -e))
+    residual = (up - down) / (2 * h)
+    assert here == pytest.approx(residual, abs=1e-3 * np.abs(residual).max())
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -200,18 +229,18 @@ def test_a_closed_window_has_the_noise_of_the_states_and_an_open_one_more_pressu
 
 def test_links_tie_the_end_of_a_window_to_the_next_start(task, busy):
     track, window, start = busy
-    actuator, x = task.actuator, np.zeros(len(NAMES))
+    actuator, x, n = task.actuator, np.zeros(len(NAMES)), len(STATES)
     before = rows_at(task, busy, x, start)
     number = [one.start for one in track.windows].index(window.start)
     sigma = link_sigma(track, actuator, ALL_IN)[number]
-    following = before.end + 0.5 * sigma * np.arange(8)
+    following = before.end + 0.5 * sigma * np.arange(n)
     rows, cost = link_rows(before, following, sigma, actuator, 1e9)
-    assert rows[:, -1] == pytest.approx(0.5 * np.arange(8), abs=1e-6)
-    assert cost == pytest.approx(0.25 * np.sum(np.arange(8) ** 2), rel=1e-6)
-    assert np.diag(rows[:, 8:16]) == pytest.approx(units(actuator) / sigma)
+    assert rows[:, -1] == pytest.approx(0.5 * np.arange(n), abs=1e-6)
+    assert cost == pytest.approx(0.25 * np.sum(np.arange(n) ** 2), rel=1e-6)
+    assert np.diag(rows[:, n : 2 * n]) == pytest.approx(units(actuator) / sigma)
     e = 1e-4 * np.eye(len(NAMES))[NAMES.index("C_vs")]
     moved = [
         link_rows(rows_at(task, busy, x + s * e, start), following, sigma, actuator, 1e9)[0][:, -1] for s in (1, -1)
     ]
     difference = (moved[0] - moved[1]) / 2e-4
-    assert rows[:, 16 + NAMES.index("C_vs")] == pytest.approx(difference, abs=1e-3 * np.abs(difference).max())
+    assert rows[:, 2 * n + NAMES.index("C_vs")] == pytest.approx(difference, abs=1e-3 * np.abs(difference).max())

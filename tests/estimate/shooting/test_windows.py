@@ -12,6 +12,7 @@ from clutchid.estimate.shooting.rows import robust
 from clutchid.estimate.shooting.windows import first_guess, tracks
 from clutchid.log import Log
 from clutchid.model import Actuator
+from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import Parameters
 
 BOTH = ("position", "pressure_a")
@@ -83,12 +84,12 @@ def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, ta
     for log in (drive_log, drive_log.slice(middle, middle + 500)):
         task = task_of([log], plant, names, ("position",))
         track, x, h = task.tracks[0], np.zeros(5), 1e-4
-        start = np.array([1e-4, 0.0, 1.2e5, 1.1e5, 1e-5, 295.0, 290.0, 8.9e5])
+        start = np.array([1e-4, 0.0, 1.2e5, 1.1e5, 1e-5, 295.0, 290.0, 8.9e5, 9.1e5, 2e-5])
         e = h * np.eye(5)[names.index(name)]
         rows, cost = first_rows(track, start, task.view(x, "log"), False, Noise())
         up, down = (first_rows(track, start, task.view(x + s * e, "log"), False, Noise())[0] for s in (1, -1))
         difference = (up[:, -1] - down[:, -1]) / (2 * h)
-        assert rows[:, 8 + names.index(name)] == pytest.approx(
+        assert rows[:, start.size + names.index(name)] == pytest.approx(
             difference, abs=1e-5 * max(1.0, np.abs(difference).max())
         )
         assert cost == pytest.approx(np.sum(rows[:, -1] ** 2))
@@ -98,7 +99,7 @@ def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, ta
 def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, task_of):
     middle = int(np.argmax(drive_log["position"] > 8e-3))
     log = drive_log.slice(middle, middle + 500)
-    start, noise = np.zeros(8), Noise()
+    start, noise = np.zeros(len(VARIANTS[plant.model])), Noise()
     start[2] = 3e5
     slopes = []
     for measure in (BOTH, ("position",)):

@@ -33,7 +33,7 @@ def perfect(driven, **changes):
 
 def test_the_truth_itself_scores_zero_and_full_coverage(ground):
     for driven in ground.worn:
-        scored = score(perfect(driven), driven.truth)
+        scored = score(perfect(driven), driven.truth, driven.log.time)
         peak = driven.truth.load(GRID).max()
         # 50 µm between the answer's points: the curve bends by less than f'' h^2 / 8 = 1 N there
         assert scored.load < 1 / peak * 100
@@ -46,15 +46,15 @@ def test_each_error_is_what_a_hand_makes_it(ground):
     driven = ground.worn[0]
     truth = perfect(driven)
     peak = driven.truth.load(GRID).max()
-    shifted = score(perfect(driven, force=truth.force + 0.01 * peak), driven.truth)
+    shifted = score(perfect(driven, force=truth.force + 0.01 * peak), driven.truth, driven.log.time)
     assert shifted.load == pytest.approx(1.0, rel=0.02)
     assert shifted.load_touch == pytest.approx(1.0, rel=0.02)
     assert shifted.half_load < 0
-    assert score(perfect(driven, pressure_a=truth.pressure_a + 7e3), driven.truth).pressure == pytest.approx(7.0)
+    high = score(perfect(driven, pressure_a=truth.pressure_a + 7e3), driven.truth, driven.log.time)
+    assert high.pressure == pytest.approx(7.0)
     half = np.where(truth.position <= 0.010, 1e4, -1.0)
-    assert score(
-        perfect(driven, low=truth.force - 1e4, high=truth.force + half), driven.truth
-    ).coverage == pytest.approx(0.5, abs=0.03)
+    banded = score(perfect(driven, low=truth.force - 1e4, high=truth.force + half), driven.truth, driven.log.time)
+    assert banded.coverage == pytest.approx(0.5, abs=0.03)
 
 
 def test_an_answer_that_is_not_finite_or_too_short_is_refused(ground):
@@ -65,7 +65,7 @@ def test_an_answer_that_is_not_finite_or_too_short_is_refused(ground):
         perfect(driven, **{k: getattr(truth, k)[:200] for k in ("position", "force", "low", "high")}),
     ):
         with pytest.raises(ValueError, match="finite from"):
-            score(broken, driven.truth)
+            score(broken, driven.truth, driven.log.time)
 
 
 def test_half_load_is_on_the_rising_side():

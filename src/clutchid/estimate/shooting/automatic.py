@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.estimate.shooting.carrier import centred, find_carrier, grid_phase
+from clutchid.estimate.shooting.carrier import centred, duty_grid, find_carrier, grid_phase, on_off
 from clutchid.estimate.shooting.coordinates import Prior, far_stop
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator, Load
@@ -21,12 +21,17 @@ AUTOMATIC = "energy-balance-stribeck"
 #: Parameters that a calibration frees, where the model knows them: what differs from truck to truck and is not on a
 #: drawing. Areas are; mass and damping of the stops hardly show.
 PAPER = (
-    "C_vs", "C_ve", "B_vs", "B_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v",
-    "K_z", "D_zdot", "C_r", "y_max", "tau_y", "tau_p",
+    "C_vs", "C_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z", "D_zdot", "C_r",
+    "y_max", "tau_y", "tau_p",
 )  # fmt: skip
-BALANCE = ("T_w", "h_A", "V_S", "tau_S")
+SHAPES = ("B_vs", "B_ve")
+BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "tau_S")
 STRIBECK = ("c_F", "R_S", "v_S")
-CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "k_vs", "k_ve")
+CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "k_vs", "k_ve", "t_vs", "t_ve")
+
+#: Where a search begins: lag of a sensor in s; share of the period that the line of the full pulses has where a valve
+#: starts to open, because without one the slope of short pulses has no influence; delay of an on/off valve in periods.
+LAG, SHORT_PULSES, ON_OFF_DELAY = 1.5e-3, 0.1, 0.5
 
 #: The chamber vents when its pressure falls this near to the ambient, in Pa, which on land is in this range.
 VENTED, AMBIENT = 2e4, (0.5e5, 1.2e5)
@@ -47,28 +52,36 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     """
     _check(logs, actuator)
     ambient = float(np.median([_vented_pressure(log) for log in logs]))
-    changes = {"P_0": ambient, "tau_y": 1e-3, "tau_p": 1e-3}
+    changes = {"P_0": ambient, "tau_y": LAG, "tau_p": LAG}
     free = list(PAPER)
-    balance = "T_A" in VARIANTS[actuator.model]
-    if balance:
+    if "T_A" in VARIANTS[actuator.model]:
         free += BALANCE
-        period, phase = find_carrier(logs[0], actuator)
-        if period > 0.0:
-            # from a grid of the duty cycles, if there is one, the valves' own phases lead to what the pressure shows
-            grid = grid_phase(logs[0], period)
-            later = 0.0 if grid is None else centred(phase - grid)
-            changes |= {
-                "T_pwm": period,
-                "s_vs": actuator.value("R_0vs") + later,
-                "s_ve": actuator.value("R_0ve") + later,
-            }
-            free += CARRIER
+        found = _carrier(logs[0], actuator)
+        changes |= found
+        free += CARRIER if found else ()
+    else:
+        free += SHAPES
     if actuator.model.endswith("stribeck"):
         free += STRIBECK
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     begin = replace(actuator, load=load).replace(changes)
     known = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, logs)}
     return begin, (*load.names, *free), known
+
+
+def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:
+    """Period of the valves' carrier, and where the search for delays and short pulses begins; empty without one."""
+    grid, _ = duty_grid(log)
+    if on_off(log):
+        return {"T_pwm": grid, "s_vs": ON_OFF_DELAY, "s_ve": ON_OFF_DELAY} if grid > 0.0 else {}
+    period, phase = find_carrier(log, actuator)
+    if period == 0.0:
+        return {}
+    # on a grid of the duty cycles the valves' own phases lead to what the pressure shows, less the lag of its sensor
+    start = grid_phase(log, period)
+    later = 0.0 if start is None else centred(phase - start - LAG / period)
+    delays = {f"s_{valve}": actuator.value(f"R_0{valve}") + later for valve in ("vs", "ve")}
+    return {"T_pwm": period, **delays, **dict.fromkeys(("a_0vs", "a_0ve"), SHORT_PULSES)}
 
 
 def _check(logs: Sequence[Log], actuator: Actuator) -> None:

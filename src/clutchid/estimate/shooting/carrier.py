@@ -27,17 +27,44 @@ PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 PHASES, CONTRAST = 20, 0.01
 
 #: The same where the period is known from the duty cycles, so that chance has one try only.
-CONTRAST_ON_GRID = 0.0025
+CONTRAST_ON_GRID = 0.001
 
 #: The duty cycles change on a grid where their changes, as phasors on it, have a mean of this length; how many changes
 #: tell that, and the longest period in s that is looked for.
 ON_GRID, CHANGES, LONGEST = 0.95, 50, 0.1
 
-#: Samples that a period takes at least for its phase to show.
-SEEN = 2.5
+#: Samples that a period takes at least for its phase to show, and for edges of an on/off unit, which are recorded.
+SEEN, SEEN_ON_OFF = 2.5, 2.0
+
+#: Travel of a valve, in parts of a period, where none is known yet.
+ABRUPT = 0.01
 
 #: Longest stretch of a recording that tells the phase, in s.
 ENOUGH = 15.0
+
+
+def on_off(log: Log) -> bool:
+    """Whether the valves are opened and closed (bang-bang) and never for a part of a period only.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    between = [(log[name] > 0.0) & (log[name] < 1.0) for name in ("duty_supply", "duty_exhaust")]
+    return int(np.logical_or(*between).sum()) < CHANGES
+
+
+def shows(log: Log, period: float) -> bool:
+    """Whether a recording has enough samples in a `period` in s of the carrier to show it.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    least = SEEN_ON_OFF if on_off(log) else SEEN
+    return period > (least - 1e-6) * float(np.median(np.diff(log.time)))
 
 
 def duty_grid(log: Log) -> tuple[float, float]:
@@ -57,7 +84,8 @@ def duty_grid(log: Log) -> tuple[float, float]:
     at = log.time[changed]
     if at.size < CHANGES:
         return 0.0, 0.0
-    periods = step * np.arange(np.ceil(SEEN), round(LONGEST / step) + 1)
+    least = SEEN_ON_OFF if on_off(log) else np.ceil(SEEN)
+    periods = step * np.arange(least, round(LONGEST / step) + 1)
     phasors = np.array([np.exp(2j * np.pi * at / period).mean() for period in periods])
     fitting = np.flatnonzero(np.abs(phasors) > ON_GRID)
     if fitting.size == 0:
@@ -86,7 +114,8 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
 
     An open valve changes the pressure at once, so the pressure's rate within a period shows when it is open. For every
     period and phase the rate is compared with the opening that they predict beyond its mean. The period of the grid on
-    which the duty cycles change needs less evidence than others.
+    which the duty cycles change needs less evidence than others. An on/off unit has no carrier: what it shows are the
+    edges of its commands.
 
     Raises
     ------
@@ -95,11 +124,13 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     """
     step = float(np.median(np.diff(log.time)))
     log = log.slice(0, min(len(log), round(ENOUGH / step)))
+    if on_off(log):
+        return 0.0, 0.0
     rate = np.diff(log["pressure_a"])
     grid, _ = duty_grid(log)
     best, found = 0.0, (0.0, 0.0)
     for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:
-        if period < SEEN * step:
+        if not shows(log, period):
             continue
         length = max(1, round(period / step))
         fast = rate - _smooth(rate, length)
@@ -128,7 +159,7 @@ def _explained(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> f
     ):
         share = text.opening(log[duty], low, high)
         # a valve's own phase begins to be searched at the duty cycle where it starts to open
-        opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0)
+        opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0, ABRUPT)
         switched = np.where(np.isfinite(share), opened, np.nan)[:-1] * drive
         columns.append(switched - _smooth(switched, length))
     A = np.nan_to_num(np.column_stack(columns))

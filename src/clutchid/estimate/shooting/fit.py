@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.carrier import SEEN, centred, find_carrier, find_phase, grid_phase
+from clutchid.estimate.shooting.carrier import centred, find_carrier, find_phase, grid_phase, shows
 from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates, far_stop
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import Shooting
@@ -185,11 +185,11 @@ def with_phase(log: Log, actuator: Actuator, with_pressure: bool) -> Actuator:
         If the recording lacks a column that the phase is read from.
     """
     period = actuator.parameters.T_pwm
-    if period == 0.0 or len(log) < 2 or period < SEEN * float(np.median(np.diff(log.time))):
+    if period == 0.0 or len(log) < 2 or not shows(log, period):
         return actuator
     if (grid := grid_phase(log, period)) is not None:
         return actuator.replace({"s_pwm": centred(grid)})
     if with_pressure:
         _, phase = find_carrier(log, actuator, (period,))
-        return actuator.replace({"s_pwm": centred(phase)})
+        return actuator.replace({"s_pwm": centred(phase - actuator.parameters.tau_p / period)})
     return actuator.replace({"s_pwm": find_phase(log, actuator)})

@@ -26,7 +26,10 @@ from clutchid.model.compiled import VARIANTS
 FARTHEST = 5.0
 
 #: How strongly a damped step holds each state, in standard deviations of a window's own information.
-HELD = {"y": 60.0, "v": 15.0, "p_A": 30.0, "p_B": 30.0, "z": 30.0, "T_A": 3.0, "T_B": 3.0, "p_S": 3.0}
+HELD = {
+    "y": 60.0, "v": 15.0, "p_A": 30.0, "p_B": 30.0, "z": 30.0, "T_A": 3.0, "T_B": 3.0, "p_S": 3.0, "p_G": 3.0,
+    "z_h": 30.0,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.estimate.least_squares import Failure, triangular
+from clutchid.estimate.sensing import lag_slope, lagged
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.windows import Track, units
 from clutchid.log import FloatArray
@@ -19,6 +20,9 @@ from clutchid.simulation.simulation import failure_message
 
 #: Numbers of the sensors, which the equations of the actuator do not hold.
 SENSORS = ("tau_y", "e_y", "tau_p", "e_p")
+
+#: Of each measured column the place of its state, and the lag and offset of its sensor.
+COLUMN = {"position": (0, "tau_y", "e_y"), "pressure_a": (2, "tau_p", "e_p")}
 
 #: A step of the integration looks this far beyond the positions that it stores, in m.
 BEYOND = 1e-4
@@ -130,7 +134,9 @@ def window_cost(
     stop = _compared_samples(track, window)
     cost = 0.0
     for name in measure:
-        r = _residual(track, window, out[:stop], seen.actuator, name) / noise.measured[name]
+        at, lag, offset = COLUMN[name]
+        shown = lagged(out[:stop, at], seen.actuator.value(lag), float(window.dt[0]))
+        r = _residual(track, window, shown, seen.actuator.value(offset), name) / noise.measured[name]
         cost += loss(r, noise.outlier)
     return out[-1], cost
 
@@ -145,19 +151,10 @@ def _failure(track: Track, window: Segment, out: FloatArray, failed: int, seen: 
     return Failure(failure_message(track.measured, window, out, max(failed, 0), names, seen.actuator))
 
 
-def _residual(track: Track, window: Segment, out: FloatArray, actuator: Actuator, name: str) -> FloatArray:
+def _residual(track: Track, window: Segment, shown: FloatArray, offset: float, name: str) -> FloatArray:
     """Simulated less measured column in SI, NaN where nothing was measured."""
-    p, measured = actuator.parameters, track.measured[name][window.start : window.start + out.shape[0]]
-    if name == "position":
-        return out[:, 0] - p.tau_y * out[:, 1] + (p.e_y - measured)
-    return out[:, 2] - p.tau_p * _rate(out[:, 2], window) + (p.e_p - measured)
-
-
-def _rate(values: FloatArray, window: Segment) -> FloatArray:
-    if values.shape[0] < 2:
-        return np.zeros_like(values)
-    rate: FloatArray = np.gradient(values, window.dt[0], axis=0)
-    return rate
+    measured = track.measured[name][window.start : window.start + shown.shape[0]]
+    return shown + (offset - measured)
 
 
 def _compared(
@@ -170,19 +167,19 @@ def _compared(
     """Derivatives ``[start | theta]`` in SI and residuals of one measured column, NaN where nothing was measured."""
     out, sens = run_of
     seen, theta = theta_of
-    p = seen.actuator.parameters
+    at, lag, offset = COLUMN[name]
+    tau, step = seen.actuator.value(lag), float(window.dt[0])
     n = out.shape[1]
     active = sens.shape[2] - n
-    if name == "position":
-        J, own = sens[:, 0] - p.tau_y * sens[:, 1], {"tau_y": -out[:, 1], "e_y": 1.0}
-    else:
-        J = sens[:, 2] - p.tau_p * _rate(sens[:, 2], window)
-        own = {"tau_p": -_rate(out[:, 2], window), "e_p": 1.0}
+    shown = lagged(np.column_stack([out[:, at], sens[:, at]]), tau, step)
     full = np.zeros((out.shape[0], n + len(theta)))
-    full[:, :n], full[:, n : n + active] = J[:, active:], J[:, :active]
+    full[:, :n], full[:, n : n + active] = shown[:, 1 + active :], shown[:, 1 : 1 + active]
     for column, i in enumerate(theta[active:], n + active):
-        full[:, column] = own.get(seen.bases[i], 0.0)
-    return full, _residual(track, window, out, seen.actuator, name)
+        if seen.bases[i] == lag:
+            full[:, column] = lag_slope(out[:, at], shown[:, 0], tau, step)
+        elif seen.bases[i] == offset:
+            full[:, column] = 1.0
+    return full, _residual(track, window, shown[:, 0], seen.actuator.value(offset), name)
 
 
 def loss(r: FloatArray, outlier: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.estimate.sensing import seen_position, seen_pressure
+from clutchid.estimate.sensing import seen
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.search import Found
 from clutchid.log import FloatArray
@@ -43,9 +43,9 @@ def recorded(task: Shooting, found: Found, log: int, states: FloatArray) -> dict
     """
     p = task.actuator_of(found.x, task.stems[log]).parameters
     names = VARIANTS[task.actuator.model]
-    y, v, p_A = (states[:, names.index(name)] for name in ("y", "v", "p_A"))
+    y, p_A = (states[:, names.index(name)] for name in ("y", "p_A"))
     time = next(track.measured.time for track in task.tracks if track.log == log)
-    return {"position": seen_position(y, v, p), "pressure_a": seen_pressure(p_A, time, p)}
+    return {"position": seen(y, time, p.tau_y, p.e_y), "pressure_a": seen(p_A, time, p.tau_p, p.e_p)}
 
 
 def noise_scales(task: Shooting, found: Found) -> dict[str, float]:

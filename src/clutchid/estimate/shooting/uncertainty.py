@@ -25,7 +25,7 @@ DRIFT: Mapping[str, float] = {
     "P_S": 0.005, "C_vs": 0.004, "C_ve": 0.004, "V_0A": 0.05, "F_C": 0.15, "c_F": 0.2, "D_v": 0.01, "T_w": 0.005,
     "h_A": 0.1, "V_S": 0.2, "A_A": 0.001, "P_0": 0.002,
 }  # fmt: skip
-DRIFT_WIDTH: Mapping[str, float] = {"R_0vs": 0.002, "R_0ve": 0.002, "tau_y": 1e-4, "B_ve": 0.02}
+DRIFT_WIDTH: Mapping[str, float] = {"R_0vs": 0.002, "R_0ve": 0.002, "tau_y": 1e-4, "B_ve": 0.02, "m_ve": 0.01}
 
 #: Residuals are coloured: this many neighbouring samples tell what one would, were they independent.
 COLOUR = 20.0

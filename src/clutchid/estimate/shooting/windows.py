@@ -21,7 +21,8 @@ WINDOW, GUESS = 0.1, 0.02
 
 #: Natural size of each state, in SI.
 UNITS: Mapping[str, float] = {
-    "y": 1e-3, "v": 0.1, "p_A": 1e5, "p_B": 1e4, "z": 1e-4, "T_A": 10.0, "T_B": 10.0, "p_S": 1e5
+    "y": 1e-3, "v": 0.1, "p_A": 1e5, "p_B": 1e4, "z": 1e-4, "T_A": 10.0, "T_B": 10.0, "p_S": 1e5, "p_G": 1e5,
+    "z_h": 1e-4,
 }  # fmt: skip
 
 

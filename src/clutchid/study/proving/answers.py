@@ -51,8 +51,8 @@ class Score:
     coverage: float
 
 
-def score(answer: Answer, truth: Truth) -> Score:
-    """Score `answer` against the truth of its recording.
+def score(answer: Answer, truth: Truth, time: FloatArray) -> Score:
+    """Score `answer` against the truth of its recording, whose samples are at `time` in s.
 
     Raises
     ------
@@ -67,8 +67,7 @@ def score(answer: Answer, truth: Truth) -> Score:
     near = (TOUCH[0] - 1e-9 < GRID) & (TOUCH[1] + 1e-9 > GRID)
     fine = np.linspace(0.0, GRID[-1], 4001)
     halves = [half_load(fine, np.interp(fine, answer.position, answer.force)), half_load(fine, truth.load(fine))]
-    # the controller records the proving ground's drives, sample for sample
-    pressure = answer.pressure_a - truth.states["pressure_a"][: answer.pressure_a.size]
+    pressure = answer.pressure_a - np.interp(time, truth.time, truth.states["pressure_a"])
     return Score(
         load=_rms(error),
         load_touch=_rms(error[near]),

@@ -91,7 +91,12 @@ def _position_only(log: Log) -> Log:
 def _scored(answer: Answer, driven: Drive) -> dict[str, Any]:
     curve = {key: getattr(answer, key).tolist() for key in ("position", "force", "low", "high")}
     wear = driven.truth.truck.wear
-    return {"score": asdict(score(answer, driven.truth)), "wear_m": wear, "curve": curve, "kept": dict(answer.kept)}
+    return {
+        "score": asdict(score(answer, driven.truth, driven.log.time)),
+        "wear_m": wear,
+        "curve": curve,
+        "kept": dict(answer.kept),
+    }
 
 
 def prove(
