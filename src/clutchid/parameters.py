@@ -153,7 +153,7 @@ class Parameters:
         0.1,
         "1",
         "supply valve: travel of its armature, as part of a period",
-        at_least=0.001,
+        at_least=0,
         at_most=1,
         source=_BALANCE,
     )
@@ -161,7 +161,7 @@ class Parameters:
         0.1,
         "1",
         "exhaust valve: travel of its armature, as part of a period",
-        at_least=0.001,
+        at_least=0,
         at_most=1,
         source=_BALANCE,
     )
