@@ -20,9 +20,11 @@ import numpy as np
 
 from clutchid import Fit, Prior, SolveError, fit
 from clutchid.study.proving.answers import Answer, score
+from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import Truck, drive, truck
 
-SECONDS, WEAR, STROKES = 30.0, 1.5e-3, 4.5e5
+#: Wear of the facing in m under every change.
+WEAR = 1.5e-3
 VALVE_TIMES = tuple(f"t_{i}{valve}" for valve in "se" for i in (1, 2, 3, 4))
 
 #: What differs from the calibration: numbers of the truck by factor, then other arguments of `drive`.
@@ -66,7 +68,7 @@ def one_truck(number: int, method: str) -> list[tuple[str, str, list[float] | No
             seconds=SECONDS,
             seed=seeds[1],
             wear=WEAR,
-            cycles=STROKES,
+            cycles=WEAR * STROKES,
             pressure=False,
             name="worn",
             **options(kind),
