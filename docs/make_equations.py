@@ -38,8 +38,9 @@ pressure in the reservoir. What is not listed is as in the paper's model.
 
 SWITCHED = """With a carrier (T_pwm above 0) the opening of a valve is the mean over a sample of the switched valve. The
 share a of a period that the valve is open is a line as in Eq. (11) but for short pulses, which lift the valve in part
-only; b is that of the period before, whose pulse may outlast its period; s is the phase at which the valve opens, c the
-phase at the start of the sample, d the part of a period that the sample lasts.
+only, and short gaps, after which it has fallen by h only; b is that of the period before, whose pulse may outlast its
+period; s is the phase at which the valve opens, c the phase at the start of the sample, d the part of a period that the
+sample lasts.
 
 """
 
@@ -50,9 +51,17 @@ def page() -> str:
     parts.append(STRIBECK + _own("isothermal-stribeck"))
     parts.append(BALANCE + _own("energy-balance"))
     if len(system("energy-balance").inputs) > 2:
-        from clutchid.model.opening import passed_pulses, pulse_share, switched_opening
+        from clutchid.model.opening import (
+            bridged_share,
+            continued_share,
+            fall,
+            passed_pulses,
+            pulse_share,
+            switched_opening,
+        )
 
-        parts.append(SWITCHED + "\n\n".join(_math(_formula(f)) for f in (pulse_share, passed_pulses, switched_opening)))
+        laws = (pulse_share, fall, continued_share, bridged_share, passed_pulses, switched_opening)
+        parts.append(SWITCHED + "\n\n".join(_math(_formula(law)) for law in laws))
     return "\n\n".join([*parts, "## Parameters", _rows()]) + "\n"
 
 

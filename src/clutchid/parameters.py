@@ -11,6 +11,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -150,7 +151,7 @@ class Parameters:
         0.0, "1", "exhaust valve: phase of its opening in the period", at_least=-0.5, at_most=0.5, source=_BALANCE
     )
     t_vs: float = _row(
-        0.1,
+        0.0,
         "1",
         "supply valve: travel of its armature, as part of a period",
         at_least=0,
@@ -158,7 +159,7 @@ class Parameters:
         source=_BALANCE,
     )
     t_ve: float = _row(
-        0.1,
+        0.0,
         "1",
         "exhaust valve: travel of its armature, as part of a period",
         at_least=0,
@@ -173,7 +174,6 @@ class Parameters:
         at_most=0.9,
         source=_BALANCE,
     )
-    k_vs: float = _row(3.0, "1", "supply valve: slope of its open share in short pulses", above=1, source=_BALANCE)
     a_0ve: float = _row(
         0.0,
         "1",
@@ -182,7 +182,6 @@ class Parameters:
         at_most=0.9,
         source=_BALANCE,
     )
-    k_ve: float = _row(3.0, "1", "exhaust valve: slope of its open share in short pulses", above=1, source=_BALANCE)
     tau_y: float = _row(0.0, "s", "lag of the recorded position", at_least=-0.05, at_most=0.05, source=_SENSORS)
     tau_p: float = _row(0.0, "s", "lag of the recorded pressure", at_least=-0.05, at_most=0.05, source=_SENSORS)
     e_y: float = _row(0.0, "m", "offset of the recorded position", at_least=-2e-3, at_most=2e-3, source=_SENSORS)
@@ -212,6 +211,7 @@ class Parameters:
             raise ParameterError("\n".join(problems))
 
     @classmethod
+    @cache
     def names(cls) -> tuple[str, ...]:
         """Names in the order of the paper's Appendix; the order of `array`."""
         return tuple(item.name for item in fields(cls))

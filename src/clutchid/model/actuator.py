@@ -21,6 +21,12 @@ PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
 BASES = ("paper", "b-spline")
 
 
+@cache
+def _weight_names(count: int) -> tuple[str, ...]:
+    """theta_1, theta_2, ...; made once, as a search asks for them at every step."""
+    return tuple(f"theta_{i + 1}" for i in range(count))
+
+
 @dataclass(frozen=True)
 class Load:
     r"""The clutch load over the piston position, Eq. (14).
@@ -84,7 +90,7 @@ class Load:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the weights: theta_1, theta_2, ..."""
-        return tuple(f"theta_{i + 1}" for i in range(len(self.theta)))
+        return _weight_names(len(self.theta))
 
     @classmethod
     def on_b_splines(cls, other: Load | None = None, knots: tuple[float, ...] = DEFAULT_KNOTS) -> Load:

@@ -7,7 +7,15 @@ import sympy as sp
 from clutchid.codegen.system import Expr
 from clutchid.model.friction import coulomb_force, deflection_rate, friction_force, stribeck_force
 from clutchid.model.motion import stop_force
-from clutchid.model.opening import opening, passed_pulses, pulse_share, switched_opening
+from clutchid.model.opening import (
+    bridged_share,
+    continued_share,
+    fall,
+    opening,
+    passed_pulses,
+    pulse_share,
+    switched_opening,
+)
 from clutchid.parameters import Parameters
 
 #: Duty cycles, phase and step of the valves' carrier, and the duty cycles one period of it before.
@@ -43,11 +51,14 @@ def openings(b: Book, switched: bool = False) -> None:
         if not switched:
             b.define(f"y_{valve}", opening(u, R_0, R_1))
             continue
-        law = b.all(f"R_0{valve}", f"R_1{valve}", f"a_0{valve}", f"k_{valve}")
-        share = b.define(f"a_{valve}", pulse_share(u, *law))
-        before = b.define(f"c_{valve}", pulse_share(b[f"u_{valve}1"], *law))
+        u_1, *law = b.all(f"u_{valve}1", f"R_0{valve}", f"R_1{valve}", f"a_0{valve}", f"t_{valve}")
+        a_0, travel = law[2:]
+        fallen = b.define(f"h_{valve}", fall(u_1, a_0, travel))
+        before = b.define(f"c_{valve}", bridged_share(pulse_share(u_1, *law), u, fallen))
+        late = pulse_share(sp.Integer(1), *law) - 1
+        share = b.define(f"a_{valve}", continued_share(pulse_share(u, *law), u, late, fallen))
         phase = b["s_pwm"] + b[f"s_{valve}"]
-        passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, *b.all(f"t_{valve}", "c_pwm", "d_pwm")))
+        passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, travel, *b.all("c_pwm", "d_pwm")))
         b.define(f"y_{valve}", switched_opening(share, passed, b["d_pwm"]))
 
 

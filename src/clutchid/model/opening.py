@@ -37,10 +37,11 @@ def opening(u: Expr, R_0: Expr, R_1: Expr) -> Expr:
     return sp.Piecewise((0, u <= R_0), (1, u >= R_1), (degree, True))
 
 
-def pulse_share(u: Expr, R_0: Expr, R_1: Expr, a_0: Expr, k: Expr) -> Expr:
+def pulse_share(u: Expr, R_0: Expr, R_1: Expr, a_0: Expr, e: Expr) -> Expr:
     r"""Share of a period that a switched valve is open, with the short pulses that only lift it in part.
 
-    .. math:: a = \min\left(k (u - R_0), \; a_0 + (1 - a_0) \frac{u - R_0}{R_1 - R_0}\right), \quad R_0 < u < R_1
+    .. math:: a = \min\left(1, \frac{u - R_0}{e}\right) \left(a_0 + (1 - a_0) \frac{u - R_0}{R_1 - R_0}\right),
+              \quad u > R_0
 
     Parameters
     ----------
@@ -49,9 +50,9 @@ def pulse_share(u: Expr, R_0: Expr, R_1: Expr, a_0: Expr, k: Expr) -> Expr:
     R_0, R_1 : 1
         Duty cycle up to which the valve stays closed, and from which it stays open.
     a_0 : 1
-        Share that the line of the full pulses has at R_0, in [0, 1); with 0 this is Eq. (11).
-    k : 1
-        Slope of the share where pulses are so short that the valve opens in part only (ballistic), above 0.
+        Share that the line of the full pulses has at R_0, in [0, 1).
+    e : 1
+        Part of a period that the armature travels, at least 0; with a_0 = e = 0 this is Eq. (11).
 
     Returns
     -------
@@ -64,18 +65,129 @@ def pulse_share(u: Expr, R_0: Expr, R_1: Expr, a_0: Expr, k: Expr) -> Expr:
 
     Notes
     -----
-    The paper has one line from R_0 to R_1. The magnet needs its time before the armature moves, and the current its
-    time to decay before it moves back. Above the pulse that just opens the valve fully each part of a period more of
-    current is one more of opening; below, each is worth several, because the lift grows and then lasts.
+    The paper has one line from R_0 to R_1. The magnet needs its time before the armature moves, R_0, and the current
+    its time to decay before it moves back, a_0. A pulse that ends while the armature rises lifts it in part only. Above
+    the pulse that just opens the valve fully each part of a period more of current is one more of opening, below each
+    is worth several.
 
     Examples
     --------
-    >>> f"{pulse_share(0.5, 0.07, 0.93, 0.0, 3.0):.2f} {pulse_share(0.1, 0.07, 0.93, 0.2, 3.0):.2f}"
-    '0.50 0.09'
+    >>> f"{pulse_share(0.5, 0.07, 0.93, 0.0, 0.1):.2f} {pulse_share(0.1, 0.07, 0.93, 0.2, 0.1):.2f}"
+    '0.50 0.07'
     """
-    full = a_0 + (1 - a_0) * (u - R_0) / (R_1 - R_0)
-    ballistic = k * (u - R_0)
-    return sp.Piecewise((0, u <= R_0), (ballistic, ballistic < full), (full, True))
+    beyond = u - R_0
+    full = a_0 + (1 - a_0) * beyond / (R_1 - R_0)
+    return sp.Piecewise((0, beyond <= 0), (full * beyond / e, beyond < e), (full, True))
+
+
+def fall(u: Expr, a_0: Expr, e: Expr) -> Expr:
+    r"""How far an armature has fallen when the next pulse begins.
+
+    .. math:: h = \mathrm{sat}_{[0,1]} \frac{1 - a_0 - u}{e}
+
+    Parameters
+    ----------
+    u : 1
+        Duty cycle of the pulse before.
+    a_0 : 1
+        Part of a period that the current takes to decay, see `pulse_share`: a shorter gap leaves the valve wide open.
+    e : 1
+        Part of a period that the armature travels, at least 0.
+
+    Returns
+    -------
+    h : 1
+        In [0, 1]: 0 where the valve is still open, 1 where it has closed.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    Not in the paper.
+
+    Examples
+    --------
+    >>> [f"{float(fall(u, 0.1, 0.2)):.2f}" for u in (0.95, 0.8, 0.6)]
+    ['0.00', '0.50', '1.00']
+    """
+    gap = 1 - a_0 - u
+    return sp.Piecewise((0, gap <= 0), (1, gap >= e), (gap / e, True))
+
+
+def bridged_share(share: Expr, following: Expr, h: Expr) -> Expr:
+    r"""Share of a period that a switched valve is open, with a gap that is too short to close it before the next pulse.
+
+    .. math:: b = 1 - h (1 - a) \quad \text{if } a < 1 \text{ and a pulse follows, else } a
+
+    Parameters
+    ----------
+    share : 1
+        `pulse_share` of the duty cycle.
+    following : 1
+        Duty cycle of the next period.
+    h : 1
+        How far the armature falls in between, see `fall`.
+
+    Returns
+    -------
+    b : 1
+        At least `share`.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    Not in the paper. A gap is to a closing valve what a pulse is to an opening one.
+
+    Examples
+    --------
+    >>> [float(bridged_share(0.9, following, 0.5)) for following in (0.0, 0.1)]
+    [0.9, 0.95]
+    """
+    return sp.Piecewise((share, (following <= 0) | (share >= 1)), (1 - h * (1 - share), True))
+
+
+def continued_share(share: Expr, u: Expr, late: Expr, h: Expr) -> Expr:
+    r"""Share of a period that a switched valve is open where the pulse before has left it so.
+
+    .. math:: a' = a + (1 - h) \max(0, \; u + l - a) \quad \text{if } u > 0, \text{ else } a
+
+    Parameters
+    ----------
+    share : 1
+        `pulse_share` of `u`.
+    u : 1
+        Duty cycle of the period.
+    late : 1
+        How much later a valve closes than it opens, in parts of a period: `pulse_share` at 1, less 1.
+    h : 1
+        How far the armature has fallen since the pulse before, see `fall`.
+
+    Returns
+    -------
+    a : 1
+        At least `share`.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+
+    Notes
+    -----
+    Not in the paper. A pulse too short to open a valve holds an open one until it ends: after a stroke at full flow the
+    last short pulse passes many times what it would alone.
+
+    Examples
+    --------
+    >>> [f"{continued_share(0.01, 0.095, 0.07, h):.3f}" for h in (1.0, 0.5, 0.0)]
+    ['0.010', '0.088', '0.165']
+    """
+    longer = (1 - h) * (u + late - share)
+    return share + sp.Piecewise((longer, (u > 0) & (longer > 0)), (0, True))
 
 
 def passed_pulses(a: Expr, b: Expr, s: Expr, e: Expr, c: Expr, d: Expr) -> Expr:

@@ -10,11 +10,11 @@ from clutchid.estimate.sensing import lagged
 from clutchid.estimate.shooting.automatic import (
     BALANCE,
     CARRIER,
+    DECAY,
     LAG,
     ON_OFF_DELAY,
     PAPER,
     SHAPES,
-    SHORT_PULSES,
     STRIBECK,
     VENTED_STD,
     automatic,
@@ -97,7 +97,7 @@ def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, rec
     begin, free, _ = automatic([log], plant)
     assert begin.value("T_pwm") == 0.01
     assert (begin.value("s_vs"), begin.value("s_ve")) == (0.07, 0.07)
-    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (SHORT_PULSES, SHORT_PULSES)
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (DECAY, DECAY)
     assert set(CARRIER) <= set(free)
     # the paper's valves know no carrier, so nothing of it is freed
     isothermal, free, _ = automatic([log], replace(plant, model="isothermal"))
@@ -131,7 +131,7 @@ def test_on_a_grid_the_search_begins_with_the_delay_of_the_valves_that_the_press
     # the phase is tried in steps of a twentieth of a period; a lag to first order is not a shift by all of it
     assert (begin.value("s_vs"), begin.value("s_ve")) == (pytest.approx(0.2, abs=0.1), pytest.approx(0.2, abs=0.1))
     assert begin.value("s_vs") - begin.value("s_ve") == begin.value("R_0vs") - begin.value("R_0ve")
-    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (SHORT_PULSES, SHORT_PULSES)
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (DECAY, DECAY)
     assert set(CARRIER) <= set(free)
 
 

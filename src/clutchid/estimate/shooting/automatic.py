@@ -27,11 +27,11 @@ PAPER = (
 SHAPES = ("B_vs", "B_ve")
 BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "tau_S")
 STRIBECK = ("c_F", "R_S", "v_S")
-CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "k_vs", "k_ve", "t_vs", "t_ve")
+CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "t_vs", "t_ve")
 
-#: Where a search begins: lag of a sensor in s; share of the period that the line of the full pulses has where a valve
-#: starts to open, because without one the slope of short pulses has no influence; delay of an on/off valve in periods.
-LAG, SHORT_PULSES, ON_OFF_DELAY = 1.5e-3, 0.1, 0.5
+#: Where a search begins: lag of a sensor in s; in parts of a period how long the current of a valve takes to decay and its
+#: armature to travel, of which one has no influence while the other is 0; and the delay of an on/off valve.
+LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 
 #: The chamber vents when its pressure falls this near to the ambient, in Pa, which on land is in this range.
 VENTED, AMBIENT = 2e4, (0.5e5, 1.2e5)
@@ -72,8 +72,9 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
 def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:
     """Period of the valves' carrier, and where the search for delays and short pulses begins; empty without one."""
     grid, _ = duty_grid(log)
+    travels = {"t_vs": TRAVEL, "t_ve": TRAVEL}
     if on_off(log):
-        return {"T_pwm": grid, "s_vs": ON_OFF_DELAY, "s_ve": ON_OFF_DELAY} if grid > 0.0 else {}
+        return {"T_pwm": grid, "s_vs": ON_OFF_DELAY, "s_ve": ON_OFF_DELAY, **travels} if grid > 0.0 else {}
     period, phase = find_carrier(log, actuator)
     if period == 0.0:
         return {}
@@ -81,7 +82,7 @@ def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:
     start = grid_phase(log, period)
     later = 0.0 if start is None else centred(phase - start - LAG / period)
     delays = {f"s_{valve}": actuator.value(f"R_0{valve}") + later for valve in ("vs", "ve")}
-    return {"T_pwm": period, **delays, **dict.fromkeys(("a_0vs", "a_0ve"), SHORT_PULSES)}
+    return {"T_pwm": period, **delays, **travels, "a_0vs": DECAY, "a_0ve": DECAY}
 
 
 def _check(logs: Sequence[Log], actuator: Actuator) -> None:
