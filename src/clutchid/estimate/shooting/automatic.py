@@ -29,8 +29,8 @@ BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "
 STRIBECK = ("c_F", "R_S", "v_S")
 CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "t_vs", "t_ve")
 
-#: Where a search begins: lag of a sensor in s; in parts of a period how long the current of a valve takes to decay and its
-#: armature to travel, of which one has no influence while the other is 0; and the delay of an on/off valve.
+#: Where a search begins: lag of a sensor in s; in parts of a period how long the current of a valve takes to decay and
+#: its armature to travel, of which one has no influence while the other is 0; and the delay of an on/off valve.
 LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 
 #: The chamber vents when its pressure falls this near to the ambient, in Pa, which on land is in this range.
