@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.shooting import projection
 from clutchid.estimate.shooting import search as module
 from clutchid.estimate.shooting.elimination import recover
 from clutchid.estimate.shooting.problem import condense, cost_at, linearise
@@ -51,8 +52,8 @@ def test_the_end_is_a_minimum_to_every_side(task, found):
     cost = cost_at(task, task.noise, found.x, found.X)
     assert cost == pytest.approx(found.at.cost, rel=1e-9)
     factor, chains = condense(task, found.at)
-    # what a whole undamped step could still gain is below a thousandth of the cost
-    assert np.sum(factor[:-1, -1] ** 2) < 1e-3 * cost
+    # what a whole undamped step could still gain is what the search takes for nothing
+    assert np.sum(factor[:-1, -1] ** 2) < projection.SETTLED
     unit = units(task.actuator)
     for place in (3, 8, 13):
         for sign in (-1, 1):
@@ -76,23 +77,31 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(task, star
         calls["cost"] += 1
         return float("inf") if calls["cost"] % 3 == 1 else cost_at(*arguments)
 
-    def failing_linearise(*arguments):
+    def failing_linearise(*arguments, **options):
         calls["linear"] += 1
-        return Failure("no such state.") if calls["linear"] % 4 == 2 else linearise(*arguments)
+        return Failure("no such state.") if calls["linear"] % 4 == 3 else linearise(*arguments, **options)
 
-    monkeypatch.setattr(module, "cost_at", failing_cost)
-    monkeypatch.setattr(module, "linearise", failing_linearise)
+    monkeypatch.setattr(projection, "cost_at", failing_cost)
+    monkeypatch.setattr(projection, "linearise", failing_linearise)
     answer = search(task, *start, (1.0,))
     assert isinstance(answer, Found)
     assert min(calls.values()) >= 4, "several of the trial points have failed"
     assert np.isfinite(answer.x).all()
-    assert answer.at.cost == pytest.approx(found.at.cost, rel=1e-3)
+    # where a step has failed a shorter one is taken: the end is nearer than a tenth of what noise scatters
+    assert answer.at.cost == pytest.approx(found.at.cost, rel=2e-3)
     y = np.linspace(0.5e-3, 20e-3, 40)
     assert forces(task, answer.x, y) == pytest.approx(forces(task, found.x, y), abs=0.002 * 5000)
 
 
 def test_a_search_whose_every_trial_fails_stays_where_it_was(task, start, monkeypatch):
-    monkeypatch.setattr(module, "cost_at", lambda *_: float("inf"))
+    calls = []
+
+    def failing_linearise(*arguments, **options):
+        calls.append(arguments)
+        return Failure("no such state.") if len(calls) > 2 else linearise(*arguments, **options)
+
+    monkeypatch.setattr(projection, "cost_at", lambda *_: float("inf"))
+    monkeypatch.setattr(projection, "linearise", failing_linearise)
     answer = search(task, *start, (1.0,))
     assert answer.status == "stalled"
     assert np.array_equal(answer.x, start[0])
@@ -133,9 +142,15 @@ def test_no_trial_point_leaves_the_bounds(plant, worn_log, task_of, starts_of, m
     task = task_of([worn_log], plant, (*plant.load.names, "C_vs", "tau_y"), ("position",), bounds=limits)
     low, high = task.bounds()
     tried = []
+
+    def watched(t, noise, x, X, free=True):
+        tried.append(x)
+        return linearise(t, noise, x, X, free)
+
     monkeypatch.setattr(module, "cost_at", lambda t, noise, x, X: tried.append(x) or cost_at(t, noise, x, X))
+    monkeypatch.setattr(projection, "linearise", watched)
     search(task, np.zeros(24), starts_of(task), FROM_NEAR)
-    assert len(tried) > 5
+    assert len({tuple(x) for x in tried}) >= 4
     assert all(np.all((low <= x) & (x <= high)) for x in tried)
 
 
@@ -148,6 +163,7 @@ def test_every_step_lowers_the_cost_of_its_stage(task, start, monkeypatch):
         return answer
 
     monkeypatch.setattr(module, "linearise", watched)
+    monkeypatch.setattr(projection, "linearise", lambda *a, free=True: watched(*a) if free else linearise(*a, free))
     search(task, *start, FROM_NEAR)
     for scale in {scale for scale, _ in accepted}:
         costs = [cost for own, cost in accepted if own == scale]
@@ -187,3 +203,30 @@ def test_pressure_that_is_not_asked_for_is_not_used(plant, worn, recorded_by, ta
     blind = task_of([wrong], plant, plant.load.names, ("position",))
     answer = search(blind, np.zeros(22), starts_of(blind), FROM_NEAR)
     assert np.array_equal(answer.x, found.x)
+
+
+def test_with_the_free_numbers_held_the_problem_costs_the_same_and_its_states_settle(task, start):
+    x, X = start
+    held, free = linearise(task, task.noise, x, X, free=False), linearise(task, task.noise, x, X)
+    assert held.cost == pytest.approx(free.cost, rel=1e-12)
+    calls = []
+    settled, cost = projection.settle(task, x, tuple(X), lambda: calls.append(1))
+    assert cost < 0.9 * held.cost
+    assert cost == pytest.approx(cost_at(task, task.noise, x, settled), rel=1e-9)
+    # again there is little to gain, and no step is found that the first round has missed
+    _, again = projection.settle(task, x, settled, lambda: None)
+    assert cost - again < 0.01 * (held.cost - cost)
+    assert len(calls) >= 3
+
+
+def test_where_the_piston_sticks_states_that_follow_a_step_cost_more_than_settled_ones(task, found):
+    # the reason for projection: a step of the free numbers has to be judged after its states have settled
+    factor, chains = condense(task, found.at)
+    step = np.linalg.solve(factor[:-1, :-1], 5.0 * np.ones(found.x.size) / np.sqrt(found.x.size))
+    unit = units(task.actuator)
+    moved = tuple(X + recover(c, step[:, None])[:, :, 0] * unit for X, c in zip(found.X, chains, strict=True))
+    before = cost_at(task, task.noise, found.x + step, moved)
+    _, after = projection.settle(task, found.x + step, moved, lambda: None)
+    expected = found.at.cost + 25.0
+    assert after < before
+    assert abs(after - expected) < abs(before - expected)

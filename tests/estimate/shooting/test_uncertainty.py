@@ -9,7 +9,8 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting import uncertainty as module
 from clutchid.estimate.shooting.problem import linearise
-from clutchid.estimate.shooting.search import FROM_NEAR, Found, search
+from clutchid.estimate.shooting.projection import SETTLED, Found
+from clutchid.estimate.shooting.search import FROM_NEAR, search
 from clutchid.estimate.shooting.uncertainty import (
     COLOUR,
     DRIFT,
@@ -140,8 +141,8 @@ def test_the_estimate_moves_with_a_considered_number_as_the_covariance_says(task
     phi = plant.load.phi(y) * task.slopes(found.x)
     predicted, happened = phi @ shift, phi @ (again.x - found.x)
     assert np.abs(happened).max() > 5.0, "a drift moves the load by newtons"
-    # both searches stop within a tenth of a deviation of the optimum
-    tolerance = 0.1 * np.sqrt(np.einsum("ni,ij,nj->n", phi, of.known @ of.known.T / COLOUR, phi)).max()
+    # both searches stop where a step would gain less than SETTLED, which is the square of its length in deviations
+    tolerance = np.sqrt(SETTLED) * np.sqrt(np.einsum("ni,ij,nj->n", phi, of.known @ of.known.T / COLOUR, phi)).max()
     assert happened == pytest.approx(predicted, abs=tolerance + 0.1 * np.abs(predicted).max())
 
 

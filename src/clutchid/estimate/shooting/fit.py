@@ -15,7 +15,8 @@ from clutchid.estimate.shooting.carrier import centred, find_carrier, find_phase
 from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates, far_stop
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, Found, search
+from clutchid.estimate.shooting.projection import Found
+from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, search
 from clutchid.estimate.shooting.trajectory import noise_scales
 from clutchid.estimate.shooting.uncertainty import deviation
 from clutchid.estimate.shooting.windows import GUESS, first_guess, tracks

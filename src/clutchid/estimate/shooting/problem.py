@@ -82,16 +82,18 @@ class Shooting:
         value = self.si(x)
         return self.actuator.replace({self.coordinates[i].base: float(value[i]) for i in self.places(stem)})
 
-    def view(self, x: FloatArray, stem: str) -> View:
-        """The view of the recording `stem` on x."""
+    def view(self, x: FloatArray, stem: str, free: bool = True) -> View:
+        """The view of the recording `stem` on x; without `free` on nothing, with x in the actuator only."""
+        if not free:
+            return view(self.actuator_of(x, stem), (), (), np.zeros(0), 0)
         places = self.places(stem)
         bases = [self.coordinates[i].base for i in places]
         return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size)
 
-    def views(self, x: FloatArray) -> dict[str, View] | Failure:
+    def views(self, x: FloatArray, free: bool = True) -> dict[str, View] | Failure:
         """The view of every recording on x, by stem; a `Failure` where values contradict each other."""
         try:
-            return {stem: self.view(x, stem) for stem in self.stems}
+            return {stem: self.view(x, stem, free) for stem in self.stems}
         except ParameterError as error:
             return Failure(str(error))
 
@@ -111,25 +113,33 @@ class Chain:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """The problem linearised at a point: prior rows ``[theta | r]``, chains, and its cost there (sum of losses)."""
+    """The problem linearised at a point: prior rows ``[theta | r]``, chains, and its cost there (sum of losses).
+
+    Where theta is held, its rows have no columns for it.
+    """
 
     prior: FloatArray
     chains: tuple[Chain, ...]
     cost: float
 
 
-def linearise(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
+def linearise(
+    task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray], free: bool = True
+) -> Linear | Failure:
     """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer.
+
+    Without `free` the parameters are held: derivatives to the states only, which cost a fraction.
 
     Raises
     ------
     Nothing: a simulation that fails is a `Failure`.
     """
-    views = task.views(x)
+    views = task.views(x, free)
     if isinstance(views, Failure):
         return views
     prior = prior_rows(task, x)
     cost = float(np.sum(prior[:, -1] ** 2))
+    prior = prior if free else np.zeros((0, 1))
     chains = []
     for track, starts in zip(task.tracks, X, strict=True):
         chain = _chain(task, noise, track, starts, views[task.stems[track.log]])
@@ -213,7 +223,7 @@ def condense(task: Shooting, linear: Linear, damping: float = 0.0) -> tuple[Floa
     Nothing: numbers are checked where they enter.
     """
     names = VARIANTS[task.actuator.model]
-    n, size = len(names), len(task.coordinates)
+    n, size = len(names), linear.prior.shape[1] - 1
     held = np.zeros((n, n + size + 1))
     held[:, :n] = np.sqrt(damping) * np.diag([HELD[name] for name in names])
     chains = []

@@ -13,7 +13,7 @@ from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
 from clutchid.estimate.shooting.fit import EndT, Shot
 from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.search import Found
+from clutchid.estimate.shooting.projection import Found
 from clutchid.estimate.shooting.trajectory import recorded, trajectory
 from clutchid.estimate.shooting.uncertainty import SCALE, Spread, pressure_spread, spread
 from clutchid.estimate.summary import plan_warnings

@@ -6,7 +6,7 @@ import numpy as np
 
 from clutchid.estimate.sensing import seen
 from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.search import Found
+from clutchid.estimate.shooting.projection import Found
 from clutchid.log import FloatArray
 from clutchid.model.compiled import VARIANTS
 from clutchid.simulation.run import Numbers, run

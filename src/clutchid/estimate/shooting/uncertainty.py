@@ -12,7 +12,7 @@ from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting.coordinates import Coordinate
 from clutchid.estimate.shooting.elimination import Eliminated, recover
 from clutchid.estimate.shooting.problem import Chain, Shooting, condense, linearise
-from clutchid.estimate.shooting.search import Found
+from clutchid.estimate.shooting.projection import Found
 from clutchid.estimate.shooting.windows import units
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
