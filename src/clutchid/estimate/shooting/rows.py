@@ -91,10 +91,13 @@ def window_rows(
     Nothing: a simulation that fails is a `Failure`.
     """
     n, unit = start.size, units(seen.actuator)
-    out, failed = run(window, seen.numbers, start)
-    if failed >= 0:
-        return _failure(track, window, out, failed, seen)
-    active, which = seen.layout(float(out[:, 0].min()) - BEYOND, float(out[:, 0].max()) + BEYOND)
+    low, high = 0.0, 0.0
+    if seen.bases:
+        out, failed = run(window, seen.numbers, start)
+        if failed >= 0:
+            return _failure(track, window, out, failed, seen)
+        low, high = float(out[:, 0].min()) - BEYOND, float(out[:, 0].max()) + BEYOND
+    active, which = seen.layout(low, high)
     S = np.zeros((n, len(active) + n))
     S[:, len(active) :] = np.diag(unit)
     out, sens, end, failed = run_to_end(window, seen.numbers, (start, S), which, (0, 1, 2))
