@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -47,6 +47,8 @@ def fit(
     model: str | None = None,
     method: Literal["simulation", "shooting", "prediction-error"] | None = None,
     prior: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
+    profile: str = "",
+    bootstrap: int = 0,
     start: Path | None = None,
     verify: Annotated[list[Path] | None, Parameter(name="--verify", consume_multiple=True)] = None,
     save: Path | None = None,
@@ -86,6 +88,10 @@ def fit(
         does; and what made the calibration, where --start has one.
     prior
         What is known before the data, NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), several after each other.
+    profile
+        Free numbers, comma-separated, whose intervals come from profile likelihood; seconds each.
+    bootstrap
+        Draws of a bootstrap over strokes that checks the bands, for example 200; 0 for none.
     start
         Parameter file with model and start values; after a calibration only the load need be free.
     verify
@@ -104,8 +110,9 @@ def fit(
 
     files = _Files(logs, tuple(verify or ()), start, save, report)
     asked = _Asked(
-        measure, free, tuple(bounds_ or ()), tuple(prior or ()), (every, parts, carry), model, method, ambient
-    )
+        measure, free, tuple(bounds_ or ()), tuple(prior or ()), (every, parts, carry), model, method, ambient,
+        profile, bootstrap,
+    )  # fmt: skip
     return guarded(lambda: _work(files, asked, json), as_json=json, debug=debug)
 
 
@@ -132,6 +139,8 @@ class _Asked:
     model: str | None
     method: Literal["simulation", "shooting", "prediction-error"] | None
     ambient: str | None
+    profile: str
+    bootstrap: int
 
 
 def _work(files: _Files, asked: _Asked, json: bool) -> int:
@@ -142,10 +151,14 @@ def _work(files: _Files, asked: _Asked, json: bool) -> int:
     result = _fitted(files, asked)
     found = evidence(result)
     _write(result, files.save, files.report, found)
+    from clutchid.report.fit_text import fit_json, fit_text
+
     if json:
-        print_json(fit_json(result, found))
+        print_json({**EMPTY, **fit_json(result, found)})
     else:
-        _print(result, found)
+        print(fit_text(result, found))
+        for warning in result.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
         _print_paths(files.save, files.report)
     return FAILED if result.status == "failed" else DONE
 
@@ -170,6 +183,8 @@ def _fitted(files: _Files, asked: _Asked) -> Fit:
             method=asked.method,
             priors=priors(asked.priors),
             calibration=None if automatic else calibration,
+            profile=names(asked.profile) if asked.profile else (),
+            bootstrap=asked.bootstrap,
             progress=lambda stage, count: show(f"{stage} search, {count} simulations", -1.0),
         )
 
@@ -215,80 +230,7 @@ def _write(result: Fit, save: Path | None, report: Path | None, found: Evidence)
         fit_page(result, shlex.join(["clutchid", *sys.argv[1:]]), report, found)
 
 
-def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
-    """The JSON object of a fit and what its verdict rests on, docs/formats.md."""
-    from clutchid.estimate.verdict import verdict_json
-
-    curve = result.load_curve
-    return {
-        **EMPTY,
-        "status": result.status,
-        "message": result.message,
-        "parameters": {
-            name: {"value": e.value, "unit": e.unit, "std": e.std, "low": e.low, "high": e.high}
-            for name, e in result.parameters.items()
-        },
-        "load_curve": {
-            "position_m": curve.position.tolist(),
-            "force_N": curve.force.tolist(),
-            "low_N": curve.low.tolist(),
-            "high_N": curve.high.tolist(),
-        },
-        "errors": _errors_json(result.errors),
-        "logs": {name: _errors_json(recording.errors) for name, recording in result.recordings.items()},
-        "verify": {name: _errors_json(recording.errors) for name, recording in result.verification.items()},
-        "noise_scales": dict(result.scales),
-        "warnings": list(result.warnings),
-        "method": result.method,
-        "notes": list(result.notes),
-        "verdict": verdict_json(result, found),
-    }
-
-
-def _errors_json(errors: Any) -> dict[str, float | None]:
-    return {
-        "position_rms_m": errors.position_rms,
-        "position_sse_m2": errors.position_sse,
-        "pressure_a_rms_Pa": errors.pressure_a_rms,
-        "pressure_a_sse_Pa2": errors.pressure_a_sse,
-    }
-
-
-def _print(result: Fit, found: Evidence) -> None:
-    width = max([9, *(len(name) for name in result.parameters)])
-    print(f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit")
-    for name, e in result.parameters.items():
-        print(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
-    print(_peak(result))
-    for title, recordings in (("fitted", result.recordings), ("verified", result.verification)):
-        for name, recording in recordings.items():
-            pressure_error = recording.errors.pressure_a_rms
-            text = "" if pressure_error is None else f", pressure {pressure_error / 1e3:.1f} kPa rms"
-            print(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}")
-    for note in result.notes:
-        print(note)
-    from clutchid.estimate.verdict import verdict
-
-    judged = verdict(result, found)
-    print(f"trust: {judged.trust}{''.join(f'; {reason}' for reason in judged.reasons)}")
-    for warning in result.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-
-
 def _print_paths(*paths: Path | None) -> None:
     for path in paths:
         if path is not None:
             print(f"written: {path.resolve()}")
-
-
-def _peak(result: Fit) -> str:
-    """The greatest load within the reach of the fitted recordings; beyond it the curve is not known."""
-    import numpy as np
-
-    measured = [recording.measured["position"] for recording in result.recordings.values()]
-    reach = max((float(np.nanmax(y)) for y in measured if np.isfinite(y).any()), default=0.0)
-    curve = result.load_curve
-    inside = curve.position <= max(reach, float(curve.position[0]))
-    peak = int(np.argmax(curve.force[inside]))
-    where = f"{curve.position[peak] * 1e3:.2f} mm"
-    return f"peak load {curve.force[peak]:.0f} N at {where}, within the {reach * 1e3:.1f} mm that were driven"

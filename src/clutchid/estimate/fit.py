@@ -47,6 +47,8 @@ def fit(
     method: Method | None = None,
     priors: Mapping[str, Prior] | None = None,
     calibration: Calibration | None = None,
+    profile: Sequence[str] = (),
+    bootstrap: int = 0,
     on_failure: Literal["raise", "return"] = "raise",
     progress: Progress | None = None,
 ) -> Fit:
@@ -84,6 +86,10 @@ def fit(
         What is known before the data, in SI; by default `clutchid.estimate.shooting.coordinates` says.
     calibration : Calibration, optional
         ``fit.calibration`` of a fit with pressure, by the same method, whose actuator this one is.
+    profile : names
+        Free numbers whose intervals come from profile likelihood; shooting only, seconds each.
+    bootstrap : int
+        Draws of a bootstrap over strokes that checks the bands of the load; shooting only, 0 for none.
     on_failure : 'raise' or 'return'
         What to do when the start values cannot be simulated.
     progress : function(stage, evaluations), optional
@@ -107,7 +113,7 @@ def fit(
     Section 3.1; rules for missing samples, starts and resets: docs/formats.md.
     """
     recordings = _uniquely_named([logs] if isinstance(logs, Log) else list(logs))
-    request = Request(tuple(measure), tuple(free), bounds or {}, priors or {}, calibration)
+    request = Request(tuple(measure), tuple(free), bounds or {}, priors or {}, calibration, tuple(profile), bootstrap)
     chosen = _chosen(method, request, partition)
     if chosen != "simulation":
         search = partial(fit_by, SHOOTING) if chosen == "shooting" else partial(fit_by, PREDICTION_ERROR)
@@ -151,11 +157,16 @@ def _followed(
 def _chosen(method: str | None, request: Request, partition: Partition | None) -> str:
     """The method of a fit: that of the calibration, or shooting, where something is asked for that it knows."""
     automatic = "auto" in request.free or any("@" in name for name in request.free)
-    asked = automatic or bool(request.calibration or request.priors)
+    checks = bool(request.profile or request.bootstrap)
+    asked = automatic or checks or bool(request.calibration or request.priors)
     needed = request.calibration.method if request.calibration else "shooting"
     chosen = method or (needed if asked else "simulation")
     if chosen not in METHODS:
         raise ParameterError(unknown_name(chosen, METHODS, "method"))
+    if checks and chosen != "shooting":
+        raise ParameterError(f"a profile and a bootstrap belong to the method 'shooting', not to '{chosen}'.")
+    if request.bootstrap < 0:
+        raise ParameterError(f"bootstrap = {request.bootstrap}: 0 for none, or a number of draws such as 200.")
     if chosen != "simulation" and partition is not None:
         why = "shooting has windows of its own" if chosen == "shooting" else "a filter goes on from sample to sample"
         raise ParameterError(f"a partition belongs to the method 'simulation'; {why}.")

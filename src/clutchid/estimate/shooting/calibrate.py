@@ -15,6 +15,7 @@ from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search import Progress
 from clutchid.estimate.shooting.automatic import automatic
+from clutchid.estimate.shooting.checks import checked
 from clutchid.estimate.shooting.coordinates import Prior
 from clutchid.estimate.shooting.fit import EndT, Shot, Wanted, shoot
 from clutchid.estimate.shooting.summary import failed, position_only, summary
@@ -25,22 +26,28 @@ from clutchid.model.actuator import Actuator
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the user asks of a fit: measured columns, free names, bounds, priors, and a calibration to build on."""
+    """What the user asks of a fit: measured columns, free names, bounds, priors, and a calibration to build on.
+
+    And how it is to be checked: numbers whose intervals come from profile likelihood, and draws of a bootstrap.
+    """
 
     measure: tuple[str, ...]
     free: tuple[str, ...]
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     priors: Mapping[str, Prior] = field(default_factory=dict)
     calibration: Calibration | None = None
+    profile: tuple[str, ...] = ()
+    bootstrap: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Estimator(Generic[EndT]):
-    """A way to fit: its name, the search for the wanted numbers, and what its end means to the user."""
+    """A way to fit: its name, the search for the wanted numbers, what its end means to the user, and its checks."""
 
     name: str
     search: Callable[[Sequence[Log], Actuator, Wanted, Calibration | None, Progress | None], Shot[EndT]]
     summary: Callable[[Shot[EndT], Calibration | None], Fit | Failure]
+    check: Callable[[Fit, Shot[EndT], Calibration | None, Sequence[str], int], Fit] | None = None
 
 
 def fit_by(
@@ -76,10 +83,13 @@ def fit_by(
     """
     actuator, wanted = wanted_of(logs, actuator, request)
     check_size(logs, wanted)
+    _check_profiled(request, wanted)
     shot = estimator.search(logs, actuator, wanted, request.calibration, progress)
     result = estimator.summary(shot, request.calibration)
     if isinstance(result, Failure):
         return failed(shot, estimator.name, result.message)
+    if estimator.check and (request.profile or request.bootstrap):
+        result = estimator.check(result, shot, request.calibration, request.profile, request.bootstrap)
     free_load = set(wanted.names) >= set(actuator.load.names)
     if "pressure_a" not in wanted.measure or not free_load:
         return result
@@ -132,6 +142,14 @@ def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibrati
         for name, base in bases.items()
         if base in calibration.names
     }
+
+
+def _check_profiled(request: Request, wanted: Wanted) -> None:
+    """Refuse, before any work, to profile what is not free; numbers that only wear are free where a load is read."""
+    alien = [name for name in request.profile if name not in wanted.names and "@" not in name]
+    if alien:
+        free = ", ".join(wanted.names)
+        raise ParameterError(f"profile of {', '.join(alien)}, which is not free; free are {free}, or NAME@STEM.")
 
 
 def check_size(logs: Sequence[Log], wanted: Wanted) -> None:
@@ -193,4 +211,4 @@ def bias(
 
 
 #: Multiple shooting with soft continuity.
-SHOOTING = Estimator("shooting", shoot, summary)
+SHOOTING = Estimator("shooting", shoot, summary, checked)

@@ -27,12 +27,12 @@ DRIFT: Mapping[str, float] = {
 }  # fmt: skip
 DRIFT_WIDTH: Mapping[str, float] = {"R_0vs": 0.002, "R_0ve": 0.002, "tau_y": 1e-4, "B_ve": 0.02, "m_ve": 0.01}
 
-#: Residuals are coloured: this many neighbouring samples tell what one would, were they independent.
-COLOUR = 20.0
+#: Residuals are coloured: this many neighbouring samples tell what one would, were they independent. The bootstrap over
+#: strokes finds 1 to 4 on trucks.
+COLOUR = 2.0
 
-#: All deviations are taken by this factor: with it 95 % bands hold the true load of the trucks 0 to 23 of the proving
-#: ground at 95 % of the points, without it at 96 %.
-SCALE = 0.95
+#: All deviations are taken by this factor.
+SCALE = 1.0
 
 #: Draws from the distribution of the states, for the band of the pressure.
 DRAWS = 48

@@ -1,0 +1,89 @@
+"""A fit as text for a terminal, and as an object for JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from clutchid.estimate import Fit
+    from clutchid.estimate.evidence import Evidence
+
+
+def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
+    """The JSON object of a fit and what its verdict rests on, docs/formats.md.
+
+    Raises
+    ------
+    Nothing: what is not finite is left so.
+    """
+    from clutchid.estimate.verdict import verdict_json
+
+    curve = result.load_curve
+    return {
+        "status": result.status,
+        "message": result.message,
+        "parameters": {
+            name: {"value": e.value, "unit": e.unit, "std": e.std, "low": e.low, "high": e.high}
+            for name, e in result.parameters.items()
+        },
+        "load_curve": {
+            "position_m": curve.position.tolist(),
+            "force_N": curve.force.tolist(),
+            "low_N": curve.low.tolist(),
+            "high_N": curve.high.tolist(),
+        },
+        "errors": _errors_json(result.errors),
+        "logs": {name: _errors_json(recording.errors) for name, recording in result.recordings.items()},
+        "verify": {name: _errors_json(recording.errors) for name, recording in result.verification.items()},
+        "noise_scales": dict(result.scales),
+        "warnings": list(result.warnings),
+        "method": result.method,
+        "notes": list(result.notes),
+        "verdict": verdict_json(result, found),
+    }
+
+
+def _errors_json(errors: Any) -> dict[str, float | None]:
+    return {
+        "position_rms_m": errors.position_rms,
+        "position_sse_m2": errors.position_sse,
+        "pressure_a_rms_Pa": errors.pressure_a_rms,
+        "pressure_a_sse_Pa2": errors.pressure_a_sse,
+    }
+
+
+def fit_text(result: Fit, found: Evidence) -> str:
+    """A fit for a terminal; its warnings are not in it.
+
+    Raises
+    ------
+    Nothing: what is not known is shown as nan.
+    """
+    from clutchid.estimate.verdict import verdict
+
+    width = max([9, *(len(name) for name in result.parameters)])
+    lines = [f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit"]
+    for name, e in result.parameters.items():
+        lines.append(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
+    lines.append(_peak(result))
+    for title, recordings in (("fitted", result.recordings), ("verified", result.verification)):
+        for name, recording in recordings.items():
+            pressure_error = recording.errors.pressure_a_rms
+            text = "" if pressure_error is None else f", pressure {pressure_error / 1e3:.1f} kPa rms"
+            lines.append(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}")
+    judged = verdict(result, found)
+    reasons = "".join(f"; {reason}" for reason in judged.reasons)
+    return "\n".join([*lines, *result.notes, f"trust: {judged.trust}{reasons}"])
+
+
+def _peak(result: Fit) -> str:
+    """The greatest load within the reach of the fitted recordings; beyond it the curve is not known."""
+    import numpy as np
+
+    measured = [recording.measured["position"] for recording in result.recordings.values()]
+    reach = max((float(np.nanmax(y)) for y in measured if np.isfinite(y).any()), default=0.0)
+    curve = result.load_curve
+    inside = curve.position <= max(reach, float(curve.position[0]))
+    peak = int(np.argmax(curve.force[inside]))
+    where = f"{curve.position[peak] * 1e3:.2f} mm"
+    return f"peak load {curve.force[peak]:.0f} N at {where}, within the {reach * 1e3:.1f} mm that were driven"

@@ -1,0 +1,231 @@
+"""The bootstrap over strokes says what a dense sandwich says, and how strokes are cut."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.estimate.least_squares import triangular
+from clutchid.estimate.shooting.bootstrap import FEWEST, bootstrap, ratio, steps, strokes
+from clutchid.estimate.shooting.noise import Noise
+from clutchid.estimate.shooting.problem import Chain, Linear, condense, linearise
+from clutchid.estimate.shooting.projection import SETTLED, Found
+from clutchid.estimate.shooting.rows import Rows
+from clutchid.estimate.shooting.search import FROM_NEAR, search
+from clutchid.log import Log
+
+STATES = 10
+
+
+@pytest.fixture(scope="module")
+def task(plant, recorded_by, task_of):
+    """The load free, position only, with white noise exactly as large as the problem takes it for."""
+    task = task_of([recorded_by(plant, seed=4)], plant, plant.load.names, ("position",))
+    return replace(task, noise=Noise(measured={"position": 3e-5}))
+
+
+@pytest.fixture(scope="module")
+def found(task, starts_of):
+    return search(task, np.zeros(22), starts_of(task), FROM_NEAR)
+
+
+@pytest.fixture(scope="module")
+def root(task, found):
+    """Square root of the covariance were all residuals independent."""
+    return np.linalg.inv(condense(task, found.at)[0][:-1, :-1])
+
+
+@pytest.fixture(scope="module")
+def small(task, found):
+    """Twelve windows from a rest on, four strokes of them, so that a dense matrix holds them."""
+    track = replace(task.tracks[0], windows=task.tracks[0].windows[16:28])
+    few = replace(task, tracks=(track,))
+    return few, linearise(few, task.noise, found.x, (found.X[0][16:28],)), (np.repeat([0, 1, 2, 3], [5, 1, 2, 4]),)
+
+
+def resting(task_of, plant, excursions, low=0.0, missing=(), name="log"):
+    """A problem on a recording of half a second at `low`, half a second at 15 mm, and so on, resting at its end."""
+    time = np.arange(0.0, excursions + 0.5, 1e-3)
+    position = np.where(time % 1.0 < 0.5, low, 15e-3)
+    for start, stop in missing:
+        position[round(1000 * start) : round(1000 * stop)] = np.nan
+    duty = np.zeros(time.size)
+    log = Log(time, {"duty_supply": duty, "duty_exhaust": duty, "position": position}, name)
+    return task_of([log], plant, ("F_C",), ("position",))
+
+
+def dense_moves(linear, numbers):
+    """The pull of each stroke and of what is known before, each moved by the dense inverse; pulls; information."""
+    chain, k = linear.chains[0], linear.prior.shape[1] - 1
+    n = STATES * len(chain.windows)
+    placed = [(0, 0, linear.prior), (0, STATES, chain.first)]
+    kinds = [0, 0]
+    for i, (rows, stroke) in enumerate(zip(chain.windows, numbers[0], strict=True)):
+        placed.append((i, STATES, rows.own))
+        kinds.append(stroke + 1)
+        if i < len(chain.links):
+            placed.append((i, 2 * STATES, chain.links[i]))
+            kinds.append(stroke + 1)
+    pulls, H = np.zeros((n + k, 2 + numbers[0].max())), np.zeros((n + k, n + k))
+    for (at, width, rows), kind in zip(placed, kinds, strict=True):
+        full = np.zeros((rows.shape[0], n + k))
+        full[:, STATES * at : STATES * at + width] = rows[:, :width]
+        full[:, n:] = rows[:, width:-1]
+        H += full.T @ full
+        pulls[:, kind] += full.T @ rows[:, -1]
+    return -np.linalg.solve(H, pulls)[n:], np.linalg.inv(H)[n:, n:]
+
+
+def white(rng, count, k):
+    """A random linear problem with standard normal residuals, two windows a stroke and nothing known before."""
+    windows = 2 * count
+    own = [triangular(rng.standard_normal((30, STATES + k + 1))) for _ in range(windows)]
+    links = [rng.standard_normal((STATES, 2 * STATES + k + 1)) for _ in range(windows - 1)]
+    first = rng.standard_normal((STATES, STATES + k + 1))
+    empty = np.zeros((0, 0))
+    told = triangular(np.vstack([rows[STATES:, STATES:] for rows in own]))
+    chain = Chain(first, tuple(Rows(rows, empty, empty, empty, 0.0) for rows in own), tuple(links), told)
+    return Linear(np.zeros((0, k + 1)), (chain,), 0.0), (np.repeat(np.arange(count), 2),)
+
+
+def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
+    task, linear, numbers = small
+    known, moves = steps(task, linear, numbers)
+    wanted, covariance = dense_moves(linear, numbers)
+    # in deviations of each number; the dense normal equations square a condition of some 1e5
+    scale = np.sqrt(np.diag(covariance))[:, None]
+    assert np.column_stack([known, moves]) / scale == pytest.approx(wanted / scale, abs=1e-5)
+    assert np.abs(moves / scale).max() > 0.1
+
+
+def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, found, monkeypatch):
+    task, linear, numbers = small
+    monkeypatch.setattr("clutchid.estimate.shooting.bootstrap.strokes", lambda _: numbers)
+    x = bootstrap(task, Found(found.x, (), linear, "converged", 1), draws=20000)
+    moves = dense_moves(linear, numbers)[0][:, 1:]
+    # numbers of draws that add up to the number of strokes: less the part in which all strokes agree
+    apart = moves - moves.mean(axis=1, keepdims=True)
+    scatter, wanted = np.std(x, axis=0), np.linalg.norm(apart, axis=1)
+    told = wanted > 1e-6 * wanted.max()
+    # 20000 draws know a deviation to 0.5 %
+    assert told.sum() > 10
+    assert scatter[told] == pytest.approx(wanted[told], rel=0.03)
+
+
+def test_the_steps_of_all_strokes_add_up_to_the_step_of_the_whole_problem(task, found):
+    known, moves = steps(task, found.at, strokes(task))
+    factor, _ = condense(task, found.at)
+    assert known + moves.sum(axis=1) == pytest.approx(-np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]), abs=1e-8)
+
+
+def test_with_every_stroke_once_nothing_moves_because_the_search_has_ended_there(task, found, root):
+    assert found.status == "converged"
+    known, moves = steps(task, found.at, strokes(task))
+    # in deviations; the square of its length is what the cost would still fall by
+    assert np.sum(np.linalg.solve(root, known + moves.sum(axis=1)) ** 2) < SETTLED
+
+
+def test_draws_are_the_same_on_every_run_with_the_same_seed(task, found):
+    first = bootstrap(task, found, draws=20, seed=1)
+    assert first.shape == (20, 22)
+    assert np.array_equal(first, bootstrap(task, found, draws=20, seed=1))
+    assert not np.array_equal(first, bootstrap(task, found, draws=20, seed=2))
+
+
+def test_many_draws_are_spread_around_what_was_found(task, found, root):
+    x = bootstrap(task, found, draws=2000)
+    # the mean of 2000 draws is known to a 45th of their deviation; the search may have stopped short of the minimum
+    stopped = np.sqrt(SETTLED) * np.linalg.norm(root, axis=1)
+    assert np.all(np.abs(x.mean(axis=0) - found.x) < 4 * np.std(x, axis=0) / np.sqrt(2000) + stopped)
+
+
+def test_white_residuals_scatter_as_the_covariance_says(task):
+    rng, k, count = np.random.default_rng(0), 5, 120
+    linear, numbers = white(rng, count, k)
+    moves = steps(task, linear, numbers)[1]
+    factor = condense(task, linear)[0][:k, :k]
+    apart = moves - moves.mean(axis=1, keepdims=True)
+    # mean over k directions of chi-square with 119 degrees of freedom: 1 with a deviation of sqrt(2 / (119 k)) = 6 %
+    assert np.sum((factor @ apart) ** 2) / k == pytest.approx(1.0, abs=0.18)
+
+
+def test_residuals_that_come_four_times_each_are_counted_once(task):
+    linear, numbers = white(np.random.default_rng(1), 12, 5)
+    chain = linear.chains[0]
+    windows = tuple(replace(rows, own=2 * rows.own) for rows in chain.windows)
+    fourfold = Chain(2 * chain.first, windows, tuple(2 * link for link in chain.links), chain.told)
+    once, again = (steps(task, replace(linear, chains=(c,)), numbers)[1] for c in (chain, fourfold))
+    assert again == pytest.approx(once, abs=1e-9)
+
+
+def test_the_load_of_a_recording_with_white_noise_scatters_about_as_without_colour(task, found, root):
+    # on eight recordings of other noise the load scattered with 0.81 of these deviations: the links count an error of
+    # the model that is not there; 8 pieces know that to a quarter, and this is twice as much to either side
+    assert [part.max() + 1 for part in strokes(task)] == [8]
+    assert 0.37 < ratio(task, bootstrap(task, found), root) < 1.25
+
+
+def test_the_ratio_is_how_much_wider_the_load_scatters(task, found, root):
+    x = found.x + np.random.default_rng(0).standard_normal((200, 22)) @ root.T
+    # 200 draws know a deviation to 5 %
+    assert ratio(task, x, root) == pytest.approx(1.0, abs=0.15)
+    assert ratio(task, x, 0.5 * root) == pytest.approx(2.0 * ratio(task, x, root), rel=1e-9)
+
+
+def test_without_a_free_load_there_is_no_ratio(task_of, plant):
+    task = resting(task_of, plant, 9)
+    assert np.isnan(ratio(task, np.zeros((3, 1)), np.eye(1)))
+
+
+@pytest.mark.parametrize("missing", [(), [(1.6, 1.9)], [(0.0, 0.3), (2.02, 2.37), (3.4, 3.55), (5.5, 5.9)]])
+def test_every_excursion_from_rest_is_a_stroke_also_where_position_is_missing(task_of, plant, missing):
+    task = resting(task_of, plant, 10, missing=missing)
+    (numbers,) = strokes(task)
+    starts = [window.start for window in task.tracks[0].windows]
+    # rest and excursion take a second; the rest at the end has no excursion and belongs to the last one
+    wanted = np.minimum(np.array(starts) // 1000, 9)
+    assert np.mean(numbers == wanted) > 0.97
+    assert np.array_equal(np.unique(numbers), np.arange(10))
+
+
+def test_a_recording_without_rest_is_cut_into_pieces_of_a_second(task_of, plant):
+    (numbers,) = strokes(resting(task_of, plant, 12, low=8e-3))
+    assert np.array_equal(np.unique(numbers), np.arange(12))
+    assert np.ptp(np.bincount(numbers)) <= 1, "125 windows of 0.1 s"
+    assert np.all(np.diff(numbers) >= 0)
+
+
+def test_a_recording_of_few_strokes_is_cut_into_pieces(task_of, plant):
+    few, enough = (strokes(resting(task_of, plant, count))[0] for count in (FEWEST - 1, FEWEST))
+    assert np.ptp(np.bincount(few)) <= 1
+    assert enough.max() + 1 == FEWEST
+    # the last stroke has the rest at the end
+    assert np.bincount(enough)[-1] == 15
+
+
+def test_a_recording_without_position_is_cut_into_pieces_and_has_no_ratio(task_of, plant):
+    task = resting(task_of, plant, 9)
+    track = task.tracks[0]
+    blind = track.measured.with_columns(position=np.full(len(track.measured), np.nan))
+    task = replace(task, tracks=(replace(track, measured=blind),))
+    assert np.ptp(np.bincount(strokes(task)[0])) <= 1
+    free = replace(task, coordinates=task_of([], plant, plant.load.names).coordinates)
+    assert np.isnan(ratio(free, np.zeros((3, 22)), np.eye(22)))
+
+
+def test_strokes_of_several_recordings_are_numbered_without_gaps(task_of, plant):
+    parts = [resting(task_of, plant, count).tracks[0] for count in (10, 3)]
+    task = resting(task_of, plant, 10)
+    task = replace(task, tracks=(parts[0], replace(parts[1], log=1)), stems=("a", "b"))
+    numbers = strokes(task)
+    assert [len(part) for part in numbers] == [len(part.windows) for part in parts]
+    assert np.array_equal(np.unique(np.concatenate(numbers)), np.arange(13)), "10 strokes and 3.499 s in 3 pieces"
+    assert numbers[1].min() == 10
+
+
+def test_one_stroke_alone_does_not_say_how_it_scatters(small, found, task):
+    few, linear, _ = small
+    second = replace(few.tracks[0], segment=replace(task.tracks[0].segment, dt=task.tracks[0].segment.dt[:1200]))
+    x = bootstrap(replace(few, tracks=(second,)), Found(found.x, (), linear, "converged", 1), draws=3)
+    assert np.isnan(x).all()
+    assert np.isnan(ratio(few, x, np.eye(22)))
