@@ -136,9 +136,9 @@ def test_notes_name_what_the_recordings_tell_and_what_they_do_not(calibrated):
     ]
     assert names[0] | names[1] == {name for name in calibrated.parameters if not name.startswith("theta_")}
     assert not names[0] & names[1]
-    # how fast the valves pass air shows; the reservoir behind them hardly does
+    # how fast the valves pass air shows; how fast the reservoir behind them recovers hardly does
     assert {"tau_y", "C_ve", "V_0A", "R_0vs"} <= names[0]
-    assert "V_S" in names[1]
+    assert "tau_S" in names[1]
 
 
 def test_no_note_names_a_load_weight(fit):

@@ -43,8 +43,8 @@ def calibration(scale=1.0, correlation=0.0):
 
 
 def test_drift_is_a_share_of_the_value_or_a_number_of_its_own(plant):
-    assert drift(plant, "P_S") == pytest.approx(0.005 * 9e5)
-    assert drift(plant, "B_ve") == DRIFT_WIDTH["B_ve"]
+    assert drift(plant, "P_S") == pytest.approx(DRIFT["P_S"] * 9e5)
+    assert drift(plant, "R_0ve") == DRIFT_WIDTH["R_0ve"]
     assert drift(plant, "R") == 0.0
 
 
