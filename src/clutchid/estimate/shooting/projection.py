@@ -135,10 +135,7 @@ def _state_step(
     X, here = start
     for _ in range(TRIALS):
         _, chains = condense(task, here, damping)
-        unit = units(task.actuator)
-        moved = tuple(
-            states + recover(chain, np.zeros((0, 1)))[:, :, 0] * unit for states, chain in zip(X, chains, strict=True)
-        )
+        moved = stepped(task, X, chains, np.zeros(0))
         tell()
         if cost_at(task, task.noise, x, moved) < here.cost:
             there = linearise(task, task.noise, x, moved, free=False)
@@ -146,6 +143,17 @@ def _state_step(
                 return moved, there, max(damping / 10, 1e-6)
         damping *= 10
     return X, here, damping
+
+
+def stepped(task: Shooting, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
+    """States `X` after their own step that goes with a `step` of the free numbers, empty where those are held.
+
+    Raises
+    ------
+    Nothing: a chain always determines its states.
+    """
+    unit = units(task.actuator)
+    return tuple(x + recover(chain, step[:, None])[:, :, 0] * unit for x, chain in zip(X, chains, strict=True))
 
 
 def _moved(task: Shooting, X: States, chains: Sequence[Eliminated], step: FloatArray) -> States:

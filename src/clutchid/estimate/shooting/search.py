@@ -7,11 +7,9 @@ from dataclasses import replace
 
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.elimination import recover
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.problem import Linear, Shooting, condense, cost_at, linearise
-from clutchid.estimate.shooting.projection import Found, bounded_step, project
-from clutchid.estimate.shooting.windows import units
+from clutchid.estimate.shooting.projection import Found, bounded_step, project, stepped
 from clutchid.log import FloatArray
 
 #: Factors on all standard deviations, stage by stage: from far away, and from a calibrated start.
@@ -90,6 +88,4 @@ def _step(
     """The damped step of parameters, within their bounds, and of the states that go with it."""
     factor, chains = condense(task, here, damping)
     step = bounded_step(task, factor, x, damping)
-    unit = units(task.actuator)
-    moved = [starts + recover(chain, step[:, None])[:, :, 0] * unit for starts, chain in zip(X, chains, strict=True)]
-    return x + step, tuple(moved)
+    return x + step, stepped(task, X, chains, step)
