@@ -1,0 +1,79 @@
+"""A settled piece as a `Section`: its log, its label and its excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from clutchid.log import FloatArray, Log
+from clutchid.strokes.bins import CLOSED
+from clutchid.strokes.borders import Piece
+from clutchid.strokes.manoeuvre import rest_label, stroke_label
+from clutchid.strokes.section import Excitation, Section
+from clutchid.strokes.stream import Samples
+
+#: Half the number of bins over which a top speed is taken: 20 ms before and after.
+SPEED_BINS = 2
+
+
+def section(piece: Piece, name: str, metadata: Mapping[str, str]) -> Section:
+    """The section of a settled piece; its samples are copied, so that it does not keep the recording in memory."""
+    samples = piece.samples
+    columns = {column: values.copy() for column, values in samples.columns.items()}
+    log = Log(samples.time.copy(), columns, name, metadata)
+    found = _excitation(piece)
+    if piece.kind == "rest":
+        label = rest_label(piece.bins, held=piece.held, missing=found.missing)
+    else:
+        label = stroke_label(piece.bins)
+    departure = float(piece.bins.time[min(piece.lead, len(piece.bins) - 1)])
+    start, end = float(log.time[0]), float(log.time[-1])
+    return Section(piece.kind, label, log, start, end, departure, samples.first, found)
+
+
+def velocity(time: FloatArray, position: FloatArray) -> FloatArray:
+    """Velocity in m/s at each bin, from the median positions some bins before and after; NaN at the ends.
+
+    Raises
+    ------
+    Nothing.
+    """
+    found = np.full(time.size, np.nan)
+    k = SPEED_BINS
+    if time.size > 2 * k:
+        found[k:-k] = (position[2 * k :] - position[: -2 * k]) / (time[2 * k :] - time[: -2 * k])
+    return found
+
+
+def _excitation(piece: Piece) -> Excitation:
+    samples, bins = piece.samples, piece.bins
+    known = bins.position[np.isfinite(bins.position)]
+    speed = velocity(bins.time, bins.position)
+    supply, exhaust = (_pulses(samples, name) for name in ("duty_supply", "duty_exhaust"))
+    pressure = samples.columns.get("pressure_a")
+    finite = int(np.count_nonzero(np.isfinite(samples.columns["position"])))
+    return Excitation(
+        lowest=float(known.min()) if known.size else np.nan,
+        highest=float(known.max()) if known.size else np.nan,
+        level=float(bins.level[0]),
+        reach=float(bins.reach[0]),
+        opening_speed=float(np.nanmax(speed, initial=0.0)),
+        closing_speed=float(np.nanmax(-speed, initial=0.0)),
+        vented_rest=piece.vented,
+        supply_pulses=supply[0],
+        exhaust_pulses=exhaust[0],
+        duty_steps=supply[1] + exhaust[1],
+        missing=1.0 - finite / len(samples),
+        pressure=pressure is not None and bool(np.isfinite(pressure).any()),
+    )
+
+
+def _pulses(samples: Samples, name: str) -> tuple[int, int]:
+    """How often a valve opens from closed, and how often its duty cycle changes."""
+    duty = samples.columns.get(name)
+    if duty is None:
+        return 0, 0
+    opened = duty > CLOSED
+    pulses = int(opened[0]) + int(np.count_nonzero(opened[1:] & ~opened[:-1]))
+    return pulses, int(np.count_nonzero(duty[1:] != duty[:-1]))

@@ -1,0 +1,139 @@
+"""A recording as a stream: blocks of one size, whatever the pieces were, and the stretches between holes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
+
+#: Samples in a block: everything that is learnt of the recording is learnt block by block, so that the cuts do not
+#: depend on the pieces in which it comes.
+BLOCK = 2**16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Consecutive samples: number of the first one in the recording, time in s, columns in SI."""
+
+    first: int
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def part(self, start: int, stop: int) -> Samples:
+        """Samples `start` to `stop` (exclusive), counted from the first, as a view."""
+        columns = {name: values[start:stop] for name, values in self.columns.items()}
+        return Samples(self.first + start, self.time[start:stop], columns)
+
+    def followed_by(self, other: Samples) -> Samples:
+        """These samples and the next ones."""
+        columns = {name: np.concatenate([values, other.columns[name]]) for name, values in self.columns.items()}
+        return Samples(self.first, np.concatenate([self.time, other.time]), columns)
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Samples `start` to `stop` of a block, with known inputs; `opens` where a hole or the beginning is before it."""
+
+    start: int
+    stop: int
+    opens: bool
+
+
+def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
+    """The pieces of a recording, checked to continue each other.
+
+    Raises
+    ------
+    DataError
+        If there is no position, or a piece has other columns than the first or does not follow the one before in time.
+    """
+    columns: tuple[str, ...] | None = None
+    last = -np.inf
+    for number, piece in enumerate([recording] if isinstance(recording, Log) else recording, 1):
+        where = f"{piece.name}, piece {number}"
+        if "position" not in piece:
+            raise DataError(f"{where}: no column 'position'; strokes are cut by the position.")
+        if columns is None:
+            columns = tuple(sorted(piece.columns))
+        if tuple(sorted(piece.columns)) != columns:
+            raise DataError(f"{where}: has {', '.join(sorted(piece.columns))}; the first has {', '.join(columns)}.")
+        if len(piece):
+            if not piece.time[0] > last:
+                raise DataError(
+                    f"{where}: begins at {piece.time[0]:.6g} s, the piece before ends at {last:.6g} s; "
+                    "time must go on over the pieces."
+                )
+            last = float(piece.time[-1])
+            yield piece
+
+
+def blocks(pieces: Iterable[Log], size: int = BLOCK) -> Iterator[Samples]:
+    """The recording in blocks of `size` samples, the last one shorter."""
+    waiting: list[Samples] = []
+    held = count = 0
+    for piece in pieces:
+        rest = Samples(count, piece.time, piece.columns)
+        count += len(rest)
+        while held + len(rest) >= size:
+            waiting.append(rest.part(0, size - held))
+            rest, held = rest.part(size - held, len(rest)), 0
+            yield _joined(waiting)
+            waiting = []
+        if len(rest):
+            waiting.append(rest)
+            held += len(rest)
+    if waiting:
+        yield _joined(waiting)
+
+
+def stretches(block: Samples, before: float, interval: float) -> list[Stretch]:
+    """Stretches of a block without a hole in time or a missing input.
+
+    Parameters
+    ----------
+    block
+        The samples.
+    before : s
+        Time of the sample before the block, NaN where there is none or its inputs are missing.
+    interval : s
+        The usual interval between samples.
+    """
+    known = np.ones(len(block), dtype=bool)
+    for name in INPUTS:
+        if name in block.columns:
+            known &= np.isfinite(block.columns[name])
+    step = np.diff(block.time, prepend=before)
+    linked = known & (step <= HOLE * interval)
+    linked[1:] &= known[:-1]
+    starts = np.flatnonzero(known & ~linked)
+    ends = np.flatnonzero(known & ~np.append(linked[1:], True))
+    if known[0] and linked[0]:
+        starts = np.concatenate([[0], starts])
+    if known[-1]:
+        ends = np.append(ends, len(block) - 1)
+    return [Stretch(a, b + 1, not linked[a]) for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
+
+
+def usual_interval(block: Samples, otherwise: float) -> float:
+    """Median interval between the samples in s; `otherwise` in a block of one sample."""
+    return float(np.median(np.diff(block.time))) if len(block) > 1 else otherwise
+
+
+def last_known(block: Samples) -> float:
+    """Time of the last sample in s, NaN where its inputs are missing."""
+    known = all(np.isfinite(block.columns[name][-1]) for name in INPUTS if name in block.columns)
+    return float(block.time[-1]) if known else np.nan
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    if len(parts) == 1:
+        return parts[0]
+    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
+    return Samples(parts[0].first, np.concatenate([part.time for part in parts]), columns)
