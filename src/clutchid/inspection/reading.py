@@ -1,0 +1,193 @@
+"""`Reading`: a recording with all that the checks need of it, made once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ClutchidError
+from clutchid.inspection.signal import IntArray, Runs, noise, quantum, runs, stretches
+from clutchid.io.checks import usual_interval
+from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import kernels
+from clutchid.simulation.plan import plan
+from clutchid.simulation.run import Numbers, run, start_state
+from clutchid.simulation.stiffness import stiffness
+
+#: Measured columns that are looked at one by one, their units in a sentence, and how many of them a unit in SI is.
+MEASURED = {"position": ("mm", 1e3), "pressure_a": ("bar", 1e-5)}
+
+#: Strokes, or stretches with an open valve, that are looked at: more tell nothing new of an hour.
+MOST = 200
+
+#: No sensor is better than this part of its range: where the noise is smaller, the numbers were computed.
+COMPUTED = 1e-5
+
+#: Share of its changes that a position makes as fast as its sensor lets it, and changes that tell this.
+FAST, FEWEST = 0.1, 50
+
+#: Longest pause in s between two pulses that move the piston together: the longest period of a carrier, 20 Hz.
+PAUSE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A recording and the actuator that it is compared with."""
+
+    log: Log
+    actuator: Actuator
+
+    @cached_property
+    def step(self) -> float:
+        """Usual time between two samples in s; infinity for fewer than two."""
+        return usual_interval(self.log.time)
+
+    @cached_property
+    def raster(self) -> float:
+        """Time in s between two values of the position: longer than `step` where a logger repeats the last one."""
+        if "position" not in self.measured:
+            return self.step
+        changes = np.flatnonzero(np.diff(self.log["position"]) != 0)
+        # a coarse position stands still too; where it moves fast it changes with every value
+        return self.step * float(np.quantile(np.diff(changes), FAST)) if changes.size > FEWEST else self.step
+
+    @cached_property
+    def driven(self) -> bool:
+        """Whether both duty cycles are there, and more than one sample."""
+        return all(name in self.log for name in INPUTS) and len(self.log) > 1
+
+    @cached_property
+    def noises(self) -> Mapping[str, float]:
+        """Standard deviation of each measured column where it is quiet, in SI."""
+        return {name: noise(self.log[name]) for name in self.measured}
+
+    @cached_property
+    def quanta(self) -> Mapping[str, float]:
+        """Step of each measured column, in SI; 0 where none shows."""
+        return {name: quantum(self.log[name]) for name in self.measured}
+
+    @cached_property
+    def ends(self) -> Mapping[str, tuple[float, float]]:
+        """Smallest and largest value of each measured column, in SI."""
+        return {name: (float(np.nanmin(self.log[name])), float(np.nanmax(self.log[name]))) for name in self.measured}
+
+    def noisy(self, name: str) -> bool:
+        """Whether the noise of a measured column shows through its steps, so that equal samples mean something."""
+        low, high = self.ends[name]
+        return self.noises[name] > COMPUTED * (high - low) and self.quanta[name] <= 2 * self.noises[name]
+
+    @cached_property
+    def runs(self) -> Mapping[str, Runs]:
+        """Stretches in which each measured column does not change."""
+        return {name: runs(self.log[name]) for name in self.measured}
+
+    @cached_property
+    def measured(self) -> tuple[str, ...]:
+        """Measured columns with at least one block of numbers."""
+        return tuple(name for name in MEASURED if name in self.log and np.isfinite(self.log[name]).sum() > 64)
+
+    @cached_property
+    def rate(self) -> float:
+        """Stiffness of the model in 1/s."""
+        return stiffness(self.actuator)
+
+    @cached_property
+    def supply(self) -> FloatArray:
+        """Opening of the supply valve at each sample, 0 to 1; 0 where its duty cycle is missing."""
+        p = self.actuator.parameters
+        return self._opening("duty_supply", p.R_0vs, p.R_1vs)
+
+    @cached_property
+    def exhaust(self) -> FloatArray:
+        """Opening of the exhaust valve at each sample, 0 to 1; 0 where its duty cycle is missing."""
+        p = self.actuator.parameters
+        return self._opening("duty_exhaust", p.R_0ve, p.R_1ve)
+
+    def _opening(self, name: str, low: float, high: float) -> FloatArray:
+        degree: FloatArray = kernels(self.actuator.model).opening(self.log[name], low, high)
+        return np.nan_to_num(degree)
+
+    def open_alone(self, supply: bool) -> tuple[IntArray, IntArray]:
+        """First samples, and first after, of the stretches in which one valve alone lets air pass, pulse by pulse."""
+        opened, other = (self.supply, self.exhaust) if supply else (self.exhaust, self.supply)
+        starts, stops = stretches((opened > 0) & (other <= 0))
+        if starts.size < 2:
+            return starts, stops
+        passed = np.concatenate([[0], np.cumsum(other > 0)])
+        pause = self.log.time[starts[1:]] - self.log.time[stops[:-1] - 1]
+        apart = (pause > PAUSE) | (passed[starts[1:]] > passed[stops[:-1]])
+        return starts[np.concatenate([[True], apart])], stops[np.concatenate([apart, [True]])]
+
+    def blur(self, name: str) -> float:
+        """What noise and quantum let a measured column seem to change by, in SI: 6 standard deviations or 2 steps."""
+        return max(6 * float(np.nan_to_num(self.noises[name])), 2 * self.quanta[name])
+
+    def simulated(self, log: Log, position: float, pressure: float) -> FloatArray:
+        """Position in m along the inputs of `log`, from rest at a position in m under a pressure in Pa.
+
+        NaN where `log` has holes, or its raster is too slow for the model.
+        """
+        inputs = Log(log.time, {name: log[name] for name in INPUTS})
+        try:
+            (segment,) = plan(inputs, self.actuator, self.rate).segments
+        except (ClutchidError, ValueError):  # no stretch of samples, too slow a raster, or more than one segment
+            return np.full(len(log), np.nan)
+        states, _ = run(segment, Numbers.of(self.actuator), start_state(segment, self.actuator, (position, pressure)))
+        motion = np.full(len(log), np.nan)
+        motion[segment.start : segment.stop] = states[:, 0]
+        return motion
+
+    @cached_property
+    def quick(self) -> tuple[float, float]:
+        """Time in s in which a fully open valve moves the simulated piston by a tenth of its stroke: supply, exhaust.
+
+        From the vented rest with the supply valve, from the far end and supply pressure with the exhaust valve;
+        infinity where that takes longer than a second.
+        """
+        p = self.actuator.parameters
+        time: FloatArray = np.arange(1000, dtype=np.float64) * 1e-3
+        one, none = np.ones(time.size), np.zeros(time.size)
+        up = self.simulated(Log(time, dict(zip(INPUTS, (one, none), strict=True))), 0.0, p.P_0)
+        down = self.simulated(Log(time, dict(zip(INPUTS, (none, one), strict=True))), p.y_max, p.P_S)
+        tenth = 0.1 * p.y_max
+        return _first(time, up > tenth), _first(time, down < p.y_max - tenth)
+
+
+def spread_over(count: int, most: int = MOST) -> IntArray:
+    """At most `most` of the numbers 0 ... `count` - 1, evenly spread.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> spread_over(5, 3).tolist()
+    [0, 2, 4]
+    """
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.intp)) if count else np.arange(0)
+
+
+def shown(value: float, name: str) -> str:
+    """A value of a measured column, given in SI, with the unit of `MEASURED`.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> shown(4.5e5, "pressure_a")
+    '4.5 bar'
+    """
+    unit, scale = MEASURED[name]
+    return f"{value * scale:.3g} {unit}"
+
+
+def _first(time: FloatArray, reached: NDArray[np.bool_]) -> float:
+    return float(time[np.argmax(reached)]) if reached.any() else float("inf")
