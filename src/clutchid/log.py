@@ -31,6 +31,7 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "pressure_supply": "Pa",
         "pressure_governor": "Pa",
         "deflection_bearing": "m",
+        "force": "N",
         "pressure_a low": "Pa",
         "pressure_a high": "Pa",
     }

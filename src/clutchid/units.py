@@ -41,11 +41,38 @@ UNITS: dict[str, Unit] = {
     "%": Unit("1", 1e-2),
     "m/s": Unit("m/s", 1.0),
     "mm/s": Unit("m/s", 1e-3),
+    "N": Unit("N", 1.0),
+    "kN": Unit("N", 1e3),
+    "mN": Unit("N", 1e-3),
+    "uN": Unit("N", 1e-6),
+    "µN": Unit("N", 1e-6),
     "K": Unit("K", 1.0),
     "degC": Unit("K", 1.0, 273.15),
     "°C": Unit("K", 1.0, 273.15),
     **{name: Unit("Pa", scale) for name, scale in _PRESSURES.items()},
     **{f"{name}(g)": Unit("Pa", scale, gauge=True) for name, scale in _PRESSURES.items()},
+}
+
+_ABSOLUTE_PRESSURES = {
+    f"{name}{mark}".casefold(): name for name in _PRESSURES for mark in ("a", "(a)", "abs", "(abs)", "_a", "_abs")
+}
+_GAUGE_PRESSURES = {
+    f"{name}{mark}".casefold(): f"{name}(g)"
+    for name in _PRESSURES
+    for mark in ("g", "(g)", "gauge", "_g", "rel", "(rel)", "_rel", "ü")
+}
+
+#: How other programs spell these units, in lower case and without blanks. ``MPa`` and ``mPa`` are not told apart.
+SPELLINGS: dict[str, str] = {
+    **_ABSOLUTE_PRESSURES,
+    **_GAUGE_PRESSURES,
+    **dict.fromkeys(("-", "[-]", "ratio", "fraction"), "1"),
+    **dict.fromkeys(("percent", "prozent", "pct"), "%"),
+    **dict.fromkeys(("sec", "sek", "second", "seconds", "sekunde", "sekunden"), "s"),
+    **dict.fromkeys(("msec", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("deg.c", "celsius", "\N{DEGREE CELSIUS}".casefold()), "°C"),
+    **dict.fromkeys(("meter", "metre"), "m"),
+    **dict.fromkeys(("millimeter", "millimetre"), "mm"),
 }
 
 

@@ -1,0 +1,212 @@
+"""Weighted lines through a few means, and whether they are equal, where each variance is an estimate itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.log import FloatArray
+
+#: No rig measures a force better than this.
+_NEGLIGIBLE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Component:
+    """A part of the covariance of the means, shape (k, k), and the degrees of freedom that it was estimated with."""
+
+    matrix: FloatArray
+    degrees_of_freedom: float
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A number with standard error and 95 % interval, in its unit, and the degrees of freedom behind them."""
+
+    value: float
+    std: float
+    low: float
+    high: float
+    degrees_of_freedom: float
+
+
+@dataclass(frozen=True, slots=True)
+class Equality:
+    """Test of equal means: F statistic, its degrees of freedom, and how probable a larger one is if they are equal."""
+
+    statistic: float
+    degrees_of_freedom: tuple[float, float]
+    p_value: float
+
+
+def student(value: float, std: float, degrees_of_freedom: float) -> Interval:
+    """95 % interval by Student's t; infinite without a degree of freedom.
+
+    Raises
+    ------
+    Nothing.
+    """
+    from scipy.special import stdtrit
+
+    if not (degrees_of_freedom > 0.0 and np.isfinite(std)):
+        return Interval(value, float("inf"), -float("inf"), float("inf"), 0.0)
+    half = float(stdtrit(degrees_of_freedom, 0.975)) * std
+    return Interval(value, std, value - half, value + half, degrees_of_freedom)
+
+
+def satterthwaite(variances: Sequence[float], degrees_of_freedom: Sequence[float]) -> float:
+    """Degrees of freedom of a sum of estimated variances (Welch and Satterthwaite).
+
+    Raises
+    ------
+    Nothing: without a variance above 0 they are infinite.
+    """
+    spread = sum(v**2 / n for v, n in zip(variances, degrees_of_freedom, strict=True))
+    return sum(variances) ** 2 / spread if spread > 0.0 else float("inf")
+
+
+def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list[Interval]:
+    r"""Generalised least squares of `means` on the columns of X, with an interval for each coefficient.
+
+    Parameters
+    ----------
+    X : (k, m)
+        Regressors.
+    means : (k,)
+        In any unit.
+    parts : Sequence[Component]
+        Their covariance is the sum.
+
+    Returns
+    -------
+    coefficients : list of Interval
+
+    Raises
+    ------
+    Nothing.
+
+    Notes
+    -----
+    Where the means scatter about the fit more than their own variances say, the standard errors are those of the
+    scatter, and so are the degrees of freedom: what makes the levels differ from the line is not in the cycles.
+    """
+    weight = np.linalg.inv(_total(parts, means))
+    P = np.linalg.inv(X.T @ weight @ X)
+    influence = P @ X.T @ weight
+    beta = influence @ means
+    r, left = means - X @ beta, X.shape[0] - X.shape[1]
+    scatter = float(r @ weight @ r) / left if left > 0 else 0.0
+    found = []
+    for i, row in enumerate(influence):
+        variances = [float(row @ part.matrix @ row) for part in parts]
+        within = satterthwaite(variances, [part.degrees_of_freedom for part in parts])
+        found.append(
+            student(float(beta[i]), float(np.sqrt(P[i, i] * max(1.0, scatter))), left if scatter > 1.0 else within)
+        )
+    return found
+
+
+def equality(means: FloatArray, parts: Sequence[Component]) -> Equality:
+    r"""Test whether means with estimated covariances are equal.
+
+    .. math:: F = (R m)^T (R C R^T)^{-1} R m / c, \quad c = q + 2 A - 6 A / (q + 2)
+
+    Parameters
+    ----------
+    means : (k,)
+        At least two.
+    parts : Sequence[Component]
+        Their covariance C is the sum; a variance of one mean, or one that all have in common.
+
+    Returns
+    -------
+    equality : Equality
+
+    Raises
+    ------
+    Nothing.
+
+    Notes
+    -----
+    R takes differences of neighbours, q = k - 1, and A holds what the estimated variances are uncertain by. For means
+    with a variance each this is Welch's analysis of variance.
+
+    References
+    ----------
+    Johansen, Biometrika 67 (1980) 85-92; Welch, Biometrika 38 (1951) 330-336.
+
+    Examples
+    --------
+    Two means, 3 standard errors of their difference apart, of ten cycles each:
+
+    >>> one = [Component(np.diag([0.02, 0.0]), 9), Component(np.diag([0.0, 0.02]), 9)]
+    >>> test = equality(np.array([4.0, 4.6]), one)
+    >>> f"F = {test.statistic:.1f} with {test.degrees_of_freedom[1]:.0f} degrees of freedom: p = {test.p_value:.3f}"
+    'F = 9.0 with 18 degrees of freedom: p = 0.008'
+    """
+    from scipy.special import fdtrc
+
+    q = means.size - 1
+    R = np.diff(np.eye(means.size), axis=0)
+    inner = R.T @ np.linalg.inv(R @ _total(parts, means) @ R.T) @ R
+    A = 0.0
+    for part in parts:
+        share = part.matrix @ inner
+        A += 0.5 * float(np.trace(share @ share) + np.trace(share) ** 2) / part.degrees_of_freedom
+    statistic = float(means @ inner @ means) / (q + 2 * A - 6 * A / (q + 2))
+    last = q * (q + 2) / (3 * A) if A > 0.0 else 1e9
+    return Equality(statistic, (float(q), last), float(fdtrc(q, last, max(statistic, 0.0))))
+
+
+def _total(parts: Sequence[Component], means: FloatArray) -> FloatArray:
+    """The covariance, with a millionth of the largest mean and of the largest standard deviation added to each.
+
+    So it can be inverted where the means have no scatter, or one error in common that is much larger than their own.
+    """
+    total: FloatArray = np.sum([part.matrix for part in parts], axis=0)
+    floor = _NEGLIGIBLE**2 * (float(np.max(means**2)) + float(np.diag(total).max()) + 1e-200)
+    return total + floor * np.eye(means.size)
+
+
+def independent(values: FloatArray) -> bool:
+    r"""Whether values in their order look independent; False where they drift, at 5 %.
+
+    .. math:: \sum (x_{i+1} - x_i)^2 / \sum (x_i - \bar x)^2
+
+    Parameters
+    ----------
+    values : (n,)
+        Any unit. Fewer than four always look independent.
+
+    Returns
+    -------
+    independent : bool
+
+    Raises
+    ------
+    Nothing.
+
+    Notes
+    -----
+    Von Neumann's ratio against positive correlation. For normal values it has mean 2 and variance
+    4 (n - 2) / (n² - 1); a quarter of it is taken as a beta variable with these moments.
+
+    References
+    ----------
+    von Neumann, Annals of Mathematical Statistics 12 (1941) 367-395.
+
+    Examples
+    --------
+    >>> independent(np.array([5.1, 5.2, 5.3, 5.4, 5.45, 5.5])), independent(np.array([5.1, 5.4, 5.2, 5.5, 5.3, 5.2]))
+    (False, True)
+    """
+    from scipy.special import betainc
+
+    n, spread = values.size, float(np.sum((values - values.mean()) ** 2))
+    if n < 4 or not spread > 0.0:
+        return True
+    ratio = float(np.sum(np.diff(values) ** 2)) / spread
+    shape = ((n**2 - 1) / (n - 2) - 1) / 2
+    return bool(betainc(shape, shape, min(1.0, ratio / 4)) >= 0.05)

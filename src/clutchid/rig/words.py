@@ -1,0 +1,110 @@
+"""What the friction of a rig means for the model, in sentences."""
+
+from __future__ import annotations
+
+import math
+
+from clutchid.estimate.result import Estimate
+from clutchid.rig.coulomb import CoulombFriction, Level
+from clutchid.rig.weighted import Interval
+
+#: Below this probability one constant is called inadequate.
+DOUBT = 0.05
+
+#: Mean speeds of the levels further apart than this share are told: viscous friction is part of what is compared.
+_SPEEDS = 0.1
+
+#: The variant whose Coulomb friction grows with the pressure over the piston.
+VARIANT = "energy-balance-stribeck"
+
+
+def verdict(friction: CoulombFriction) -> list[str]:
+    """Whether a constant F_C is adequate and what else to set, then what to know of the recordings; sentences.
+
+    Raises
+    ------
+    Nothing.
+    """
+    sentences = [_over_levels(friction), *_not_corrected(friction)]
+    sentences += [
+        f"the friction{_at(level)} drifts between {level.cycles.min():.2f} and {level.cycles.max():.2f} N over its "
+        f"{level.cycles.size} cycles: they are not independent, and the interval is that of a single cycle."
+        for level in friction.levels
+        if level.drifts
+    ]
+    for i, way in enumerate(("out", "back")):
+        speeds = [abs(level.speeds[i]) * 1e3 for level in friction.levels]
+        if max(speeds) - min(speeds) > _SPEEDS * max(speeds):
+            sentences.append(
+                f"the speed {way} differs between levels, {min(speeds):.1f} to {max(speeds):.1f} mm/s: viscous "
+                "friction is part of the numbers and may differ too."
+            )
+    if friction.dropped:
+        sentences.append(f"{friction.dropped} strokes had no partner in the other direction and are left out.")
+    return sentences
+
+
+def implied(friction: CoulombFriction) -> dict[str, Estimate]:
+    """What to set in the model: F_C, and c_F where the friction grows with the pressure.
+
+    Raises
+    ------
+    Nothing.
+    """
+    test, slope = friction.test, friction.slope
+    if test is None or friction.constant is None or slope is None or friction.intercept is None:
+        return {"F_C": _estimate(friction.levels[0].friction, "N")} if len(friction.levels) == 1 else {}
+    if test.p_value < DOUBT and slope.low > 0.0:
+        return {"F_C": _estimate(friction.intercept, "N"), "c_F": _estimate(slope, "m²")}
+    return {"F_C": _estimate(friction.constant, "N")}
+
+
+def _estimate(number: Interval, unit: str) -> Estimate:
+    return Estimate(number.value, unit, number.std, number.low, number.high)
+
+
+def _over_levels(friction: CoulombFriction) -> str:
+    test, constant, slope, intercept = friction.test, friction.constant, friction.slope, friction.intercept
+    levels = friction.levels
+    if test is None or constant is None or slope is None or intercept is None:
+        known = "; ".join(f"F_C = {_shown(level.friction, 'N')}{_at(level)}" for level in levels)
+        return f"{known}. Whether it depends on the pressure asks for two levels or more with two cycles or more each."
+    chance = f"p = {test.p_value:.2g}"
+    if test.p_value >= DOUBT:
+        return f"one constant F_C = {_shown(constant, 'N')} is adequate for all {len(levels)} levels ({chance})."
+    low, high = min(levels, key=_force), max(levels, key=_force)
+    ends = f"{_force(low):.2f} N{_at(low)}", f"{_force(high):.2f} N{_at(high)}"
+    if slope.low > 0.0:
+        return (
+            f"a constant F_C is inadequate ({chance}): it grows from {ends[0]} to {ends[1]}; use the variant "
+            f"{VARIANT}, whose seals are pressed on by the pressure, with c_F = {_shown(slope, 'm²')} and "
+            f"F_C = {_shown(intercept, 'N')}."
+        )
+    return (
+        f"a constant F_C is inadequate ({chance}): it is {ends[0]} and {ends[1]}, but a line does not say that it "
+        f"grows with the pressure, c_F = {_shown(slope, 'm²')}. Look first for a speed or a running-in that differs."
+    )
+
+
+def _not_corrected(friction: CoulombFriction) -> list[str]:
+    """What the pressure adds to a friction that is not corrected for it."""
+    swings = [level.swing for level in friction.levels if math.isfinite(level.swing)]
+    if friction.area is not None or not swings:
+        return []
+    return [
+        f"the pressure is {swings[0] / 1e3:+.1f} kPa higher on the way out, and half of that on the piston is still in "
+        "the friction: one level does not tell the area, so give `area`."
+    ]
+
+
+def _force(level: Level) -> float:
+    return level.friction.value
+
+
+def _at(level: Level) -> str:
+    return f" at {level.pressure / 1e5:.2f} bar over ambient" if math.isfinite(level.pressure) else ""
+
+
+def _shown(number: Interval, unit: str) -> str:
+    known = f"95 %: {number.low:.3g} to {number.high:.3g}" if math.isfinite(number.std) else "no interval"
+    return f"{number.value:.3g} {unit} ({known})"
