@@ -25,6 +25,7 @@ from clutchid.estimate.shooting.fit import with_phase
 from clutchid.estimate.summary import failed, plan_warnings, summary
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.equipment import Equipment
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import outside_stroke, plan
@@ -63,7 +64,7 @@ def fit(
     Parameters
     ----------
     logs : Log or several
-        Recordings with both duty cycles and the columns in `measure`; all share the free parameters.
+        Recordings with the duty cycles of the valves and the columns in `measure`; all share the free parameters.
     actuator : Actuator, optional
         Model and start values; by default the paper's Appendix A with theta = (9e5, 0, 0) N/m, and for 'auto' the
         energy balance with Stribeck friction and a load on B-splines.
@@ -112,7 +113,7 @@ def fit(
     ----------
     Section 3.1; rules for missing samples, starts and resets: docs/formats.md.
     """
-    recordings = _uniquely_named([logs] if isinstance(logs, Log) else list(logs))
+    recordings, verify = _driven([logs] if isinstance(logs, Log) else logs, actuator), _driven(verify, actuator)
     request = Request(tuple(measure), tuple(free), bounds or {}, priors or {}, calibration, tuple(profile), bootstrap)
     chosen = _chosen(method, request, partition)
     if chosen != "simulation":
@@ -260,6 +261,12 @@ def _as_recorded(log: Log, one: Recording, p: Parameters) -> Recording:
     return replace(one, measured=log, errors=errors_over([(log, sensed(one.simulated, p))]))
 
 
+def _driven(logs: Sequence[Log], actuator: Actuator | None) -> list[Log]:
+    """Logs with different names, and with duty cycles for both valves of the model."""
+    equipment = actuator.equipment if actuator else Equipment()
+    return [equipment.driven(log) for log in _uniquely_named(list(logs))]
+
+
 def _uniquely_named(logs: list[Log]) -> list[Log]:
     """Logs with different names: a number is added where two files have the same stem."""
     taken = {log.name for log in logs}
@@ -282,7 +289,8 @@ def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) 
     DataError
         If a start is unknown and the recording has no position to estimate it from.
     """
-    prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
+    driven = actuator.equipment.driven(log)
+    prepared = plan(driven, actuator, stiffness(actuator, top_speed(partition)), partition)
     if all(segment.vented for segment in prepared.segments):
         return tuple((s.position_start, actuator.parameters.P_0) for s in prepared.segments)
     return fit(log, actuator, free=(), partition=partition).recordings[log.name].starts

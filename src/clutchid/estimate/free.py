@@ -23,7 +23,7 @@ def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = (
     Raises
     ------
     ParameterError
-        For an unknown name; the text has the nearest known one.
+        For an unknown name, with the nearest known one, and for a part of a chamber or valve that does not exist.
     """
     expanded = [name for item in free for name in (actuator.load.names if item == "load" else (item,))]
     problems = []
@@ -31,6 +31,8 @@ def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = (
         base, _, stem = name.partition("@")
         if base not in actuator.names:
             problems.append(unknown_name(base, ("load", *actuator.names)))
+        elif sentence := actuator.equipment.missing(base):
+            problems.append(sentence)
         elif "@" in name and base in actuator.load.names:
             problems.append(f"{name}: the load belongs to all recordings; fit them one by one for a load of each.")
         elif "@" in name and stem not in (EACH, *stems):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
+from clutchid.estimate.actuator_section import equipment_in, section_of, with_gravity
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.recording_sections import Starts, is_number, own_values, starts_in
 from clutchid.estimate.result import Fit
@@ -22,7 +23,7 @@ from clutchid.log import Log
 from clutchid.model.actuator import BASES, Actuator, Load
 from clutchid.parameters import Parameters, unknown_name
 
-_SECTIONS = ("model", "parameters", "recording", "fit")
+_SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
 _MODEL_KEYS = ("variant", "load_basis", "knots", "phi2_slope")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 
@@ -118,14 +119,16 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 
     actuator = content.actuator
     load = actuator.load
+    told = [name for name in actuator.names if not actuator.equipment.missing(name)]
     document: dict[str, Any] = {
+        **section_of(actuator.equipment),
         "model": {
             "variant": actuator.model,
             "load_basis": load.basis,
             "knots": list(load.knots),
             **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
         },
-        "parameters": {name: actuator.value(name) for name in actuator.names},
+        "parameters": {name: actuator.value(name) for name in told},
     }
     if content.starts:
         document["recording"] = {
@@ -138,9 +141,8 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
         }
     if content.fit:
         document["fit"] = dict(content.fit)
-    text = "# Parameters of an electropneumatic clutch actuator, SI units; written by clutchid.\n" + tomli_w.dumps(
-        document
-    )
+    name = actuator.equipment.name or "an electropneumatic clutch actuator"
+    text = f"# Parameters of {name}, SI units; written by clutchid.\n" + tomli_w.dumps(document)
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
@@ -167,14 +169,16 @@ def read_parameters(path: str | PathLike[str]) -> ParameterFile:
     ]
     if problems:
         raise ParameterError(_all(path, problems))
-    load, load_problems = _load(document.get("model", {}), document.get("parameters", {}))
-    parameters, parameter_problems = _parameters(document.get("parameters", {}), load)
+    equipment, problems = equipment_in(document)
+    model, values, gravity_problems = with_gravity(document)
+    load, load_problems = _load(model, values)
+    parameters, parameter_problems = _parameters(values | equipment.fixed, load)
     starts, start_problems = starts_in(document.get("recording", {}))
-    problems = load_problems + parameter_problems + start_problems
+    problems += gravity_problems + load_problems + parameter_problems + start_problems
     if problems or load is None or parameters is None:
         raise ParameterError(_all(path, problems))
     try:
-        actuator = Actuator(parameters, load, document.get("model", {}).get("variant", "isothermal"))
+        actuator = Actuator(parameters, load, model.get("variant", "isothermal"), equipment)
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
     return ParameterFile(actuator, starts, document.get("fit", {}), own_values(document.get("recording", {})))

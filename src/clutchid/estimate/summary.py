@@ -55,7 +55,8 @@ def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> F
 
 def plan_warnings(plans: Sequence[Plan]) -> list[str]:
     """What is to be said of the recordings themselves."""
-    return [warning for prepared in plans for warning in (*prepared.log.warnings, *prepared.warnings)]
+    said = [warning for prepared in plans for warning in (*prepared.log.warnings, *prepared.warnings)]
+    return list(dict.fromkeys(said))
 
 
 def furthest(logs: Sequence[Log]) -> float:

@@ -12,6 +12,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
 from clutchid.model.compiled import check_variant, kernels
+from clutchid.model.equipment import Equipment
 from clutchid.parameters import Parameters, unknown_name
 
 #: Knots of the paper in m, Section 2.5.
@@ -180,7 +181,9 @@ def _frozen(*table: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class Actuator:
-    """An actuator: model variant, parameters and load.
+    """An actuator: model variant, parameters and load, and which chambers and valves there are.
+
+    Parameters of a chamber or valve that does not exist have the values that stand for that.
 
     Raises
     ------
@@ -196,9 +199,11 @@ class Actuator:
     parameters: Parameters = field(default_factory=Parameters)
     load: Load = field(default_factory=Load)
     model: str = "isothermal"
+    equipment: Equipment = field(default_factory=Equipment)
 
     def __post_init__(self) -> None:
         check_variant(self.model)
+        object.__setattr__(self, "parameters", self.equipment.fitted(self.parameters))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -230,11 +235,12 @@ class Actuator:
         Raises
         ------
         ParameterError
-            For an unknown name or a value outside its range.
+            For an unknown name, a value outside its range, or a chamber or valve that does not exist.
         """
         theta = tuple(changes.get(name, value) for name, value in zip(self.load.names, self.load.theta, strict=True))
         others = {name: value for name, value in changes.items() if name not in self.load.names}
-        unknown = [unknown_name(name, self.names) for name in others if name not in Parameters.names()]
-        if unknown:
-            raise ParameterError("\n".join(unknown))
+        problems = [unknown_name(name, self.names) for name in others if name not in Parameters.names()]
+        problems += [sentence for name in others if (sentence := self.equipment.missing(name))]
+        if problems:
+            raise ParameterError("\n".join(problems))
         return replace(self, parameters=self.parameters.replace(others), load=replace(self.load, theta=theta))

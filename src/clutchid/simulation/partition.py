@@ -23,6 +23,9 @@ class Partition:
         Re-initialise at the starts of N equal parts ("the number of partitions of the data set", Section 3.2).
     carry : 'p' or 'q'
         Carry the pressures (the paper) or the masses of air, q = p V.
+    take : 'all' or 'position'
+        Take all measurements that a fit compares, or the position alone. With ``every=1, carry="q", take="position"``
+        the measured position is an input: only the air is simulated, docs/actuators.md.
 
     Raises
     ------
@@ -38,6 +41,7 @@ class Partition:
     every: int | None = None
     parts: int | None = None
     carry: Literal["p", "q"] = "p"
+    take: Literal["all", "position"] = "all"
 
     def __post_init__(self) -> None:
         if (self.every is None) == (self.parts is None):
@@ -49,6 +53,8 @@ class Partition:
                 )
         if self.carry not in ("p", "q"):
             raise ParameterError(f"carry = {self.carry!r}: 'p' carries the pressures, 'q' the masses of air.")
+        if self.take not in ("all", "position"):
+            raise ParameterError(f"take = {self.take!r}: 'all' that is measured and compared, or 'position' alone.")
 
     def resets(self, n: int) -> NDArray[np.int64]:
         """Samples of a recording of `n` samples at which a new part starts; the first sample is not one."""

@@ -148,7 +148,7 @@ def _resets(log: Log, partition: Partition | None, use_pressure: bool) -> tuple[
     if partition is None:
         return jump, measured
     measured[:, 0] = log["position"]
-    measured[:, 1] = log["pressure_a"] if use_pressure else np.nan
+    measured[:, 1] = log["pressure_a"] if use_pressure and partition.take == "all" else np.nan
     finite = np.flatnonzero(np.isfinite(measured[:, 0]))
     at = np.searchsorted(finite, partition.resets(n))
     taken = np.unique(finite[at[at < finite.size]])

@@ -72,7 +72,7 @@ def simulate(
     actuator : Actuator
         Model variant, parameters and load.
     log : Log
-        Both duty cycles; the position, where there is one, gives the start and the resets.
+        The duty cycles of the valves; the position, where there is one, gives the start and the resets.
     partition : Partition, optional
         Re-initialise the position; without it the simulation is ballistic.
     sensitivities : names
@@ -108,6 +108,7 @@ def simulate(
     unknown = [unknown_name(name, actuator.names) for name in sensitivities if name not in actuator.names]
     if unknown:
         raise ParameterError("\n".join(unknown))
+    log = actuator.equipment.driven(log)
     prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")

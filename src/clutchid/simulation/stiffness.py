@@ -21,8 +21,11 @@ STABLE_STEP = 2.5
 #: More steps than this in an interval mean that a parameter or a unit is wrong.
 MOST_SUBSTEPS = 1000
 
-#: Fastest motion of the piston in m/s: a full stroke in a tenth of a second.
+#: Fastest motion of the piston in m/s: a full stroke of a clutch actuator in a tenth of a second.
 TOP_SPEED = 0.3
+
+#: A longer stroke takes a tenth of a second as well, so its piston may be faster.
+STROKE_TIME = 0.1
 
 #: After a reset that carries the mass of air the pressure jumps, by bars where the simulation is far off.
 RESET_SPEED = 0.9
@@ -38,6 +41,8 @@ def top_speed(partition: Partition | None) -> float:
 def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     """Largest eigenvalue magnitude in 1/s of the model's Jacobian over its operating range, up to `speed` in m/s.
 
+    The range is up to a full stroke in `STROKE_TIME` where that is faster.
+
     Raises
     ------
     Nothing: the actuator is checked where it is built.
@@ -50,6 +55,7 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     True
     """
     p = actuator.parameters
+    speed = max(speed, p.y_max / STROKE_TIME)
     near = 5e-4 * p.P_0
     ranges = {
         "y": (-2 * p.d_stop, p.d_stop, p.y_max / 2, p.y_max - p.d_stop, p.y_max + 2 * p.d_stop),
