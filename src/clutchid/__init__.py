@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from clutchid.estimate.calibration import Calibration
     from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
     from clutchid.estimate.shooting.coordinates import Prior
-    from clutchid.io import look, read, write
+    from clutchid.io import read, read_pieces, write
+    from clutchid.io.look import look
     from clutchid.log import Log
     from clutchid.model import Actuator, Load
     from clutchid.parameters import Parameters
@@ -44,9 +45,10 @@ _HOME = {
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
     "fit": "clutchid.estimate",
-    "look": "clutchid.io",
+    "look": "clutchid.io.look",
     "parameter_file": "clutchid.estimate.parameter_file",
     "read": "clutchid.io",
+    "read_pieces": "clutchid.io",
     "read_parameters": "clutchid.estimate.parameter_file",
     "simulate": "clutchid.simulation",
     "write": "clutchid.io",
@@ -75,6 +77,7 @@ __all__ = [
     "parameter_file",
     "read",
     "read_parameters",
+    "read_pieces",
     "simulate",
     "write",
     "write_parameters",

@@ -1,9 +1,14 @@
-"""Recordings as text, to be spoiled by the tests."""
+"""Recordings as text, to be spoiled by the tests, and sources made in memory."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from clutchid.io.columns import channel
+from clutchid.io.source import Raster, Source
+from clutchid.io.table import Places, Table
 
 HEADER = "time [s],position [m],duty_supply [1],duty_exhaust [1],pressure_a [Pa]"
 
@@ -31,3 +36,31 @@ def save(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return to_file
+
+
+Columns = Mapping[str, tuple[str | None, np.ndarray]]
+
+
+def _source(*rasters: Columns, path: Path = Path("day.mf4"), clock: bool = True) -> Source:
+    """A source whose rasters hold those channels (unit, samples); the first channel of each is its stamps."""
+    made = []
+    for number, columns in enumerate(rasters):
+        headings = tuple(channel(i, name, unit) for i, (name, (unit, _)) in enumerate(columns.items()))
+        size = len(next(iter(columns.values()))[1])
+        made.append(Raster(headings, size, f"group {number}", 0 if clock else None))
+
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        values = [np.asarray(samples, dtype=np.float64) for _, samples in rasters[raster].values()]
+        size = made[raster].size
+        for start in range(0, size, rows or max(size, 1)):
+            stop = min(start + (rows or size), size)
+            numbers = {i: values[i][start:stop] for i in columns}
+            yield Table(made[raster].headings, numbers, stop - start, Places(first=start + 1))
+
+    return Source(path, "MDF", tuple(made), tables)
+
+
+@pytest.fixture
+def source() -> Callable[..., Source]:
+    """Make a source in memory, its rasters as the readers give them."""
+    return _source

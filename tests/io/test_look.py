@@ -6,13 +6,13 @@ import polars as pl
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.io import look
+from clutchid.io.look import look
 
 
 def test_columns_are_shown_as_written_and_in_si(recording, save):
     text = recording(4, {(1, 4): "", (2, 4): "7.905"}).replace("[Pa]", "[bar(g)]").replace("150000.0", "0")
     seen = look(save(text))
-    pressure = seen.columns[4]
+    pressure = seen.rasters[0].columns[4]
     assert (pressure.heading, pressure.name, pressure.unit, pressure.si) == (
         "pressure_a [bar(g)]",
         "pressure_a",
@@ -21,14 +21,14 @@ def test_columns_are_shown_as_written_and_in_si(recording, save):
     )
     assert (pressure.low, pressure.high, pressure.low_si, pressure.high_si) == (0.0, 7.905, 1.095e5, 9e5)
     assert pressure.missing == 1
-    assert look(save(text), 1e5).columns[4].low_si == 1e5
-    assert seen.samples == 4
+    assert look(save(text), 1e5).rasters[0].columns[4].low_si == 1e5
+    assert seen.rasters[0].samples == 4
     assert seen.problems == seen.warnings == ()
 
 
 def test_the_time_axis_is_measured(recording, save):
     seen = look(save(recording(10, {(8, 0): "0.500", (9, 0): "0.5015"})))
-    time = seen.time
+    time = seen.rasters[0].time
     assert time is not None
     assert (time.first, time.last, time.duration) == (0.0, 0.5015, 0.5015)
     assert time.rate == pytest.approx(1000)
@@ -43,10 +43,10 @@ def test_the_time_axis_is_measured(recording, save):
 
 @pytest.mark.parametrize("small", [0, 1e9])
 def test_columns_without_a_meaning_are_looked_at_too(recording, save, small, monkeypatch):
-    monkeypatch.setattr("clutchid.io.csv_file._SMALL", small)
+    monkeypatch.setattr("clutchid.io.csv.file._SMALL", small)
     text = recording(3).replace("\n", ",20,low\n").replace(",20,low", ",oil [degC],state", 1)
     seen = look(save(text))
-    oil, state = seen.columns[5:]
+    oil, state = seen.rasters[0].columns[5:]
     assert (oil.name, oil.si, oil.high, oil.high_si) == (None, "K", 20.0, 293.15)
     assert state.missing == 3
     assert math.isnan(state.high)
@@ -58,10 +58,10 @@ def test_problems_and_warnings_are_listed_not_raised(save):
     seen = look(save("time [s],position [furlong],duty_supply [1]\n0,1,\n1,x,0\n0,1,0\n"))
     assert len(seen.problems) == 4
     assert len(seen.warnings) == 1
-    assert seen.columns[1].si is None
-    assert seen.columns[1].high == 1.0
-    assert seen.time is not None
-    assert seen.time.shortest == -1.0
+    assert seen.rasters[0].columns[1].si is None
+    assert seen.rasters[0].columns[1].high == 1.0
+    assert seen.rasters[0].time is not None
+    assert seen.rasters[0].time.shortest == -1.0
     text = seen.table()
     assert "Problems:" in text
     assert all(sentence in text for sentence in (*seen.problems, *seen.warnings))
@@ -74,31 +74,38 @@ def test_problems_and_warnings_are_listed_not_raised(save):
         (b"\xff\xfe\x00", "not UTF-8"),
         (b"PAR1 and nothing else", "no complete Parquet file"),
         ("time [s],position [m]\n", "no samples"),
-        ("1,2\n3,4\n", "the first line holds numbers"),
     ],
 )
 def test_a_file_without_samples_is_a_list_of_problems(save, content, problem):
     seen = look(save(content))
     assert any(problem in sentence for sentence in seen.problems)
-    assert seen.samples == 0
-    assert seen.time is None
+    assert all(raster.samples == 0 and raster.time is None for raster in seen.rasters)
     assert "no time axis" in str(seen)
+
+
+def test_a_file_without_names_says_so_and_shows_its_columns(save):
+    seen = look(save("1,2.5\n3,4.5\n"))
+    assert any("the first line holds numbers" in sentence for sentence in seen.problems)
+    assert [(column.heading, column.high) for column in seen.rasters[0].columns] == [
+        ("column 1", 3.0),
+        ("column 2", 4.5),
+    ]
 
 
 def test_blank_lines_in_a_file_of_one_column_are_no_samples(save):
     seen = look(save("time [s]\n0\n\n1\n"))
-    assert (seen.samples, seen.columns[0].missing) == (2, 0)
+    assert (seen.rasters[0].samples, seen.rasters[0].columns[0].missing) == (2, 0)
 
 
 def test_one_sample_has_no_rate(recording, save):
     seen = look(save(recording(1)))
-    assert seen.time is not None
-    assert seen.time.rate == 0.0
+    assert seen.rasters[0].time is not None
+    assert seen.rasters[0].time.rate == 0.0
     assert str(seen).splitlines()[0].endswith("1 sample at 0 s")
 
 
 def test_a_time_without_a_known_unit_is_no_axis(recording, save):
-    assert look(save(recording(3).replace("[s]", "[fortnight]"))).time is None
+    assert look(save(recording(3).replace("[s]", "[fortnight]"))).rasters[0].time is None
 
 
 def test_parquet_is_looked_at_by_row(tmp_path):
@@ -106,7 +113,7 @@ def test_parquet_is_looked_at_by_row(tmp_path):
     pl.DataFrame({"time [s]": [0, 1, 2, 30], "gear": ["a", "b", "c", "d"]}).write_parquet(path)
     seen = look(path)
     assert "28 s after row 3" in str(seen)
-    assert seen.columns[1].missing == 4
+    assert seen.rasters[0].columns[1].missing == 4
 
 
 def test_the_table_is_aligned(recording, save):

@@ -5,10 +5,13 @@ import datetime
 import numpy as np
 import polars as pl
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import clutchid.io as cio
 from clutchid.errors import DataError
-from clutchid.io import parquet_file
+from clutchid.io.parquet import file as parquet_file
+from clutchid.io.parquet.pages import damage
 
 GOOD = {
     "time [ms]": [0, 1, 2],
@@ -98,3 +101,76 @@ def test_names_with_wildcards_and_folders_with_equal_signs_are_names(parquet, tm
 @pytest.mark.parametrize(("text", "expected"), [(None, {}), ("{", {}), ("[1]", {}), ('{"truck": 7}', {"truck": "7"})])
 def test_metadata_of_other_programs_do_no_harm(text, expected):
     assert parquet_file._metadata(text) == expected
+
+
+def read(path, rows=None):
+    """The source, its tables, and the numbers of every column."""
+    source = parquet_file.open_file(path)
+    tables = list(source.tables(0, range(len(source.rasters[0].headings)), rows))
+    columns = [np.concatenate([table.numbers[index] for table in tables]) for index in tables[0].numbers]
+    return source, tables, columns
+
+
+@pytest.mark.parametrize("rows", [None, 1, 7, 100, 1000])
+def test_blocks_are_the_whole_in_pieces_and_count_on(tmp_path, rows):
+    frame = pl.DataFrame({"time [s]": np.arange(100) / 10, "x": np.arange(100), "note": ["a"] * 100})
+    frame.write_parquet(tmp_path / "run.parquet", row_group_size=16)
+    source, tables, columns = read(tmp_path / "run.parquet", rows)
+    assert (source.format, source.rasters[0].size, source.rasters[0].clock) == ("Parquet", 100, 0)
+    np.testing.assert_array_equal(columns[:2], [np.arange(100) / 10, np.arange(100)])
+    assert np.isnan(columns[2]).all()
+    places = [table.places.number(row) for table in tables for row in range(table.size)]
+    assert places == list(range(1, 101))
+    assert max(table.size for table in tables) == min(rows or 100, 100)
+
+
+def test_only_the_asked_columns_are_read(parquet):
+    source = parquet_file.open_file(parquet(GOOD))
+    (table,) = source.tables(0, [2])
+    assert {index: values.tolist() for index, values in table.numbers.items()} == {2: [0, 50, 100]}
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_dates_and_times_become_seconds_from_the_first(parquet, unit):
+    noon = datetime.datetime(2024, 5, 1, 12)
+    stamps = [noon, noon + datetime.timedelta(milliseconds=1500), None]
+    source, _, columns = read(parquet({"Time": pl.Series(stamps, dtype=pl.Datetime(unit)), "x": [1, 2, 3]}))
+    np.testing.assert_array_equal(columns[0], [0, 1.5, np.nan])
+    assert source.rasters[0].headings[0].unit == "s"
+    assert source.metadata["start"] == "2024-05-01 12:00:00"
+
+
+def test_truth_values_of_a_valve_are_one_and_zero(parquet):
+    log = cio.read(parquet(GOOD | {"duty_exhaust [1]": [True, False, None]}))
+    np.testing.assert_array_equal(log["duty_exhaust"], [1, 0, np.nan])
+
+
+@pytest.mark.parametrize("compression", ["zstd", "snappy", "lz4", "gzip", "brotli", "uncompressed"])
+def test_a_whole_file_is_not_taken_for_a_damaged_one(tmp_path, compression):
+    columns = {"x": np.arange(5000.0), "y": ["a", None, "b", "c", "d"] * 1000, "z": [[1, 2], []] * 2500}
+    pl.DataFrame(columns).write_parquet(tmp_path / "x", compression=compression, row_group_size=999)
+    assert damage(tmp_path / "x") == ""
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_a_damaged_file_is_read_or_refused_in_a_sentence(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("damaged") / "run.parquet"
+    pl.DataFrame(GOOD).write_parquet(path)
+    content = bytearray(path.read_bytes())
+    for place in data.draw(st.lists(st.integers(4, len(content) - 1), max_size=4)):
+        content[place] ^= 1 << data.draw(st.integers(0, 7))
+    path.write_bytes(content[: data.draw(st.integers(4, len(content)))])
+    source = parquet_file.open_file(path)
+    assert source.problems or all(table.size >= 0 for table in source.tables(0, [0, 1], 2))
+
+
+def test_a_page_that_claims_more_samples_than_the_file_is_refused_before_it_is_read(tmp_path):
+    path = tmp_path / "run.parquet"
+    pl.DataFrame({"x": np.arange(300.0)}).write_parquet(path, compression="uncompressed", use_pyarrow=False)
+    content = path.read_bytes()
+    header = bytes([0x15, 0xD8, 4])  # 300 as a field of the header of a page
+    assert header in content[:400]
+    path.write_bytes(content.replace(header, bytes([0x15, 0xFF, 127]), 1))
+    (problem,) = parquet_file.open_file(path).problems
+    assert problem.startswith("is no complete Parquet file (the page before byte")

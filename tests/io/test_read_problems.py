@@ -7,7 +7,7 @@ import pytest
 
 import clutchid.io as cio
 from clutchid.errors import DataError
-from clutchid.io import csv_file
+from clutchid.io.csv import file as csv_file
 
 
 def problems(path):
@@ -199,25 +199,21 @@ def test_all_problems_are_reported_at_once(save):
         assert re.search(part, found), part
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
-def test_text_that_is_not_utf8_in_the_header(recording, save, encoding):
-    path = save(recording(3).replace("[Pa]", "[°C]").encode(encoding))
-    assert problems(path) == ["is not UTF-8 text; save it as 'CSV UTF-8', or as Parquet."]
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"time [s]\x00\xff\n0\n", "time [s]\n0\n".encode("utf-32")])
+def test_bytes_that_are_no_text(save, content):
+    assert problems(save(content)) == [
+        "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
+    ]
 
 
 @pytest.mark.parametrize("tail", ["# fünf\n".encode("latin-1"), b"1,2\xc3"])
-def test_text_that_is_not_utf8_below_the_header(recording, save, tail):
-    path = save(recording(3).encode() + tail)
-    assert problems(path) == ["is not UTF-8 text; save it as 'CSV UTF-8', or as Parquet."]
-
-
-def test_lines_that_end_in_carriage_returns_alone(recording, save):
-    (problem,) = problems(save(recording(3).replace("\n", "\r")))
-    assert problem == "line 1: cannot be split into cells; save the file as CSV with line feeds."
+def test_text_in_windows_1252_below_the_samples(recording, save, tail):
+    (problem,) = problems(save(recording(3).encode() + tail))
+    assert problem.startswith("the header has 5 cells, but line 5 has ")
 
 
 def test_a_folder_is_no_recording(tmp_path):
-    assert problems(tmp_path) == ["is a folder; name one CSV or Parquet file in it."]
+    assert problems(tmp_path) == ["is a folder; name one recording in it."]
 
 
 def test_a_missing_file_names_the_nearest_one(recording, save, tmp_path):

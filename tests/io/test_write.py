@@ -58,7 +58,7 @@ def test_csv_has_units_in_the_header_and_empty_cells(tmp_path, log):
     ("name", "what"), [("run.xlsx", "the suffix '.xlsx' is not known"), ("run", "the name has no suffix")]
 )
 def test_only_known_suffixes_are_written(tmp_path, log, name, what):
-    with pytest.raises(ExportError, match=rf"{name}: {what}; a log is written as .csv or .parquet\."):
+    with pytest.raises(ExportError, match=rf"{name}: {what}; a log is written as .csv, .parquet, .mf4 or .mat\."):
         cio.write(log, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

@@ -14,8 +14,10 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError
 
 from clutchid.cli.common import DONE, FAILED, complain
+from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
 from clutchid.cli.fit import fit
+from clutchid.cli.friction import friction
 from clutchid.cli.look import look
 from clutchid.cli.paper import paper
 from clutchid.cli.prove import prove
@@ -30,7 +32,7 @@ def app() -> App:
         version=version("clutchid"),
         result_action="return_value",
     )
-    for verb in (fit, simulate, paper, look, drive, prove):
+    for verb in (fit, simulate, paper, look, cut, friction, drive, prove):
         application.command(verb)
     return application
 

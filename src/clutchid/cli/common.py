@@ -9,16 +9,19 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
-from clutchid.log import Log
+from clutchid.log import INPUTS, Log
 from clutchid.units import UNITS, known_units
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.estimate.shooting.coordinates import Prior
+    from clutchid.model.actuator import Actuator
+    from clutchid.model.equipment import Equipment
     from clutchid.simulation import Partition
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
@@ -88,19 +91,62 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def read_logs(paths: Sequence[Path], ambient: float) -> list[Log]:
-    """Read recordings; the problems of all files are told at once."""
-    from clutchid.io import read
+def read_logs(
+    paths: Sequence[Path],
+    ambient: float,
+    map_: Path | None = None,
+    dbc: Sequence[Path] = (),
+    equipment: Equipment | None = None,
+    required: Sequence[str] | None = None,
+) -> list[Log]:
+    """Read recordings with the `required` columns; the problems of all files are told at once.
 
+    By default these are the time, the position, and the duty cycles of the valves that there are.
+    """
+    from clutchid.io import channel_map, read
+
+    channels = None if map_ is None else channel_map.read_map(map_)
+    needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
     logs, problems = [], []
     for path in paths:
         try:
-            logs.append(read(path, ambient=ambient))
+            log = read(path, ambient=ambient, channels=channels, dbc=dbc, required=needed)
+            logs.append(equipment.driven(log) if equipment else log)
         except DataError as error:
             problems.append(str(error))
     if problems:
         raise DataError("\n".join(problems))
     return logs
+
+
+def pieces_of(
+    path: Path, ambient: float, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
+) -> Iterator[Log]:
+    """A recording of any length piece by piece, with what was said of it on standard error and a progress bar."""
+    from clutchid.io import channel_map, read_pieces
+    from clutchid.io.opening import open_source
+
+    channels = None if map_ is None else channel_map.read_map(map_)
+    size = max(
+        (raster.size for raster in open_source(path, (*(channels.dbc if channels else ()), *dbc)).rasters), default=0
+    )
+    done = 0
+    told: set[str] = set()
+    for piece in read_pieces(path, ambient=ambient, channels=channels, dbc=dbc):
+        for warning in piece.warnings:
+            if warning not in told:
+                print(f"warning: {warning}", file=sys.stderr)
+        told.update(piece.warnings)
+        yield piece
+        done += len(piece)
+        show(f"{piece.time[-1] - piece.time[0]:,.0f} s at {piece.time[-1]:,.0f} s", done / max(size, 1))
+
+
+def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
+    """Recordings with what the checks before a fit find suspicious among their warnings."""
+    from clutchid.inspection import inspect
+
+    return [replace(log, warnings=(*log.warnings, *inspect(log, actuator).warnings)) for log in logs]
 
 
 def pressure(text: str | None, default: float) -> float:
@@ -162,15 +208,21 @@ def priors(items: Sequence[str]) -> dict[str, Prior]:
     return result
 
 
-def partition_of(every: int | None, parts: int | None, carry: Literal["p", "q"] | None) -> Partition | None:
-    """The options --every, --parts and --carry; None is ballistic."""
+def partition_of(
+    every: int | None,
+    parts: int | None,
+    carry: Literal["p", "q"] | None,
+    take: Literal["all", "position"] | None = None,
+) -> Partition | None:
+    """The options --every, --parts, --carry and --take; None is ballistic."""
     from clutchid.simulation import Partition
 
     if every is None and parts is None:
-        if carry is not None:
-            raise ParameterError(f"--carry {carry}: nothing is reset; give --every N or --parts N.")
+        for option, value in (("carry", carry), ("take", take)):
+            if value is not None:
+                raise ParameterError(f"--{option} {value}: nothing is reset; give --every N or --parts N.")
         return None
-    return Partition(every=every, parts=parts, carry=carry or "p")
+    return Partition(every=every, parts=parts, carry=carry or "p", take=take or "all")
 
 
 def check_outputs(outputs: Mapping[str, Path | None], inputs: Sequence[tuple[str, Path | None]]) -> None:

@@ -18,6 +18,7 @@ from clutchid.cli.common import (
     bounds,
     check_outputs,
     guarded,
+    inspected,
     names,
     partition_of,
     pressure,
@@ -44,6 +45,7 @@ def fit(
     every: int | None = None,
     parts: int | None = None,
     carry: Literal["p", "q"] | None = None,
+    take: Literal["all", "position"] | None = None,
     model: str | None = None,
     method: Literal["simulation", "shooting", "prediction-error"] | None = None,
     prior: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
@@ -54,6 +56,8 @@ def fit(
     save: Path | None = None,
     report: Path | None = None,
     ambient: str | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -64,10 +68,10 @@ def fit(
     Parameters
     ----------
     logs
-        Recordings, CSV or Parquet; columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`. They
-        stand before --verify and --bounds, which take all that follows.
+        Recordings with columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or of any format
+        with a --map. They stand before --verify, --bounds and --dbc, which take all that follows.
     measure
-        Measured columns to compare with: position, or position,pressure_a.
+        Measured columns to compare with: position, or position,pressure_a; pressure_a alone with the position as input.
     free
         Free parameters, comma-separated; `load` stands for all load weights, `auto` for all that a recording with
         pressure can tell, `NAME@EACH` for an own number of every recording.
@@ -79,6 +83,9 @@ def fit(
         Partitioned: take the measured position again at the start of N equal parts.
     carry
         Across such a reset, carry the pressures (p, the paper and the default) or the masses of air (q).
+    take
+        Take all measured columns again at a reset (the default), or the position alone. With `--every 1 --carry q
+        --take position` the measured position is an input, and only the air is simulated.
     model
         Model variant: isothermal (the paper), energy-balance, either with -stribeck. By default isothermal, and
         energy-balance-stribeck for `--free auto`.
@@ -102,6 +109,10 @@ def fit(
         Write a self-contained HTML page.
     ambient
         Ambient pressure for gauge units, for example 1.013bar; default P_0.
+    map_
+        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
+    dbc
+        DBC files that decode bus logs, several after each other.
     json
         Print one JSON object on standard output.
     debug
@@ -110,8 +121,8 @@ def fit(
 
     files = _Files(logs, tuple(verify or ()), start, save, report)
     asked = _Asked(
-        measure, free, tuple(bounds_ or ()), tuple(prior or ()), (every, parts, carry), model, method, ambient,
-        profile, bootstrap,
+        measure, free, tuple(bounds_ or ()), tuple(prior or ()), (every, parts, carry, take), model, method, ambient,
+        map_, tuple(dbc or ()), profile, bootstrap,
     )  # fmt: skip
     return guarded(lambda: _work(files, asked, json), as_json=json, debug=debug)
 
@@ -135,10 +146,12 @@ class _Asked:
     free: str
     bounds: tuple[str, ...]
     priors: tuple[str, ...]
-    partition: tuple[int | None, int | None, Literal["p", "q"] | None]
+    partition: tuple[int | None, int | None, Literal["p", "q"] | None, Literal["all", "position"] | None]
     model: str | None
     method: Literal["simulation", "shooting", "prediction-error"] | None
     ambient: str | None
+    map: Path | None
+    dbc: tuple[Path, ...]
     profile: str
     bootstrap: int
 
@@ -170,7 +183,9 @@ def _fitted(files: _Files, asked: _Asked) -> Fit:
     automatic = "auto" in names(asked.free)
     builds = partition is None and asked.method != "simulation"
     actuator, calibration = _start(files.start, asked.model, automatic, builds)
-    read = read_logs([*files.logs, *files.verify], pressure(asked.ambient, actuator.parameters.P_0))
+    ambient = pressure(asked.ambient, actuator.parameters.P_0)
+    logs = read_logs([*files.logs, *files.verify], ambient, asked.map, asked.dbc, actuator.equipment)
+    read = inspected(logs, actuator)
     with progress_bar("fit") as show:
         return fit_logs(
             read[: len(files.logs)],

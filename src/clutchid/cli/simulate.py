@@ -26,7 +26,10 @@ def simulate(
     every: int | None = None,
     parts: int | None = None,
     carry: Literal["p", "q"] | None = None,
+    band: Path | None = None,
     ambient: str | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -38,19 +41,25 @@ def simulate(
     Parameters
     ----------
     log
-        Recording, CSV or Parquet.
+        Recording of any format that `clutchid look` reads.
     parameters
         Parameter file (TOML), as written by `clutchid fit --save`.
     out
-        Simulation to write, .csv or .parquet.
+        Simulation to write, .csv, .parquet, .mf4 or .mat.
     every
         Take the measured position again after every N samples.
     parts
         Take the measured position again at the start of N equal parts.
     carry
         Across such a reset, carry the pressures (p, the default) or the masses of air (q).
+    band
+        Recording with pressure of the same actuator with on/off valves: what its simulation misses is the band.
     ambient
         Ambient pressure for gauge units, for example 1.013bar; default P_0 of the parameter file.
+    map_
+        Channel map (TOML) of the recording, as written by `clutchid look --save`.
+    dbc
+        DBC files that decode a bus log, several after each other.
     json
         Print one JSON object on standard output.
     debug
@@ -62,12 +71,13 @@ def simulate(
         from clutchid.io import write
         from clutchid.simulation import simulate as simulate_log
 
-        check_outputs({"--out": out}, [("the recording itself", log), ("the parameter file itself", parameters)])
+        check_outputs({"--out": out}, _inputs(log, parameters, band))
         partition, content = partition_of(every, parts, carry), read_parameters(parameters)
-        recording = read_logs([log], pressure(ambient, content.actuator.parameters.P_0))[0]
+        air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
+        recording, *others = read_logs(files, air, map_, dbc or (), content.actuator.equipment)
         starts, told = _starts(recording, content, partition, parameters)
         done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
-        write(done.log, out)
+        write(_banded(done.log, others, content, partition), out)
         warnings = list(dict.fromkeys((*recording.warnings, *told, *done.warnings)))
         if json:
             status = "warning" if warnings else "ok"
@@ -79,6 +89,23 @@ def simulate(
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
+
+
+def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, Path | None]]:
+    return [("the recording itself", log), ("the parameter file itself", parameters), ("the recording of --band", band)]
+
+
+def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition: Partition | None) -> Log:
+    """`simulated` with a band of its pressure from the recordings `others`, simulated in the same way."""
+    from clutchid.estimate.fit import starts_of
+    from clutchid.estimate.switching_band import switching_band
+    from clutchid.simulation import simulate as simulate_log
+
+    known = []
+    for other in others:
+        starts = content.starts_for(other) or starts_of(other, content.actuator, partition)
+        known.append((other, simulate_log(content.actuator, other, partition=partition, starts=starts).log))
+    return switching_band(simulated, known) if known else simulated
 
 
 def _starts(

@@ -2,39 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError, ExportError
-from clutchid.io.checks import AMBIENT, check
+from clutchid.io.checks import AMBIENT, check, check_ambient
+from clutchid.io.columns import REQUIRED
 from clutchid.io.files import atomic_write, digest
-from clutchid.io.look import Look, look
-from clutchid.io.opening import open_table
+from clutchid.io.opening import open_source
+from clutchid.io.source import BLOCK, Source, in_contract
 from clutchid.log import Log
 
-__all__ = ["AMBIENT", "Look", "atomic_write", "look", "read", "write"]
+if TYPE_CHECKING:
+    from clutchid.io.channel_map import ChannelMap
+
+__all__ = ["AMBIENT", "atomic_write", "read", "read_pieces", "write"]
 
 
-def read(path: str | PathLike[str], *, ambient: float = AMBIENT) -> Log:
-    """The recording in a CSV or Parquet file, in SI; the format is known from the content.
+def read(
+    path: str | PathLike[str],
+    *,
+    ambient: float = AMBIENT,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    required: Sequence[str] = REQUIRED,
+) -> Log:
+    """The recording in a file of any known format, in SI; the format is known from the content.
 
-    Columns are headed ``name [unit]``. An empty cell or NaN is a missing sample. What is suspicious but can be used
-    is a sentence in ``Log.warnings``; the metadata hold ``source``, ``sha256`` and ``ambient_Pa``.
+    Columns headed ``name [unit]`` are understood. In other files `channels` says which channel is what; without it, it
+    is told from the names, where these leave no doubt. An empty cell or NaN is a missing sample. What is suspicious but
+    can be used is a sentence in ``Log.warnings``; the metadata hold ``source``, ``sha256`` and ``ambient_Pa``.
 
     Parameters
     ----------
     path
-        The file; its name without suffix becomes the name of the log.
+        The file (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix becomes the name of the log.
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``.
+    channels
+        A channel map, or the path of one (TOML).
+    dbc
+        DBC files that decode a bus log, besides those of the map.
+    required
+        Quantities without which the file is of no use.
 
     Raises
     ------
     DataError
-        If the file cannot be read or used; the text lists every problem with its line (Parquet: row) and column.
+        If the file cannot be read or used; the text lists every problem with its line (or row) and column.
+    MissingExtra
+        If its format needs a library that is not installed.
     ParameterError
-        If `ambient` is not a pressure above 0.
+        If `ambient` is not a pressure above 0, or the channel map cannot be understood.
 
     Examples
     --------
@@ -47,20 +69,85 @@ def read(path: str | PathLike[str], *, ambient: float = AMBIENT) -> Log:
     >>> log.name, float(log["position"][1]), float(log["duty_supply"][1])
     ('run', 0.0005, 1.0)
     """
-    table = open_table(path)
-    checked = check(table, ambient)
-    if checked.problems:
-        raise DataError.of(str(path), list(checked.problems))
-    columns = dict(checked.columns)
-    file = Path(path)
-    metadata = {**table.metadata, "source": file.name, "sha256": digest(file), "ambient_Pa": repr(float(ambient))}
-    return Log(columns.pop("time"), columns, file.stem, metadata, checked.warnings)
+    return next(_logs(path, ambient, channels, dbc, required, None))
+
+
+def read_pieces(
+    path: str | PathLike[str],
+    *,
+    ambient: float = AMBIENT,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    required: Sequence[str] = REQUIRED,
+    rows: int = BLOCK,
+) -> Iterator[Log]:
+    """A recording that is too long for the memory, as consecutive logs of about `rows` samples; else as `read`.
+
+    The hash of the file is not taken.
+
+    Raises
+    ------
+    DataError, MissingExtra, ParameterError
+        As `read`; what is wrong with the samples when their piece is read.
+    """
+    yield from _logs(path, ambient, channels, dbc, required, rows)
+
+
+def _logs(
+    path: str | PathLike[str],
+    ambient: float,
+    channels: ChannelMap | str | PathLike[str] | None,
+    dbc: Sequence[str | PathLike[str]],
+    required: Sequence[str],
+    rows: int | None,
+) -> Iterator[Log]:
+    check_ambient(ambient)
+    given = _map(channels)
+    source = open_source(path, (*(given.dbc if given else ()), *dbc))
+    metadata = {"source": source.path.name, "ambient_Pa": repr(float(ambient))}
+    if rows is None:
+        metadata["sha256"] = digest(source.path)
+    if given is None and in_contract(source):
+        logs = _by_contract(source, ambient, required, rows)
+    else:
+        from clutchid.io.proposal import agreed
+        from clutchid.io.recording import pieces
+
+        chosen = agreed(source, given, required)
+        if chosen is None:
+            logs = _by_contract(source, ambient, required, rows)
+        else:
+            logs = pieces(source, chosen, ambient, required, rows)
+    for log in logs:
+        yield replace(log, metadata={**log.metadata, **metadata})
+
+
+def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
+    if channels is None:
+        return None
+    from clutchid.io.channel_map import ChannelMap, read_map
+
+    return channels if isinstance(channels, ChannelMap) else read_map(channels)
+
+
+def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: int | None) -> Iterator[Log]:
+    """The recording in a table whose columns have the names of the contract."""
+    if not source.rasters or source.unnamed:
+        raise DataError.of(str(source.path), [*source.problems, *([source.unnamed] if source.unnamed else [])])
+    wanted = [heading.index for heading in source.rasters[0].headings if heading.name is not None]
+    for table in source.tables(0, wanted, rows):
+        checked = check(table, ambient, required)
+        if source.problems or checked.problems:
+            raise DataError.of(str(source.path), [*source.problems, *checked.problems])
+        columns = dict(checked.columns)
+        warnings = (*source.warnings, *checked.warnings)
+        yield Log(columns.pop("time"), columns, source.path.stem, dict(source.metadata), warnings)
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:
-    """Write `log` in SI to a ``.csv`` or ``.parquet`` file; `read` gives exactly the same numbers back.
+    """Write `log` in SI to a ``.csv``, ``.parquet``, ``.mf4`` or ``.mat`` file; `read` gives the same numbers back.
 
-    A file that exists is replaced in one step, so nothing is ever half-written. Parquet keeps the metadata too.
+    A file that exists is replaced in one step, so nothing is ever half-written. All but CSV keep the metadata too.
 
     Raises
     ------
@@ -70,13 +157,22 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     writers = _writers()
     suffix = Path(path).suffix
     if suffix.lower() not in writers:
+        *known, last = writers
         what = f"the suffix '{suffix}' is not known" if suffix else "the name has no suffix"
-        raise ExportError(f"{path}: {what}; a log is written as {' or '.join(writers)}.")
+        raise ExportError(f"{path}: {what}; a log is written as {', '.join(known)} or {last}.")
     with atomic_write(path) as temporary:
         writers[suffix.lower()](log, temporary)
 
 
 def _writers() -> dict[str, Callable[[Log, Path], None]]:
-    from clutchid.io import csv_file, parquet_file
+    from clutchid.io.csv import file as csv_file
+    from clutchid.io.mat import file as mat_file
+    from clutchid.io.mdf import file as mdf_file
+    from clutchid.io.parquet import file as parquet_file
 
-    return {".csv": csv_file.save, ".parquet": parquet_file.save}
+    return {
+        ".csv": csv_file.save,
+        ".parquet": parquet_file.save,
+        ".mf4": mdf_file.save,
+        ".mat": mat_file.save,
+    }

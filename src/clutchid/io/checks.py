@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.io.columns import QUANTITIES, Heading, heading_problems, ignored
+from clutchid.io.columns import QUANTITIES, REQUIRED, Heading, heading_problems, ignored
 from clutchid.io.table import SHOWN, Places, Rows, Table, and_more
 from clutchid.log import HOLE, INPUTS, FloatArray
 from clutchid.units import UNITS, to_si
@@ -54,33 +54,46 @@ class _Column:
         return quantity(self.written[row], self.heading.unit)
 
 
-def check(table: Table, ambient: float = AMBIENT) -> Checked:
+def check(table: Table, ambient: float = AMBIENT, required: Sequence[str] = REQUIRED) -> Checked:
     """The columns of `table` in SI, and everything that is wrong or suspicious in the file.
 
     Parameters
     ----------
     table
-        What `open_table` returns.
+        A table of a `Source`.
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures.
+    required
+        Quantities without which the table is of no use.
 
     Raises
     ------
     ParameterError
         If `ambient` is not a pressure above 0.
     """
-    if not (math.isfinite(ambient) and ambient > 0):
-        raise ParameterError(f"ambient = {ambient:g} Pa: an absolute pressure is above 0. Appendix A has {AMBIENT:g}.")
+    check_ambient(ambient)
     groups: dict[str, list[_Column]] = defaultdict(list)
     for heading in table.headings:
         if heading.name is not None and heading.index in table.numbers:
             groups[heading.name].append(_column(heading, table, ambient))
-    problems = [*(heading_problems(table.headings) if table.headings else []), *table.problems]
+    problems = [*(heading_problems(table.headings, required) if table.headings else []), *table.problems]
     for name, columns in groups.items():
         for column in columns:
             problems += _problems(name, column)
     warnings = ignored(table.headings) + _gaps(groups) + _hole_warning(groups.get("time", ()))
     return Checked({name: columns[0].values for name, columns in groups.items()}, tuple(problems), tuple(warnings))
+
+
+def check_ambient(ambient: float) -> None:
+    """Make sure that `ambient` in Pa is an absolute pressure.
+
+    Raises
+    ------
+    ParameterError
+        If it is not above 0.
+    """
+    if not (math.isfinite(ambient) and ambient > 0):
+        raise ParameterError(f"ambient = {ambient:g} Pa: an absolute pressure is above 0. Appendix A has {AMBIENT:g}.")
 
 
 def holes(time: FloatArray) -> Rows:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from clutchid.log import COLUMNS, INPUTS
-from clutchid.units import UNITS, known_units
+from clutchid.units import SPELLINGS, UNITS, known_units
 
 #: Names that have a meaning, and their SI units.
 QUANTITIES: Mapping[str, str] = MappingProxyType({"time": "s", **COLUMNS})
@@ -27,12 +27,16 @@ _SHOWN = 12
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """One heading: its text as written, the quantity it names (None: not known) and its unit (None: not given)."""
+    """One heading: its text as written, the quantity it names (None: not known) and its unit (None: not given).
+
+    `comment` is what the file says of the channel besides.
+    """
 
     index: int
     text: str
     name: str | None
     unit: str | None
+    comment: str = ""
 
     @property
     def si(self) -> str | None:
@@ -61,8 +65,48 @@ def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
 def _heading(index: int, text: str) -> Heading:
     match = _GRAMMAR.fullmatch(text)
     name, unit = match.group("name", "unit") if match else (text.partition("[")[0], None)
-    unit = re.sub(r"\s", "", unit or "").replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}")
-    return Heading(index, shortened(text), _KEYS.get(_key(name)), unit or None)
+    return Heading(index, shortened(text), quantity_named(name), unit_spelled(unit))
+
+
+def channel(index: int, text: str, unit: str | None, comment: str = "") -> Heading:
+    """The heading of a channel whose unit stands apart from its name, as in MDF.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> channel(3, "Position", " mm "), channel(0, "TravelSensor", "").unit
+    (Heading(index=3, text='Position', name='position', unit='mm', comment=''), None)
+    """
+    return Heading(index, shortened(text, 80), quantity_named(text), unit_spelled(unit), shortened(comment, 200))
+
+
+def quantity_named(name: str) -> str | None:
+    """The quantity that a name of the contract means; None for any other name.
+
+    Raises
+    ------
+    Nothing.
+    """
+    return _KEYS.get(_key(name))
+
+
+def unit_spelled(text: str | None) -> str | None:
+    """A unit as the table of units spells it, where it is a known one; None where there is no unit.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> unit_spelled("bar (g)"), unit_spelled("barg"), unit_spelled("-"), unit_spelled("Prozent"), unit_spelled(" ")
+    ('bar(g)', 'bar(g)', '1', '%', None)
+    """
+    unit = re.sub(r"\s", "", text or "").replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}")
+    return SPELLINGS.get(unit.casefold(), unit) or None
 
 
 def _key(name: str) -> str:
@@ -72,7 +116,7 @@ def _key(name: str) -> str:
 _KEYS = {_key(name): name for name in QUANTITIES}
 
 
-def heading_problems(columns: Sequence[Heading]) -> list[str]:
+def heading_problems(columns: Sequence[Heading], required: Sequence[str] = REQUIRED) -> list[str]:
     """What is wrong with the headings of a file: duplicate, without unit, in an unknown unit, or missing.
 
     Raises
@@ -85,7 +129,7 @@ def heading_problems(columns: Sequence[Heading]) -> list[str]:
             same[column.name].append(column)
     problems = [_duplicate(name, group) for name, group in same.items() if len(group) > 1]
     problems += [_unit_problem(column, column.name) for column in columns if column.name and column.si is None]
-    missing = [name for name in REQUIRED if name not in same]
+    missing = [name for name in required if name not in same]
     if missing:
         problems.append(_missing(missing, columns))
     return problems

@@ -73,8 +73,8 @@ def check_writable(path: str | PathLike[str]) -> None:
         raise ExportError(f"{path}: the folder '{folder}' cannot be written ({_reason(error)}).") from error
 
 
-def plain_file(path: str | PathLike[str]) -> Path:
-    """`path`, once it is certain that it is a plain file that may be read.
+def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
+    """`path`, once it is certain that it is a plain file that may be read; `what` it is to be, for the message.
 
     Raises
     ------
@@ -84,11 +84,11 @@ def plain_file(path: str | PathLike[str]) -> Path:
     file = Path(path)
     try:
         if file.is_dir():
-            raise DataError(f"{file}: is a folder; name one CSV or Parquet file in it.")
+            raise DataError(f"{file}: is a folder; name one {what} in it.")
         if not file.exists():
             raise DataError(f"{file}: there is no such file{_nearest(file)}")
         if not file.is_file():
-            raise DataError(f"{file}: is not a plain file; save the recording to a CSV or Parquet file first.")
+            raise DataError(f"{file}: is not a plain file; save the {what} to a file first.")
         file.open("rb").close()
     except PermissionError:
         raise DataError(f"{file}: there is no permission to read it; change its owner or mode.") from None

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 
-from clutchid.io.checks import AMBIENT, check, holes, in_si, intervals, usual_interval
+from clutchid.io.checks import AMBIENT, check, check_ambient, in_si
 from clutchid.io.columns import Heading
-from clutchid.io.opening import open_table
-from clutchid.io.table import SHOWN, Table, and_more
+from clutchid.io.look_text import listing, look_text
+from clutchid.io.opening import open_source
+from clutchid.io.proposal import Proposal, propose
+from clutchid.io.source import BLOCK, Source, in_contract
+from clutchid.io.table import SHOWN, Places, Table
+from clutchid.io.time_look import TimeLook, ticked
 from clutchid.log import FloatArray
+
+#: Bytes of numbers up to which a raster is looked at in one piece, so that every problem is counted once.
+_WHOLE = 1 << 29
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnLook:
-    """One column of a file; numbers are NaN and the SI unit None where they are not known.
+    """One channel of a file; numbers are NaN and the SI unit None where they are not known.
 
-    `name` is the quantity (None: the column is ignored by `read`), `heading` the text as written, `low` and `high` the
+    `name` is the quantity (None: the channel is ignored by `read`), `heading` the text as written, `low` and `high` the
     range in `unit`, `low_si` and `high_si` in `si`, `missing` the number of samples without a finite number.
     """
 
@@ -36,48 +44,33 @@ class ColumnLook:
 
 
 @dataclass(frozen=True, slots=True)
-class Hole:
-    """An interval much longer than the others: the line or row before it, its start and length in s."""
+class RasterLook:
+    """Channels that share their stamps: how the file calls them, samples, channels, time axis (None: there is none).
 
-    place: int
-    start: float
-    length: float
+    `place` is what a sample stands in: a line of a text, a row of a table.
+    """
 
-
-@dataclass(frozen=True, slots=True)
-class TimeLook:
-    """The time axis in s: first and last sample, shortest, usual and longest interval, and the first of the holes."""
-
-    first: float
-    last: float
-    shortest: float
-    usual: float
-    longest: float
-    hole_count: int
-    holes: tuple[Hole, ...]
-
-    @property
-    def duration(self) -> float:
-        """Time from the first to the last sample in s."""
-        return self.last - self.first
-
-    @property
-    def rate(self) -> float:
-        """Samples per second, from the usual interval."""
-        return 1 / self.usual
+    name: str
+    samples: int
+    columns: tuple[ColumnLook, ...]
+    time: TimeLook | None
+    place: str
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What is in a file: its columns, its time axis (None: there is none), problems and warnings of `read`."""
+    """What is in a file: its format, its rasters, problems and warnings of `read`, and a channel map.
+
+    `needs_map` says that the columns have not the names of the contract.
+    """
 
     source: str
-    samples: int
-    columns: tuple[ColumnLook, ...]
-    time: TimeLook | None
+    format: str
+    rasters: tuple[RasterLook, ...]
     problems: tuple[str, ...]
     warnings: tuple[str, ...]
-    place: str
+    proposal: Proposal
+    needs_map: bool
 
     def __str__(self) -> str:
         return self.table()
@@ -89,20 +82,20 @@ class Look:
         ------
         Nothing.
         """
-        lines = [f"{self.source}: {self.samples:,} sample{'' if self.samples == 1 else 's'}{_time_text(self.time)}"]
-        if self.columns:
-            lines += ["", *_aligned([_TITLES, *map(_row, self.columns)])]
-        if self.time and self.time.hole_count:
-            shown = [f"{_short(hole.length)} s after {self.place} {hole.place}" for hole in self.time.holes]
-            lines += ["", f"Holes: {and_more(shown, self.time.hole_count - len(shown))}"]
-        for title, sentences in (("Problems", self.problems), ("Warnings", self.warnings)):
-            if sentences:
-                lines += ["", f"{title}:", *(f"  - {sentence}" for sentence in sentences)]
-        return "\n".join(lines)
+        return look_text(self)
+
+    def listing(self) -> str:
+        """Every channel with its raster, unit and range, a line each: what a map can be written from.
+
+        Raises
+        ------
+        Nothing.
+        """
+        return listing(self)
 
 
-def look(path: str | PathLike[str], ambient: float = AMBIENT) -> Look:
-    """What is in a CSV or Parquet file, whether or not `read` would accept it.
+def look(path: str | PathLike[str], ambient: float = AMBIENT, dbc: Sequence[str | PathLike[str]] = ()) -> Look:
+    """What is in a recording of any format, whether or not `read` would accept it.
 
     Parameters
     ----------
@@ -110,11 +103,15 @@ def look(path: str | PathLike[str], ambient: float = AMBIENT) -> Look:
         The file.
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``.
+    dbc
+        DBC files that decode a bus log.
 
     Raises
     ------
     DataError
         If there is no file that can be read; what is wrong inside it is in ``Look.problems``.
+    MissingExtra
+        If its format needs a library that is not installed.
     ParameterError
         If `ambient` is not a pressure above 0.
 
@@ -125,79 +122,97 @@ def look(path: str | PathLike[str], ambient: float = AMBIENT) -> Look:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder) / "run.csv"
     ...     _ = file.write_text("time [ms],position [mm]\\n0,0\\n1,0.5\\n2,\\n")
-    ...     seen = look(file)
+    ...     (seen,) = look(file).rasters
     >>> seen.time.rate, seen.columns[1].high_si, seen.columns[1].missing
     (1000.0, 0.0005, 1)
     """
-    table = open_table(path, every=True)
-    checked = check(table, ambient)
-    columns = tuple(_column(heading, table, ambient) for heading in table.headings)
-    time = _time(table, checked.columns["time"]) if _has_time(table) else None
-    return Look(str(path), table.size, columns, time, checked.problems, checked.warnings, table.places.word)
+    check_ambient(ambient)
+    source = open_source(path, dbc)
+    proposal = propose(source)
+    proposal = replace(proposal, channels=replace(proposal.channels, dbc=tuple(map(Path, dbc))))
+    by_contract = in_contract(source) or (source.tabular and not proposal.complete and _means_the_contract(source))
+    found = [_Found(len(raster.headings)) for raster in source.rasters]
+    seen = tuple(_raster(source, i, found[i], ambient, by_contract) for i in range(len(source.rasters)))
+    problems, warnings = [*source.problems, *([source.unnamed] if source.unnamed else [])], [*source.warnings]
+    for one in found:
+        problems += one.problems
+        warnings += one.warnings
+    return Look(
+        str(path),
+        source.format,
+        seen,
+        tuple(problems),
+        tuple(dict.fromkeys(warnings)),
+        proposal,
+        not in_contract(source),
+    )
 
 
-def _has_time(table: Table) -> bool:
-    """Whether there is a time column that can be given in s, the first of that name."""
-    first = next((heading for heading in table.headings if heading.name == "time"), None)
-    return first is not None and first.si is not None and bool(np.isfinite(table.numbers.get(first.index, _NONE)).any())
+def _means_the_contract(source: Source) -> bool:
+    """Whether enough columns of a table have the names of the contract to say what is wrong with the others."""
+    names = [heading.name for raster in source.rasters for heading in raster.headings if heading.name is not None]
+    return len(names) > 1 or not source.rasters
 
 
-_NONE = np.empty(0)
+@dataclass(slots=True)
+class _Found:
+    """What was seen of a raster so far."""
+
+    columns: int
+    low: list[float] = field(init=False)
+    high: list[float] = field(init=False)
+    finite: list[int] = field(init=False)
+    time: TimeLook | None = None
+    places: Places = field(default_factory=Places)
+    samples: int = 0
+    problems: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.low, self.high = [math.inf] * self.columns, [-math.inf] * self.columns
+        self.finite = [0] * self.columns
 
 
-def _column(heading: Heading, table: Table, ambient: float) -> ColumnLook:
-    written = table.numbers.get(heading.index, _NONE)
-    low, high = _range(written)
-    low_si, high_si = _range(in_si(heading, written, ambient)) if heading.si else (math.nan, math.nan)
-    missing = table.size - int(np.count_nonzero(np.isfinite(written)))
+def _raster(source: Source, index: int, found: _Found, ambient: float, by_contract: bool) -> RasterLook:
+    raster = source.rasters[index]
+    clock = next((heading for heading in raster.headings if heading.index == raster.clock), None)
+    if clock is not None and clock.unit is None and source.rasters and not source.tabular:
+        clock = replace(clock, name="time", unit="s")
+    rows = None if raster.size * len(raster.headings) * 8 < _WHOLE else BLOCK
+    for table in source.tables(index, [heading.index for heading in raster.headings], rows):
+        _take(found, table, clock, ambient)
+        if by_contract and not source.unnamed:
+            checked = check(table, ambient)
+            found.problems += checked.problems[: SHOWN if found.problems else None]
+            found.warnings += checked.warnings
+        else:
+            found.problems += [problem for problem in table.problems if problem not in found.problems]
+    columns = tuple(_column(heading, found, ambient) for heading in raster.headings)
+    return RasterLook(raster.name, found.samples, columns, found.time, found.places.word)
+
+
+def _take(found: _Found, table: Table, clock: Heading | None, ambient: float) -> None:
+    """Add a block of samples to what was seen."""
+    found.samples += table.size
+    found.places = table.places
+    for position, heading in enumerate(table.headings):
+        values = table.numbers.get(heading.index, np.empty(0))
+        finite = values[np.isfinite(values)]
+        if finite.size:
+            found.low[position] = min(found.low[position], float(finite.min()))
+            found.high[position] = max(found.high[position], float(finite.max()))
+            found.finite[position] += finite.size
+    if clock is not None and clock.si is not None and clock.index in table.numbers:
+        found.time = ticked(found.time, in_si(clock, table.numbers[clock.index], ambient), table.places)
+
+
+def _column(heading: Heading, found: _Found, ambient: float) -> ColumnLook:
+    position = heading.index
+    nothing = not found.finite[position]
+    low, high = (math.nan, math.nan) if nothing else (found.low[position], found.high[position])
+    low_si, high_si = math.nan, math.nan
+    if heading.si:
+        ends: FloatArray = in_si(heading, np.array([low, high]), ambient)
+        low_si, high_si = float(ends[0]), float(ends[1])
+    missing = found.samples - found.finite[position]
     return ColumnLook(heading.text, heading.name, heading.unit, heading.si, low, high, low_si, high_si, missing)
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    return (float(finite.min()), float(finite.max())) if finite.size else (math.nan, math.nan)
-
-
-def _time(table: Table, time: FloatArray) -> TimeLook:
-    rows = np.flatnonzero(np.isfinite(time))
-    time = time[rows]
-    steps = intervals(time) if time.size > 1 else np.array([math.inf])
-    after = holes(time)
-    shown = tuple(Hole(table.places.number(rows[i]), float(time[i]), float(steps[i])) for i in after[:SHOWN].tolist())
-    ends, longest = (float(time[0]), float(time[-1])), float(steps.max())
-    return TimeLook(*ends, float(steps.min()), usual_interval(time), longest, int(after.size), shown)
-
-
-_TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
-
-
-def _row(column: ColumnLook) -> tuple[str, ...]:
-    """The cells of one column in the table."""
-    si = f" {column.si}" if column.si not in (None, "1") else ""
-    in_unit = [_short(column.low), _short(column.high)]
-    converted = [f"{_short(value)}{si}" if math.isfinite(value) else "-" for value in (column.low_si, column.high_si)]
-    return (column.name or "(ignored)", column.heading, *in_unit, *converted, f"{column.missing:,}")
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> Iterable[str]:
-    """Lines of a table: the first two columns to the left, numbers to the right."""
-    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
-    for row in rows:
-        padded = [
-            f"{cell:<{width}}" if i < 2 else f"{cell:>{width}}"
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        yield ("  " + "  ".join(padded)).rstrip()
-
-
-def _time_text(time: TimeLook | None) -> str:
-    if time is None:
-        return ", no time axis"
-    if not math.isfinite(time.usual):
-        return f" at {_short(time.first)} s"
-    rate = f"{_short(time.rate)} Hz, every {_short(time.shortest)} to {_short(time.longest)} s"
-    return f", {_short(time.duration)} s from {_short(time.first)} s at {rate}"
-
-
-def _short(value: float) -> str:
-    return f"{value:.6g}" if math.isfinite(value) else "-"

@@ -2,27 +2,72 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
+from pathlib import Path
 
 from clutchid.io.files import plain_file
-from clutchid.io.table import Table
+from clutchid.io.source import Source
+
+#: Bytes at the start of a file that are enough to know its format.
+_ENOUGH = 1024
 
 
-def open_table(path: str | PathLike[str], *, every: bool = False) -> Table:
-    """The numbers in a CSV or Parquet file; `every` column, or those whose name is known.
+def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
+    """A file of any known format, opened; `dbc` decode the frames of a bus log.
 
     Raises
     ------
     DataError
-        If there is no plain file that can be read; what is wrong inside it is in ``Table.problems``.
+        If there is no plain file that can be read, or a DBC file is none; what is wrong inside the recording is in
+        ``Source.problems``.
+    MissingExtra
+        If its format needs a library that is not installed.
     """
-    file = plain_file(path)
+    source = _opened(plain_file(path), [plain_file(name, "DBC file") for name in dbc])
+    if source.rasters or source.problems:
+        return source
+    return replace(
+        source, problems=(f"holds no channel with numbers. {' '.join(source.warnings)}".strip(),), warnings=()
+    )
+
+
+def _opened(file: Path, dbc: Sequence[Path]) -> Source:
     with file.open("rb") as stream:
-        magic = stream.read(4)
-    if magic == b"PAR1":
-        from clutchid.io import parquet_file
+        head = stream.read(_ENOUGH)
+    if head[:8] in (b"MDF     ", b"UnFinMF "):
+        return _mdf(file, dbc)
+    if head[:4] == b"PAR1":
+        from clutchid.io.parquet import file as parquet_file
 
-        return parquet_file.load(file, every=every)
-    from clutchid.io import csv_file
+        return parquet_file.open_file(file)
+    if head[:4] == b"LOGG":
+        return _can(file, dbc)
+    if b"\0" in head:  # no text, but for UTF-16
+        from clutchid.io.mat import file as mat_file
 
-    return csv_file.load(file, every=every)
+        if mat_file.is_mat(head):
+            return mat_file.open_file(file)
+    from clutchid.io.can import asc as asc_file
+    from clutchid.io.csv import file as csv_file
+
+    return _can(file, dbc) if asc_file.is_asc(head) else csv_file.open_file(file)
+
+
+def _can(file: Path, dbc: Sequence[Path]) -> Source:
+    from clutchid.io.can import file as can_file
+
+    return can_file.open_file(file, dbc)
+
+
+def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
+    """An MDF of measured channels, or of the frames of a bus where a DBC is given for them."""
+    from clutchid.io.can import mf4 as mf4_bus
+    from clutchid.io.mdf import file as mdf_file
+
+    if dbc and mf4_bus.holds_bus_frames(file):
+        return _can(file, dbc)
+    source = mdf_file.open_file(file)
+    silent = not (source.rasters or source.problems)
+    return _can(file, ()) if silent and mf4_bus.holds_bus_frames(file) else source

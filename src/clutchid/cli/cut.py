@@ -1,0 +1,108 @@
+"""``clutchid cut``: a long recording cut into strokes and rests, and those that tell most."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from clutchid.cli.common import DONE, check_outputs, guarded, pieces_of, pressure, progress_bar
+from clutchid.errors import DataError
+from clutchid.parameters import Parameters
+
+if TYPE_CHECKING:
+    from clutchid.strokes import Section
+
+
+def cut(
+    recording: Path,
+    /,
+    *,
+    out: Path,
+    table: Path | None = None,
+    seconds: float = 60.0,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    ambient: str | None = None,
+    debug: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Cut a recording of any length into strokes and rests, and write those that tell most about the load.
+
+    The recording is read piece by piece, so that a day at 1 kHz needs no more memory than a minute.
+
+    Parameters
+    ----------
+    recording
+        Recording of any format that `clutchid look` reads.
+    out
+        The strokes that tell most, one recording with holes between them (.parquet, .csv, .mf4 or .mat), for `fit`.
+    table
+        List of all strokes and rests to write, CSV: label, start, reach, speeds, vented rest, missing samples.
+    seconds
+        Length of what is chosen.
+    map_
+        Channel map (TOML) of the recording, as written by `clutchid look --save`.
+    dbc
+        DBC files that decode a bus log, several after each other.
+    ambient
+        Ambient pressure for gauge units, for example 1.013bar; default P_0.
+    debug
+        Show the traceback of an error.
+    """
+
+    def work() -> int:
+        from clutchid.io import atomic_write, write
+        from clutchid.strokes import choose, joined, sections_table
+        from clutchid.strokes import cut as sections_of
+
+        check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
+        seen: Counter[str] = Counter()
+        with progress_bar("cut") as show:
+            pieces = pieces_of(recording, pressure(ambient, Parameters().P_0), map_, tuple(dbc or ()), show)
+            sections = sections_of(pieces)
+            if table is None:
+                chosen = choose(_counted(sections, seen, lambda _: None), seconds)
+            else:
+                with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+                    chosen = choose(_counted(sections, seen, csv.writer(file).writerow), seconds)
+        print(", ".join(f"{count:,} {label}" for label, count in seen.most_common()))
+        if not chosen:
+            raise DataError(
+                f"{recording}: no stroke of at most {seconds:g} s that could be fitted; nothing is written."
+            )
+        write(joined(chosen), out)
+        print(f"\n{sections_table(chosen)}\n")
+        print("\n".join(f"written: {path.resolve()}" for path in (out, table) if path is not None))
+        return DONE
+
+    return guarded(work, as_json=False, debug=debug)
+
+
+def _counted(
+    sections: Iterable[Section], seen: Counter[str], write_row: Callable[[Iterable[object]], object]
+) -> Iterator[Section]:
+    """The sections, counted by label and written to the table one by one."""
+    for number, section in enumerate(sections, 1):
+        told = asdict(section.excitation)
+        if number == 1:
+            write_row(["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *_headings(told)])
+        ends = (section.start, section.departure, section.end)
+        write_row([number, section.kind, section.label, section.first, *ends, *told.values()])
+        seen[section.label] += 1
+        yield section
+
+
+_UNITS = {
+    **dict.fromkeys(("lowest", "highest", "level", "reach"), "_m"),
+    **dict.fromkeys(("opening_speed", "closing_speed"), "_m_s"),
+    "vented_rest": "_s",
+}
+
+
+def _headings(names: Iterable[str]) -> Iterator[str]:
+    return (name + _UNITS.get(name, "") for name in names)

@@ -1,0 +1,99 @@
+"""``clutchid friction``: friction from recordings of a test rig."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json, read_logs
+from clutchid.log import Log
+from clutchid.parameters import Parameters
+
+
+def friction(
+    *files: Path,
+    law: Literal["coulomb", "lugre"] = "coulomb",
+    area: float | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    ambient: str | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    debug: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Friction of a seal from the force that moves it to and fro on a test rig.
+
+    Parameters
+    ----------
+    files
+        Recordings with `time`, `position`, `force` and, where measured, `pressure_a`.
+    law
+        coulomb: Coulomb friction at each held pressure from strokes at constant speed, and whether one constant holds.
+        lugre: F_C, K_z, D_v and D_zdot of each recording, simulated from its position alone.
+    area
+        Rise of the force with the pressure in m², where it is known; for coulomb.
+    map_
+        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
+    ambient
+        Ambient pressure, for example 1.013bar; default P_0.
+    json
+        Print one JSON object on standard output.
+    debug
+        Show the traceback of an error.
+    """
+
+    def work() -> int:
+        outside = pressure(ambient, Parameters().P_0)
+        logs = read_logs(files, outside, map_, required=("time", "position", "force"))
+        text, content = _lugre(logs) if law == "lugre" else _coulomb(logs, outside, area)
+        if json:
+            print_json({**EMPTY, "status": "warning" if content["warnings"] else "ok", **content})
+            return DONE
+        print(text)
+        for warning in content["warnings"]:
+            print(f"warning: {warning}", file=sys.stderr)
+        return DONE
+
+    return guarded(work, as_json=json, debug=debug)
+
+
+def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[str, dict[str, Any]]:
+    from clutchid.rig import coulomb_friction, implied, verdict
+    from clutchid.rig.tables import level_table, parameter_table
+
+    found = coulomb_friction(logs, ambient=ambient, area=area)
+    sentence, *others = verdict(found)
+    levels = [
+        {
+            "pressure_Pa": level.pressure,
+            "friction_N": level.friction.value,
+            "low_N": level.friction.low,
+            "high_N": level.friction.high,
+            "cycles": level.cycles.size,
+        }
+        for level in found.levels
+    ]
+    parameters = implied(found)
+    text = f"{level_table(found)}\n\n{parameter_table(parameters)}\n\n{sentence}"
+    warnings = [f"{log.name}: {warning}" for log in logs for warning in log.warnings] + others
+    told = {name: _entry(estimate) for name, estimate in parameters.items()}
+    return text, {"message": sentence, "parameters": told, "levels": levels, "warnings": warnings}
+
+
+def _lugre(logs: Sequence[Log]) -> tuple[str, dict[str, Any]]:
+    from clutchid.rig import fit_lugre
+    from clutchid.rig.tables import lugre_table
+
+    fits = [fit_lugre(log) for log in logs]
+    told = {f"{name}@{fit.name}": _entry(estimate) for fit in fits for name, estimate in fit.parameters.items()}
+    message = "; ".join(f"{fit.name}: fit {fit.fit_percent:.1f} % in free run" for fit in fits)
+    entries = {fit.name: {"fit_percent": fit.fit_percent, "force_rms_N": fit.rms} for fit in fits}
+    warnings = [f"{fit.name}: {warning}" for fit in fits for warning in fit.warnings]
+    text = "\n\n".join(lugre_table(fit) for fit in fits)
+    return text, {"message": message, "parameters": told, "logs": entries, "warnings": warnings}
+
+
+def _entry(estimate: Any) -> dict[str, Any]:
+    return {key: getattr(estimate, key) for key in ("value", "unit", "std", "low", "high")}

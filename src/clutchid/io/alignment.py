@@ -1,0 +1,131 @@
+"""Channels with stamps of their own, brought to one raster: duty cycles are held, measurements interpolated.
+
+Nothing is invented across a hole, and no union of all stamps is made: what is in memory is a block of each channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.log import INPUTS, FloatArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Stream:
+    """Channels that share their stamps, block by block: (stamps in s, values by quantity in SI).
+
+    `longest` says, by quantity, for how many seconds a sample may stand for what follows it.
+    """
+
+    blocks: Iterator[tuple[FloatArray, Mapping[str, FloatArray]]]
+    longest: Mapping[str, float]
+
+
+def align(at: FloatArray, stamps: FloatArray, values: FloatArray, longest: float, *, hold: bool) -> FloatArray:
+    """A channel at the instants `at`.
+
+    Parameters
+    ----------
+    at : s
+        Instants, growing.
+    stamps : s
+        Stamps of the channel, strictly growing.
+    values
+        Its samples; a missing one is NaN.
+    longest : s
+        A gap longer than this is a hole, in which nothing is known.
+    hold
+        Whether a sample holds until the next one (an input), or the line between two is taken (a measurement).
+
+    Returns
+    -------
+    Values at `at`; NaN in a hole, next to a missing sample, and before the first and after the last sample (a held one
+    goes on for `longest`).
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> at = np.array([0.0, 0.5, 1.0, 1.5, 9.0])
+    >>> align(at, np.array([0.0, 1.0, 8.0]), np.array([2.0, 4.0, 5.0]), 2.0, hold=True)
+    array([2., 2., 4., 4., 5.])
+    >>> align(at, np.array([0.0, 1.0, 8.0]), np.array([2.0, 4.0, 5.0]), 2.0, hold=False)
+    array([ 2.,  3.,  4., nan, nan])
+    """
+    if not stamps.size:
+        return np.full(at.size, np.nan)
+    before = np.searchsorted(stamps, at, side="right") - 1
+    first = np.maximum(before, 0)
+    if hold:
+        known = (before >= 0) & (at - stamps[first] <= longest)
+        return np.where(known, values[first], np.nan)
+    after = np.minimum(first + 1, stamps.size - 1)
+    width = stamps[after] - stamps[first]
+    exact = (before >= 0) & (at == stamps[first])
+    known = (before >= 0) & (width > 0) & (width <= longest)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = (at - stamps[first]) / np.where(width > 0, width, 1.0)
+        between = values[first] + share * (values[after] - values[first])
+    return np.where(exact, values[first], np.where(known, between, np.nan))
+
+
+def aligned(base: Stream, others: list[Stream]) -> Iterator[tuple[FloatArray, dict[str, FloatArray]]]:
+    """Every stream at the stamps of `base`, block by block.
+
+    Raises
+    ------
+    DataError
+        As the streams do.
+    """
+    followers = [_Follower(stream) for stream in others]
+    for time, columns in base.blocks:
+        merged = dict(columns)
+        for follower in followers:
+            merged.update(follower.at(time))
+        yield time, merged
+
+
+class _Follower:
+    """A stream with a window of its samples that moves on with the instants that are asked for."""
+
+    def __init__(self, stream: Stream) -> None:
+        self._blocks = stream.blocks
+        self._longest = stream.longest
+        self._time: FloatArray = np.empty(0)
+        self._columns: dict[str, FloatArray] = {name: np.empty(0) for name in stream.longest}
+
+    def at(self, instants: FloatArray) -> dict[str, FloatArray]:
+        """The stream's channels at `instants`, which must not go back from call to call."""
+        if not instants.size:
+            return {name: np.empty(0) for name in self._columns}
+        self._reach(float(instants[-1]))
+        found = {
+            name: align(instants, self._time, values, self._longest[name], hold=name in INPUTS)
+            for name, values in self._columns.items()
+        }
+        self._forget(float(instants[-1]))
+        return found
+
+    def _reach(self, end: float) -> None:
+        """Read on until a sample behind `end` is there, or the stream ends."""
+        times, parts = [self._time], [self._columns]
+        while not (times[-1].size and times[-1][-1] > end):
+            block = next(self._blocks, None)
+            if block is None:
+                break
+            times.append(block[0])
+            parts.append(dict(block[1]))
+        if len(times) > 1:
+            self._time = np.concatenate(times)
+            self._columns = {name: np.concatenate([part[name] for part in parts]) for name in self._columns}
+
+    def _forget(self, end: float) -> None:
+        """Keep the last sample up to `end`, which may still hold, and all behind it."""
+        keep = max(int(np.searchsorted(self._time, end, side="right")) - 1, 0)
+        self._time = self._time[keep:].copy()
+        self._columns = {name: values[keep:].copy() for name, values in self._columns.items()}

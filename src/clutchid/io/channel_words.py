@@ -1,0 +1,141 @@
+"""What the name of a channel tells: English, German and J1939 words of the quantities, and units at its end."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from clutchid.io.columns import QUANTITIES, quantity_named
+from clutchid.units import UNITS
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_CLUTCH = _words("clutch kupplung kuppl kupp coupling actuator aktuator aktor piston kolben cca")
+_SUPPLY = _words("supply inlet fill open load zuluft einlass belueftung belueften be")
+_EXHAUST = _words("exhaust outlet vent release close abluft auslass entlueftung entlueften ent")
+_DUTY = _words("duty pwm valve solenoid ventil tastverhaeltnis ansteuerung mv command cmd")
+_PRESSURE = _words("pressure press druck p")
+_TANK = _words("supply reservoir tank vorrat versorgung pneumatic circuit kreis system")
+_POSITION = _words("position pos travel stroke displacement weg hub lage kolbenweg x y desl")
+_FORCE = _words("force kraft friction reibung reibkraft")
+_OTHERS = _words(
+    "brake bremse oil oel fuel engine motor tire tyre reifen boost coolant wheel steering pedal throttle suspension "
+    "intake barometric trailer parking park gearbox crankcase turbo manifold rail latitude longitude gnss gps altitude "
+    "accelerator normal"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Quantity:
+    """What tells a quantity: a word of every group of `needs`, with `likes` in favour, and none of `never`."""
+
+    needs: tuple[frozenset[str], ...]
+    likes: frozenset[str] = _CLUTCH
+    never: frozenset[str] = _OTHERS
+
+
+_QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
+    {
+        "time": _Quantity(
+            (_words("time zeit t timestamp timestamps stamp tout clock"),), frozenset(), frozenset()
+        ),
+        "position": _Quantity((_POSITION,)),
+        "duty_supply": _Quantity((_DUTY, _SUPPLY), _CLUTCH | _words("duty pwm")),
+        "duty_exhaust": _Quantity((_DUTY, _EXHAUST), _CLUTCH | _words("duty pwm")),
+        "pressure_a": _Quantity((_PRESSURE,), _CLUTCH | _words("chamber kammer cylinder zylinder a"), _OTHERS | _TANK),
+        "pressure_supply": _Quantity((_PRESSURE, _TANK), _words("reservoir tank vorrat supply")),
+        "force": _Quantity((_FORCE,)),
+    }
+)  # fmt: skip
+
+_KNOWN = sorted(
+    {
+        word
+        for quantity in _QUANTITIES.values()
+        for group in (*quantity.needs, quantity.likes, quantity.never)
+        for word in group
+        if len(word) > 2
+    },
+    key=lambda word: (-len(word), word),
+)
+
+_JOINTS = ("", "s", "es", "n", "en", "e", "er")
+
+
+def name_score(name: str, text: str) -> float:
+    """How much the text of a channel speaks for the quantity `name`; 0 where it does not, 100 where it is its name.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> name_score("position", "Kupplungsweg"), name_score("position", "Weg"), name_score("position", "ThrottlePos")
+    (2.0, 1.0, 0.0)
+    """
+    known = quantity_named(_bare(text))
+    if known is not None:
+        return 100.0 if known == name else 0.0
+    quantity = _QUANTITIES.get(name)
+    if quantity is None:
+        return 0.0
+    words = set(_tokens(text))
+    if words & quantity.never or not all(words & group for group in quantity.needs):
+        return 0.0
+    return 1.0 + len(words & quantity.likes)
+
+
+def unit_in_name(name: str, text: str) -> str | None:
+    """A unit of the quantity `name` at the end of a channel's text, where one stands there.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> unit_in_name("position", "pos_mm"), unit_in_name("pressure_a", "p_abs_Pa"), unit_in_name("position", "pos_V")
+    ('mm', 'Pa', None)
+    """
+    end = re.split(r"[_\s.]", text.strip())[-1]
+    return end if end in UNITS and UNITS[end].si == QUANTITIES[name] and end not in (text, "1") else None
+
+
+def _bare(text: str) -> str:
+    return text.partition("[")[0]
+
+
+def _tokens(text: str) -> list[str]:
+    """The words of a channel's name, in lower case: CamelCase, underscores, and German compounds of known words.
+
+    >>> _tokens("KupplungsWeg_ist"), _tokens("ClutchPos"), _tokens("Entlüftungsventil")
+    (['kupplung', 'weg', 'ist'], ['clutch', 'pos'], ['entlueftung', 'ventil'])
+    """
+    plain = _bare(text)
+    for umlaut, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("Ü", "Ue"), ("Ä", "Ae"), ("Ö", "Oe")):
+        plain = plain.replace(umlaut, letters)
+    parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", plain)
+    return [token for part in parts for token in _compound(part.casefold())]
+
+
+def _compound(word: str) -> list[str]:
+    """A word cut into known words, where it is made of them and German joining letters; else as it is."""
+    if word in _KNOWN or len(word) < 5:
+        return [word]
+    for known in _KNOWN:
+        rest = word.removeprefix(known)
+        if rest == word:
+            continue
+        if rest in _JOINTS:
+            return [known]
+        for tail in (rest, rest.removeprefix("s"), rest.removeprefix("es")):
+            parts = _compound(tail)
+            if all(part in _KNOWN for part in parts):
+                return [known, *parts]
+    return [word]

@@ -1,0 +1,1 @@
+"""CSV as it comes from everywhere."""

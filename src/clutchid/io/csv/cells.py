@@ -1,0 +1,270 @@
+"""What a cell of a CSV file means: a number, a missing sample, a truth value or a stamp of date and time."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Words of a missing sample, in lower case; so is an empty cell. All else that is no number is a problem.
+MISSING = frozenset(
+    ["nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "#nv", "null", "none", "-", "--", "---"]
+    + [f"{sign}1.#{word}" for sign in ("", "-") for word in ("qnan", "ind")]
+)
+
+#: Words of truth values, in lower case; they are read as 1 and 0 in a column that holds nothing else.
+TRUTH = {
+    **dict.fromkeys(("true", "on", "ein", "an", "yes", "ja", "wahr"), 1.0),
+    **dict.fromkeys(("false", "off", "aus", "no", "nein", "falsch"), 0.0),
+}
+
+#: A number with either decimal mark.
+NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.ASCII | re.IGNORECASE)
+
+#: A comma that may be a decimal comma or stand between thousands; where it may not, it is a decimal comma.
+AMBIGUOUS = r"[+-]?[1-9]\d{0,2},\d{3}"
+COMMA = r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?"
+THOUSANDS = (
+    r"[+-]?[1-9]\d{0,2}(?:(?:[.' \xa0\u202f]\d{3}){2,}|(?:,\d{3}){2,}|(?:[' \xa0\u202f]\d{3})+|(?:,\d{3})+\.\d+"
+    r"|(?:\.\d{3})+,\d+)(?:[.,]\d+)?"
+)
+
+#: Date and time, or time of day; the same text serves Python and polars.
+STAMP = (
+    r"^(?:(?:([0-9]{4})-([0-9]{2})-([0-9]{2})|([0-9]{1,2})\.([0-9]{1,2})\.([0-9]{4}))[T ] *)?"
+    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? ?(Z|[+-][0-9]{2}:?[0-9]{2})?$"
+)
+_SECOND = 10**9
+
+Integers = NDArray[np.int64]
+
+
+def matches(pattern: str, text: str) -> bool:
+    """Whether a text is of this pattern, which is compiled only when it is needed, since that takes milliseconds.
+
+    Raises
+    ------
+    Nothing.
+    """
+    return re.fullmatch(pattern, text, re.ASCII) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What the cells of one column are: ``number``, ``truth``, ``stamp`` or ``text``.
+
+    `decimal` is the decimal mark; `origin` the first stamp in ns.
+    """
+
+    kind: str = "number"
+    decimal: str = "."
+    origin: int = 0
+
+
+def plain_number(text: str) -> float | None:
+    """The number that `text` is in the notation of programs; NaN for an empty cell, None for anything else.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> plain_number(" 0.5 "), plain_number("1_000"), plain_number("0,5")
+    (0.5, None, None)
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        return None if text.strip() else math.nan
+    return value if text.isascii() and "_" not in text else None
+
+
+def reader(form: Form) -> Callable[[str], float | None]:
+    """The function that reads a cell of this form; it returns None for what is no sample, NaN where one is missing.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> reader(Form(decimal=","))("0,5"), reader(Form("truth"))("Ein"), reader(Form())("n/a"), reader(Form())("1,5")
+    (0.5, 1.0, nan, None)
+    """
+
+    def word(text: str) -> float | None:
+        key = text.strip().casefold()
+        if key in MISSING:
+            return math.nan
+        return TRUTH.get(key) if form.kind == "truth" else None
+
+    def point(text: str) -> float | None:
+        value = plain_number(text)
+        return word(text) if value is None else value
+
+    def comma(text: str) -> float | None:
+        value = None if "." in text else plain_number(text.replace(",", "."))
+        return word(text) if value is None else value
+
+    def stamp(text: str) -> float | None:
+        found = nanoseconds(text)
+        if found is None:
+            return word(text) if text.strip() else math.nan
+        return float(found - form.origin) / _SECOND
+
+    if form.kind == "stamp":
+        return stamp
+    return comma if form.decimal == "," else point
+
+
+def nanoseconds(text: str) -> int | None:
+    """Nanoseconds of a stamp from 1970, those from midnight where there is no date; None where it is no stamp.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> nanoseconds("1970-01-01T00:00:01.5Z"), nanoseconds("01.01.1970 00:00:01,5"), nanoseconds("1.5")
+    (1500000000, 1500000000, None)
+    """
+    match = re.fullmatch(STAMP, text.strip()) if ":" in text else None
+    if match is None:
+        return None
+    fields = [np.array([int(cell)]) if cell else np.zeros(1, np.int64) for cell in match.groups("")[:9]]
+    fraction = np.array([int((match[10] or "").ljust(9, "0"))])
+    zone = np.array([zone_minutes(match[11] or "")])
+    stamps, valid = counted(fields, fraction, zone)
+    return int(stamps[0]) if valid[0] else None
+
+
+def counted(fields: Sequence[Integers], fraction: Integers, zone: Integers) -> tuple[Integers, NDArray[np.bool_]]:
+    """Nanoseconds of the fields of `STAMP` (0 where a field is empty), and which of them are dates and times at all.
+
+    Raises
+    ------
+    Nothing.
+    """
+    hour, minute, second = fields[6:9]
+    year, month, day = fields[0] + fields[5], fields[1] + fields[4], fields[2] + fields[3]
+    dated = month + day + year > 0
+    valid = (hour < 24) & (minute < 60) & (second < 61)
+    valid &= ~dated | ((month >= 1) & (month <= 12) & (day >= 1) & (day <= 31) & (year >= 1700) & (year < 2250))
+    days = np.where(dated & valid, _days(np.where(dated, year, 1970), month, day), 0)
+    seconds = days * 86400 + hour * 3600 + minute * 60 + second - zone * 60
+    return np.where(valid, seconds, 0) * _SECOND + fraction, valid
+
+
+def _days(year: Integers, month: Integers, day: Integers) -> Integers:
+    """Days from 1970-01-01 in the Gregorian calendar; years are counted from March."""
+    shifted = year - (month <= 2)
+    era = shifted // 400
+    of_era = shifted - era * 400
+    of_year = (153 * ((month + 9) % 12) + 2) // 5 + day - 1
+    days: Integers = era * 146097 + of_era * 365 + of_era // 4 - of_era // 100 + of_year - 719468
+    return days
+
+
+def zone_minutes(zone: str) -> int:
+    """Minutes of a time zone such as ``+02:00`` before universal time.
+
+    Raises
+    ------
+    Nothing.
+    """
+    if len(zone) < 5:
+        return 0
+    return int(zone[0] + "1") * (int(zone[1:3]) * 60 + int(zone[-2:]))
+
+
+def written(text: str) -> str:
+    """A stamp as it goes into the metadata: ISO 8601 with a point, in the order of year, month, day.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> written("1.05.2024 12:00:00,001")
+    '2024-05-01T12:00:00.001'
+    """
+    match = re.fullmatch(STAMP, text.strip())
+    if match is None:
+        return text.strip()
+    y, m, d, day, month, year, hour, minute, second, fraction, zone = match.groups("")
+    date = f"{y or year}-{m or month:0>2}-{d or day:0>2}T" if y or year else ""
+    return f"{date}{hour:0>2}:{minute}:{second}{'.' + fraction if fraction else ''}{zone}"
+
+
+def numberlike(cell: str) -> bool:
+    """Whether a cell is a sample of whatever kind: a number with either decimal mark, grouped or not, or a stamp.
+
+    Raises
+    ------
+    Nothing.
+    """
+    cell = cell.strip()
+    return bool(NUMBER.fullmatch(cell)) or matches(STAMP, cell) or matches(THOUSANDS, cell)
+
+
+def missing(cell: str) -> bool:
+    """Whether a cell says that there is no sample.
+
+    Raises
+    ------
+    Nothing.
+    """
+    cell = cell.strip()
+    return not cell or cell.casefold() in MISSING
+
+
+def decimal_mark(cells: Iterable[str]) -> str:
+    """The decimal mark that the cells show: ``.`` or ``,``; empty where no cell tells.
+
+    Both are only seen where one of them is wrong; then the more frequent one counts.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> decimal_mark(["1,234", "0,5"]), decimal_mark(["1,234", "12"])
+    (',', '')
+    """
+    points = commas = 0
+    for cell in map(str.strip, cells):
+        if "," in cell and matches(COMMA, cell):
+            commas += not matches(AMBIGUOUS, cell)
+        elif "." in cell:
+            points += plain_number(cell) is not None
+    return "," if commas > points else "." if points else ""
+
+
+def form(cells: Sequence[str], decimal: str) -> Form:
+    """The form of a column, told by some of its cells.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> [form(cells, ".").kind for cells in (["off", "on"], ["", "1"], ["12:00:00.5"], ["low"])]
+    ['truth', 'number', 'stamp', 'text']
+    """
+    given = [cell for cell in cells if not missing(cell)]
+    stamps = [found for cell in given if (found := nanoseconds(cell)) is not None]
+    if len(stamps) > len(given) / 2:
+        return Form("stamp", decimal, stamps[0])
+    others = [cell for cell in given if cell.strip() not in ("0", "1")]
+    if others and all(cell.strip().casefold() in TRUTH for cell in others):
+        return Form("truth", decimal)
+    return Form("number" if not given or any(map(numberlike, given)) else "text", decimal)

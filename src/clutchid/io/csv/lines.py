@@ -1,0 +1,182 @@
+"""The lines of a CSV file: bytes of some encoding and some line ends made blocks of UTF-8 with line feeds."""
+
+from __future__ import annotations
+
+import codecs
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+#: Bytes and lines at the start of a file that tell its dialect; a line is not longer.
+SAMPLE = 1 << 20
+_SAMPLE_LINES = 2000
+
+#: Bytes of a block, however many lines it has.
+_MOST = 1 << 26
+
+_UTF8 = b"\xef\xbb\xbf"
+_WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_CONTROL = bytes({*range(32), 127} - {9, 10, 11, 12, 13, 26})
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """How a file becomes lines: its encoding, the bytes read at a time, and the line of the last that is not blank."""
+
+    path: Path
+    encoding: str
+    chunk: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Whole lines of a file: the number of the first, their text in UTF-8, and how many they are."""
+
+    first: int
+    text: bytes
+    lines: int
+
+
+def lines_of(path: Path, chunk: int) -> Lines | None:
+    """How the lines of a file are read; None where it is neither UTF-8, UTF-16 with a mark nor Windows-1252.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    encoding = _encoding(path, chunk)
+    if encoding is None:
+        return None
+    before = last = 0
+    for piece in _pieces(path, encoding, chunk):
+        before += piece.count(b"\n")
+        blank = _blank_end(piece)
+        if len(blank) < len(piece):
+            last = before - blank.count(b"\n") + 1
+    return Lines(path, encoding, chunk, last)
+
+
+def sample(lines: Lines) -> list[str]:
+    """The first lines, of at most `SAMPLE` bytes together; the last one may be cut where it is the only one.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    text = b""
+    for piece in _pieces(lines.path, lines.encoding, lines.chunk):
+        text += piece
+        if len(text) > SAMPLE:
+            text = text[: text.rfind(b"\n", 0, SAMPLE) + 1] or text
+            break
+    return [line.decode("utf-8", "replace").rstrip("\n") for line in islice(io.BytesIO(text), _SAMPLE_LINES)]
+
+
+def blocks(lines: Lines, skip: int, rows: int) -> Iterator[Block]:
+    """The lines behind the first `skip` in blocks of `rows`, or of fewer where they are long.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    number, size, lacking = 1, 0, skip or rows
+    held: list[bytes] = []
+    for piece in _pieces(lines.path, lines.encoding, lines.chunk):
+        held.append(piece)
+        size, lacking = size + len(piece), lacking - piece.count(b"\n")
+        if lacking > 0 and size < _MOST:
+            continue
+        text = b"".join(held)
+        start = 0
+        for end, count in _cuts(text, skip, rows, number):
+            if number > skip and number <= lines.last:
+                yield _whole(lines, number, text[start:end], count)
+            start, number = end, number + count
+        held, size = [text[start:]], len(text) - start
+        lacking = (skip + 1 - number if number <= skip else rows) - held[0].count(b"\n")
+    if skip < number <= lines.last and size:
+        text = b"".join(held)
+        yield _whole(lines, number, text, text.count(b"\n") + (not text.endswith(b"\n")))
+
+
+def _cuts(text: bytes, skip: int, rows: int, number: int) -> Iterator[tuple[int, int]]:
+    """Ends of the blocks in `text`, which begins with line `number`, and their numbers of lines."""
+    ends = np.flatnonzero(np.frombuffer(text, np.uint8) == 10) + 1
+    start = taken = 0
+    while True:
+        want = skip + 1 - number if number <= skip else rows
+        have = min(want, ends.size - taken)
+        if have < want and len(text) - start < _MOST:
+            return
+        taken, number = taken + have, number + have
+        start = int(ends[taken - 1]) if have else len(text)
+        yield start, have
+
+
+def _whole(lines: Lines, number: int, text: bytes, count: int) -> Block:
+    """The block without the blank lines at the end of the file."""
+    if number + count - 1 > lines.last:
+        end = text.find(b"\n", len(text) - len(_blank_end(text)))
+        text, count = text[: end + 1], lines.last - number + 1
+    return Block(number, text, max(count, 1))
+
+
+def _blank_end(text: bytes) -> bytes:
+    """The blanks at the end of a text, without a copy of what stands before."""
+    length = 1 << 12
+    while length < len(text) and text[-length:].isspace():
+        length *= 4
+    tail = text[-length:]
+    return tail[len(tail.rstrip()) :]
+
+
+def _encoding(path: Path, chunk: int) -> str | None:
+    """The encoding of the whole file, or None."""
+    with path.open("rb") as file:
+        mark = file.read(4)
+    if mark == codecs.BOM_UTF32_LE:
+        return None
+    if mark.startswith(_WIDE):
+        return "utf-16" if _is_text(path, chunk, "utf-16") else None
+    return next((encoding for encoding in ("utf-8", "cp1252") if _is_text(path, chunk, encoding)), None)
+
+
+def _is_text(path: Path, chunk: int, encoding: str) -> bool:
+    decoder = codecs.getincrementaldecoder("utf-8" if encoding == "cp1252" else encoding)()
+    try:
+        with path.open("rb") as file:
+            while raw := file.read(chunk):
+                if encoding == "cp1252":
+                    if len(raw.translate(None, _CONTROL)) < len(raw):
+                        return False
+                elif encoding != "utf-8" or not raw.isascii() or decoder.getstate()[0]:
+                    decoder.decode(raw)
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _pieces(path: Path, encoding: str, chunk: int) -> Iterator[bytes]:
+    """The text of a file in UTF-8 with line feeds, piece by piece."""
+    decoder = codecs.getincrementaldecoder(encoding)("replace")
+    held = b""
+    with path.open("rb") as file:
+        if file.read(3) != _UTF8 or encoding != "utf-8":
+            file.seek(0)
+        while raw := file.read(chunk):
+            text = held + (raw if encoding == "utf-8" else decoder.decode(raw).encode())
+            held = b"\r" if text.endswith(b"\r") else b""
+            text = text[: len(text) - len(held)]
+            if b"\r" in text:
+                text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            yield text
+    yield held.replace(b"\r", b"\n")

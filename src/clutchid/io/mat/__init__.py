@@ -1,0 +1,1 @@
+"""MATLAB files, v4 to v7.3."""

@@ -1,0 +1,1 @@
+"""MDF 2 to 4: channel groups are rasters."""

@@ -1,0 +1,187 @@
+"""A file and a channel map made a recording, whole or piece by piece, in SI and on one raster."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.io.alignment import Stream, aligned
+from clutchid.io.channel_map import Channel, ChannelMap
+from clutchid.io.checks import check, in_si, usual_interval
+from clutchid.io.clock import Clock, mend
+from clutchid.io.columns import Heading
+from clutchid.io.picking import Pick, pick
+from clutchid.io.source import Source
+from clutchid.io.table import Places, Rows, Table
+from clutchid.log import HOLE, FloatArray, Log
+
+Block = tuple[FloatArray, Mapping[str, FloatArray]]
+
+
+@dataclass(slots=True)
+class _Told:
+    """Problems and warnings of all streams so far, each once."""
+
+    problems: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def pieces(
+    source: Source, channels: ChannelMap, ambient: float, required: Sequence[str], rows: int | None
+) -> Iterator[Log]:
+    """The recording in consecutive logs of about `rows` samples (None: one), on one raster.
+
+    Parameters
+    ----------
+    source, channels
+        The file and which channel of it is what.
+    ambient : Pa
+        Absolute pressure that gauge pressures are raised by.
+    required
+        Quantities without which it is no recording.
+    rows
+        Samples a piece; so much of every channel is in memory.
+
+    Raises
+    ------
+    DataError
+        If the map does not fit the file, or samples cannot be used; the text lists every problem of the block.
+    """
+    picks, problems = pick(source, channels)
+    missing = [name for name in required if name not in channels.channels and name != "time"]
+    if missing:
+        problems = (*problems, f"no channel for {', '.join(missing)}; add [{missing[0]}] to the map.")
+    if problems or source.problems:
+        raise DataError.of(str(source.path), [*source.problems, *problems])
+    told = _Told(warnings=list(source.warnings))
+    streams = [(*_stream(source, chosen, ambient, rows, told), chosen) for chosen in picks]
+    streams.sort(key=lambda found: found[0])
+    usual, base, fastest = streams[0]
+    others = [stream for _, stream, _ in streams[1:]]
+    if channels.raster is not None:
+        _, clock = _stream(source, fastest, ambient, rows, _Told())
+        base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
+    yield from _logs(source, aligned(base, others), told)
+
+
+def _logs(source: Source, blocks: Iterator[Block], told: _Told) -> Iterator[Log]:
+    """Blocks as logs; whatever was told since the log before goes with the next one."""
+    for time, columns in blocks:
+        if told.problems:
+            raise DataError.of(str(source.path), told.problems)
+        warnings, told.warnings = tuple(dict.fromkeys(told.warnings)), []
+        yield Log(time, columns, source.path.stem, dict(source.metadata), warnings)
+    if told.problems:
+        raise DataError.of(str(source.path), told.problems)
+
+
+def _stream(source: Source, chosen: Pick, ambient: float, rows: int | None, told: _Told) -> tuple[float, Stream]:
+    """The channels of a pick as a stream in SI, and their usual interval in s, which the first block tells."""
+    blocks = _blocks(source, chosen, ambient, rows, told)
+    first = next(blocks, (np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}))
+    usual = usual_interval(first[0])
+    longest = {
+        name: entry.longest if entry.longest is not None else HOLE * usual
+        for name, (_, entry) in chosen.columns.items()
+        if name != "time"
+    }
+    return usual, Stream(chain([first], blocks), longest)
+
+
+def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, told: _Told) -> Iterator[Block]:
+    """The samples of a pick, block by block, with stamps that grow."""
+    clock: Clock | None = None
+    for table in source.tables(chosen.raster, [heading.index for heading, _ in chosen.columns.values()], rows):
+        named = _named(table, chosen)
+        stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
+        mended = mend(stamps, named.places, clock)
+        clock = mended.clock
+        told.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in mended.told]
+        checked = check(_kept(named, np.flatnonzero(mended.kept), mended.time), ambient, ())
+        told.problems += checked.problems
+        told.warnings += checked.warnings
+        if table.problems:
+            yield np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}
+            return
+        columns = dict(checked.columns)
+        yield columns.pop("time") - chosen.delay, columns
+
+
+def _where(source: Source, chosen: Pick) -> str:
+    name = source.rasters[chosen.raster].name
+    return f"{name}: " if name and len(source.rasters) > 1 else ""
+
+
+def _named(table: Table, chosen: Pick) -> Table:
+    """The picked columns under the names of their quantities, with sign, factor and offset; one may be two of them."""
+    headings, numbers, unread = [], {}, {}
+    for place, (heading, entry) in enumerate(chosen.columns.values()):
+        headings.append(replace(heading, index=place))
+        written = table.numbers.get(heading.index)
+        numbers[place] = np.full(table.size, np.nan) if written is None else _scaled(written, entry)
+        if heading.index in table.unread:
+            unread[place] = table.unread[heading.index]
+    return replace(table, headings=tuple(headings), numbers=numbers, unread=unread)
+
+
+def _scaled(values: FloatArray, entry: Channel) -> FloatArray:
+    scale = entry.sign * entry.factor
+    return values if (scale, entry.offset) == (1.0, 0.0) else scale * values + entry.offset
+
+
+def _kept(table: Table, rows: Rows, time: FloatArray) -> Table:
+    """The table with those rows only, and with the mended stamps in s."""
+    clock, *others = table.headings
+    numbers = {heading.index: table.numbers[heading.index][rows] for heading in others}
+    places = table.places
+    if rows.size < table.size:
+        numbered = places.numbers
+        places = Places(places.word, numbers=rows + places.first if numbered is None else numbered[rows])
+    unread = {index: _moved(missing, rows) for index, missing in table.unread.items()}
+    return Table(
+        (Heading(clock.index, clock.text, "time", "s"), *others),
+        {clock.index: time, **numbers},
+        rows.size,
+        places,
+        table.problems,
+        unread,
+    )
+
+
+def _moved(missing: Rows, rows: Rows) -> Rows:
+    """Where the rows `missing` stand among the kept ones."""
+    return np.flatnonzero(np.isin(rows, missing))
+
+
+def _uniform(clock: Stream, interval: float, longest: float) -> Stream:
+    """A raster of equal intervals over the time of a stream, without the instants in its holes."""
+
+    def blocks() -> Iterator[Block]:
+        start = last = math.nan
+        count = 0
+        for time, _ in clock.blocks:
+            if not time.size:
+                continue
+            if math.isnan(start):
+                start = last = float(time[0])
+            end = math.floor((time[-1] - start) / interval + 1e-9) + 1
+            instants = start + interval * np.arange(count, end)
+            stamps = np.r_[last, time]
+            instants = _snapped(instants, time, 1e-6 * interval)
+            before = np.clip(np.searchsorted(stamps, instants, side="right") - 1, 0, stamps.size - 2)
+            known = (stamps[before + 1] - stamps[before] <= longest) | (instants == stamps[before])
+            yield instants[known], {}
+            count, last = max(count, end), float(time[-1])
+
+    return Stream(blocks(), {})
+
+
+def _snapped(instants: FloatArray, stamps: FloatArray, slack: float) -> FloatArray:
+    """Instants that differ from a stamp by rounding only, as that stamp: a held input must not change a sample late."""
+    after = np.minimum(np.searchsorted(stamps, instants - slack), stamps.size - 1)
+    return np.where(np.abs(stamps[after] - instants) <= slack, stamps[after], instants)

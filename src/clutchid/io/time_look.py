@@ -1,0 +1,87 @@
+"""What a time axis is like, seen block by block: its ends, its intervals, and the first of its holes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.io.checks import intervals, usual_interval
+from clutchid.io.table import SHOWN, Places
+from clutchid.log import HOLE, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Hole:
+    """An interval much longer than the others: the line or row before it, its start and length in s."""
+
+    place: int
+    start: float
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class TimeLook:
+    """The time axis in s: first and last sample, shortest, usual and longest interval, and the first of the holes.
+
+    `repeated` stamps are those of the sample before, `back` is how often the clock goes back.
+    """
+
+    first: float
+    last: float
+    shortest: float
+    usual: float
+    longest: float
+    hole_count: int
+    holes: tuple[Hole, ...]
+    repeated: int = 0
+    back: int = 0
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample in s."""
+        return self.last - self.first
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, from the usual interval."""
+        return 1 / self.usual
+
+
+def ticked(before: TimeLook | None, time: FloatArray, places: Places) -> TimeLook | None:
+    """The time axis as seen `before`, and a further block of stamps in s; None while there was no stamp.
+
+    The usual interval is that of the first block.
+
+    Raises
+    ------
+    Nothing.
+    """
+    rows = np.flatnonzero(np.isfinite(time))
+    if not rows.size:
+        return before
+    stamps = time[rows]
+    joined = stamps if before is None else np.r_[before.last, stamps]
+    steps = intervals(joined)
+    usual = usual_interval(stamps) if before is None else before.usual
+    after = np.flatnonzero(steps > HOLE * usual)
+    offset = joined.size - stamps.size  # 1 where the interval to the block before is counted
+    shown = tuple(
+        Hole(places.number(rows[max(i - offset, 0)]) - (i < offset), float(joined[i]), float(steps[i]))
+        for i in after[:SHOWN].tolist()
+    )
+    ends = (float(stamps[0]) if before is None else before.first, float(stamps[-1]))
+    shortest = min(float(steps.min()) if steps.size else math.inf, math.inf if before is None else before.shortest)
+    longest = max(float(steps.max()) if steps.size else -math.inf, -math.inf if before is None else before.longest)
+    known = TimeLook(0, 0, 0, 0, 0, 0, ()) if before is None else before
+    return TimeLook(
+        *ends,
+        shortest,
+        usual,
+        longest if math.isfinite(longest) else math.inf,
+        known.hole_count + int(after.size),
+        (*known.holes, *shown)[:SHOWN],
+        known.repeated + int(np.count_nonzero(steps == 0)),
+        known.back + int(np.count_nonzero(steps < 0)),
+    )

@@ -1,0 +1,31 @@
+"""Options of the command line that serve other actuators."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from clutchid.cli.common import partition_of, read_logs
+from clutchid.errors import DataError, ParameterError
+from clutchid.io import write
+from clutchid.log import Log
+from clutchid.model.equipment import Equipment
+from clutchid.simulation import Partition
+
+
+def test_what_a_reset_takes_needs_a_reset():
+    with pytest.raises(ParameterError, match="--take position: nothing is reset; give --every N or --parts N"):
+        partition_of(None, None, None, "position")
+    assert partition_of(1, None, "q", "position") == Partition(every=1, carry="q", take="position")
+    assert partition_of(1, None, None).take == "all"
+
+
+def test_a_recording_of_a_three_way_valve_is_read_with_its_one_column(tmp_path):
+    t = np.arange(50) * 1e-3
+    file = tmp_path / "lift.csv"
+    write(Log(t, {"position": 0.1 * t, "duty_supply": 1.0 * (t > 0.02)}), file)
+    (log,) = read_logs([file], 1e5, equipment=Equipment(valves="3/2"))
+    assert np.array_equal(log["duty_exhaust"], 1.0 - log["duty_supply"])
+    for equipment in (None, Equipment(), Equipment(valves="exhaust")):
+        with pytest.raises(DataError, match="duty_exhaust"):
+            read_logs([file], 1e5, equipment=equipment)

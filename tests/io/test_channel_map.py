@@ -1,0 +1,87 @@
+"""Channel maps as files: what is written is read again, and everything wrong with one is told at once."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.io.channel_map import Channel, ChannelMap, map_text, read_map, write_map
+from clutchid.io.columns import QUANTITIES
+from clutchid.units import known_units
+
+numbers = st.floats(-1e9, 1e9, allow_nan=False)
+
+
+@st.composite
+def entries(draw):
+    name = draw(st.sampled_from(sorted(QUANTITIES)))
+    entry = Channel(
+        draw(st.text(min_size=1)),
+        draw(st.none() | st.text()),
+        draw(st.none() | st.sampled_from(known_units(QUANTITIES[name]))),
+        draw(st.sampled_from([1.0, -1.0])),
+        draw(numbers.filter(bool)),
+        draw(numbers),
+        draw(numbers),
+        draw(st.none() | st.floats(1e-3, 1e3)),
+    )
+    return name, entry
+
+
+@given(
+    st.lists(entries(), min_size=1), st.none() | st.floats(1e-5, 10.0), st.lists(st.sampled_from(["a.dbc", "ü.dbc"]))
+)
+def test_what_is_written_is_read_again(tmp_path_factory, items, raster, dbc):
+    folder = tmp_path_factory.mktemp("map")
+    content = ChannelMap(dict(items), tuple(folder / name for name in dbc), raster)
+    write_map(content, folder / "MAP.toml")
+    assert read_map(folder / "MAP.toml") == content
+
+
+def test_comments_of_a_proposal_stand_above_their_entry():
+    text = map_text(ChannelMap({"position": Channel("Weg")}, comments={"position": "0 to 20 mm"}), Path())
+    assert "# 0 to 20 mm\n[position]\n" in text
+
+
+def test_every_problem_is_told_at_once(save):
+    path = save(
+        "raster = -1\ndbc = 3\nposition = 4\n[positon]\nchannel = 'x'\n[time]\nchanel = 't'\n[pressure_a]\n"
+        "channel = 'p'\nunit = 'mm'\nsign = 2\nfactor = 0\nlongest = 0\n[duty_supply]\nchannel = 1\noffset = nan\n",
+        "MAP.toml",
+    )
+    with pytest.raises(ParameterError) as caught:
+        read_map(path)
+    text = str(caught.value)
+    for part in (
+        "12 problems",
+        "raster = -1: an interval above 0 in s",
+        "dbc = 3: a list of file names",
+        "[position]: write a table",
+        "no quantity 'positon'; did you mean 'position'?",
+        "[time]: no entry 'chanel'; did you mean 'channel'?",
+        "[time]: has no channel",
+        "[pressure_a] unit = 'mm': is not known here; use one of Pa,",
+        "sign = 2: is 1 or -1",
+        "factor = 0: nothing",
+        "longest = 0 s: is above 0",
+        "[duty_supply] channel = 1: a text",
+    ):
+        assert part in text
+    assert "offset = nan: a finite number" in text
+
+
+@pytest.mark.parametrize("text", ["", "raster = 0.1\n"])
+def test_a_map_without_a_channel_is_none(save, text):
+    with pytest.raises(ParameterError, match="names no channel"):
+        read_map(save(text, "MAP.toml"))
+
+
+def test_no_toml_and_no_file(save, tmp_path):
+    with pytest.raises(ParameterError, match="is no TOML file"):
+        read_map(save("[position", "MAP.toml"))
+    with pytest.raises(DataError, match="there is no such file"):
+        read_map(tmp_path / "NO.toml")
+    with pytest.raises(DataError, match="name one channel map in it"):
+        read_map(tmp_path)

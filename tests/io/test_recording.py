@@ -1,0 +1,129 @@
+"""A file and a channel map made a recording."""
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.io.channel_map import Channel, ChannelMap
+from clutchid.io.columns import REQUIRED
+from clutchid.io.recording import pieces
+
+FAST, SLOW = np.arange(2000) / 1000 + 0.0003, np.arange(200) / 100
+VALVES = {"t": ("s", FAST), "Einlass": ("%", 100 * (FAST % 0.2 < 0.1)), "Auslass": ("1", 1.0 * (FAST % 0.2 >= 0.1))}
+TRAVEL = {"t": ("s", SLOW), "Weg": ("mm", -2 * SLOW + 1)}
+PRESSURE = {"t": ("ms", 1000 * SLOW + 4), "Druck": ("V", SLOW), "leer": (None, SLOW)}
+MAP = ChannelMap(
+    {
+        "position": Channel("Weg", sign=-1, offset=1.0),
+        "duty_supply": Channel("einlass"),
+        "duty_exhaust": Channel("Auslass"),
+        "pressure_a": Channel("Druck", unit="bar(g)", factor=2.0, delay=0.004),
+    }
+)
+
+
+def read(made, channels=MAP, rows=None, required=REQUIRED):
+    return list(pieces(made, channels, 1e5, required, rows))
+
+
+def test_rasters_meet_on_the_stamps_of_the_quickest(source):
+    (log,) = read(source(VALVES, TRAVEL, PRESSURE))
+    assert np.array_equal(log.time, FAST)
+    inside = SLOW[-1] > FAST
+    assert np.array_equal(log["duty_supply"], (FAST % 0.2 < 0.1) * 1.0)
+    assert np.allclose(log["position"][inside], 2e-3 * FAST[inside], rtol=0, atol=1e-12)
+    assert np.isnan(log["position"][~inside]).all()
+    assert np.allclose(log["pressure_a"][inside], 1e5 + 2e5 * FAST[inside], rtol=1e-12, atol=0)
+    assert log.name == "day"
+
+
+@pytest.mark.parametrize("rows", [7, 150, 3000])
+def test_pieces_are_the_whole_cut(rows, source):
+    (whole,) = read(source(VALVES, TRAVEL, PRESSURE))
+    parts = read(source(VALVES, TRAVEL, PRESSURE), rows=rows)
+    assert len(parts) == -(-2000 // rows)
+    for name, values in (("time", whole.time), *whole.columns.items()):
+        joined = np.concatenate([part.time if name == "time" else part[name] for part in parts])
+        assert np.array_equal(joined, values, equal_nan=True), name
+
+
+def test_a_raster_may_be_asked_for(source):
+    (log,) = read(source(VALVES, TRAVEL), ChannelMap({n: MAP.channels[n] for n in REQUIRED[1:]}, raster=0.002))
+    assert np.array_equal(log.time, FAST[::2])
+    assert np.array_equal(log["duty_supply"], (FAST % 0.2 < 0.1)[::2] * 1.0)
+
+
+def test_a_raster_that_is_asked_for_has_no_instants_in_a_hole(source):
+    keep = (FAST < 0.5) | (FAST > 1.5)
+    valves = {name: (unit, values[keep]) for name, (unit, values) in VALVES.items()}
+    (log,) = read(source(valves, TRAVEL), ChannelMap({n: MAP.channels[n] for n in REQUIRED[1:]}, raster=0.001))
+    assert not ((log.time > 0.501) & (log.time < 1.499)).any()
+    assert log.time.size == keep.sum()
+
+
+def test_a_duty_cycle_that_is_sent_on_change_holds_as_long_as_the_map_says(source):
+    sent = {"t": ("s", np.array([0.0, 0.4, 1.1])), "Einlass": ("1", np.array([0, 1, 0])), "Auslass": ("1", [1, 0, 1])}
+    made = source(sent, TRAVEL)
+    few = {"position": MAP.channels["position"]}
+    on_change = {
+        name: Channel(text, longest=10.0) for name, text in (("duty_supply", "Einlass"), ("duty_exhaust", "Auslass"))
+    }
+    (log,) = read(made, ChannelMap({**few, **on_change}))
+    assert np.array_equal(log.time, SLOW)
+    assert np.array_equal(log["duty_supply"], (SLOW >= 0.4) & (SLOW < 1.1))
+
+
+def test_one_channel_may_be_two_quantities(source):
+    """A 3/2 valve: what is not supplied is vented."""
+    valve = {"t": ("s", SLOW), "Weg": ("mm", SLOW), "Ventil": ("1", (SLOW % 0.2 < 0.1) * 1.0)}
+    entries = {
+        "position": Channel("Weg"),
+        "duty_supply": Channel("Ventil"),
+        "duty_exhaust": Channel("Ventil", sign=-1, offset=1.0),
+    }
+    (log,) = read(source(valve), ChannelMap(entries))
+    assert np.array_equal(log["duty_supply"], valve["Ventil"][1])
+    assert np.array_equal(log["duty_exhaust"], 1 - valve["Ventil"][1])
+
+
+def test_every_misfit_of_the_map_is_told_at_once(source):
+    twice = source(TRAVEL, TRAVEL, PRESSURE, {"x": ("1", SLOW), "y": ("1", SLOW)})
+    channels = {
+        "position": Channel("Weg"),
+        "duty_supply": Channel("Einlas"),
+        "duty_exhaust": Channel("leer"),
+        "pressure_a": Channel("Druck"),
+    }
+    with pytest.raises(DataError) as caught:
+        read(twice, ChannelMap(channels))
+    text = str(caught.value)
+    assert "position: 2 channels are called 'Weg'; name the group, one of 'group 0', 'group 1'." in text
+    assert "duty_supply: there is no channel 'Einlas'; `clutchid look` lists them." in text
+    assert "duty_exhaust: channel 'leer' has no unit; write unit = '...' in the map, one of 1, %." in text
+    assert "pressure_a: channel 'Druck' has the unit [V]; write unit" in text
+
+
+def test_without_stamps_the_map_has_to_name_them(source):
+    table = {"n": (None, SLOW), "Weg": ("mm", SLOW), "a": ("1", 0 * SLOW), "b": ("1", 0 * SLOW)}
+    entries = {"position": Channel("Weg"), "duty_supply": Channel("a"), "duty_exhaust": Channel("b")}
+    with pytest.raises(DataError, match="does not say when they were taken; map \\[time\\] too"):
+        read(source(table, clock=False), ChannelMap(entries))
+    (log,) = read(source(table, clock=False), ChannelMap({**entries, "time": Channel("n", unit="min")}))
+    assert np.array_equal(log.time, SLOW * 60)
+
+
+def test_what_the_map_lacks_is_named(source):
+    with pytest.raises(DataError, match="no channel for duty_supply, duty_exhaust; add \\[duty_supply\\] to the map"):
+        read(source(TRAVEL), ChannelMap({"position": MAP.channels["position"]}))
+    (log,) = read(source(TRAVEL), ChannelMap({"position": MAP.channels["position"]}), required=("position",))
+    assert list(log.columns) == ["position"]
+
+
+def test_bad_samples_are_told_with_their_row_and_stamps_are_mended(source):
+    bad = {**VALVES, "Auslass": ("1", np.where(np.arange(2000) == 77, 3.0, 0.0))}
+    with pytest.raises(DataError, match="column 'Auslass' is no duty cycle: row 78 has 3"):
+        read(source(bad, TRAVEL, PRESSURE))
+    again = {name: (unit, np.r_[values, values]) for name, (unit, values) in VALVES.items()}
+    (log,) = read(source(again, TRAVEL, PRESSURE))
+    assert log.time.size == 4000
+    assert any(w.startswith("group 0: the clock starts again at row 2001") for w in log.warnings)
