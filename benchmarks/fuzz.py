@@ -90,7 +90,7 @@ def _frames(path: Path) -> Path:
     log = example()
     with can.Logger(str(path)) as logger:
         for i in range(len(log)):
-            data = int(100 * i).to_bytes(2, "little") + bytes([i % 200, (3 * i) % 200, i // 256, i % 256, 0, 0])
+            data = int(100 * i).to_bytes(2, "little") + bytes([i % 200, (3 * i) % 200, 1, i % 256, 0, 0])
             logger.on_message_received(
                 can.Message(timestamp=1.7e9 + log.time[i], arbitration_id=256, is_extended_id=False, data=data)
             )

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from clutchid.io.channel_map import ChannelMap
 from clutchid.io.checks import AMBIENT, check, check_ambient, in_si
 from clutchid.io.columns import Heading
 from clutchid.io.look_text import listing, look_text
 from clutchid.io.opening import open_source
 from clutchid.io.proposal import Proposal, propose
-from clutchid.io.source import BLOCK, Source, in_contract
+from clutchid.io.source import BLOCK, Raster, Source, in_contract
 from clutchid.io.table import SHOWN, Places, Table
 from clutchid.io.time_look import TimeLook, ticked
 from clutchid.log import FloatArray
@@ -132,7 +133,9 @@ def look(path: str | PathLike[str], ambient: float = AMBIENT, dbc: Sequence[str 
     proposal = replace(proposal, channels=replace(proposal.channels, dbc=tuple(map(Path, dbc))))
     by_contract = in_contract(source) or (source.tabular and not proposal.complete and _means_the_contract(source))
     found = [_Found(len(raster.headings)) for raster in source.rasters]
-    seen = tuple(_raster(source, i, found[i], ambient, by_contract) for i in range(len(source.rasters)))
+    seen = tuple(
+        _raster(source, i, found[i], (ambient, by_contract), proposal.channels) for i in range(len(source.rasters))
+    )
     problems, warnings = [*source.problems, *([source.unnamed] if source.unnamed else [])], [*source.warnings]
     for one in found:
         problems += one.problems
@@ -173,11 +176,9 @@ class _Found:
         self.finite = [0] * self.columns
 
 
-def _raster(source: Source, index: int, found: _Found, ambient: float, by_contract: bool) -> RasterLook:
-    raster = source.rasters[index]
-    clock = next((heading for heading in raster.headings if heading.index == raster.clock), None)
-    if clock is not None and clock.unit is None and source.rasters and not source.tabular:
-        clock = replace(clock, name="time", unit="s")
+def _raster(source: Source, index: int, found: _Found, reading: tuple[float, bool], proposed: ChannelMap) -> RasterLook:
+    raster, (ambient, by_contract) = source.rasters[index], reading
+    clock = _clock(source, raster, proposed)
     rows = None if raster.size * len(raster.headings) * 8 < _WHOLE else BLOCK
     for table in source.tables(index, [heading.index for heading in raster.headings], rows):
         _take(found, table, clock, ambient)
@@ -189,6 +190,18 @@ def _raster(source: Source, index: int, found: _Found, ambient: float, by_contra
             found.problems += [problem for problem in table.problems if problem not in found.problems]
     columns = tuple(_column(heading, found, ambient) for heading in raster.headings)
     return RasterLook(raster.name, found.samples, columns, found.time, found.places.word)
+
+
+def _clock(source: Source, raster: Raster, proposed: ChannelMap) -> Heading | None:
+    """The stamps of a raster: what the file says they are, else what the proposed map takes; in s where nobody says."""
+    time = proposed.channels.get("time")
+    for heading in raster.headings:
+        if heading.index == raster.clock:
+            unsaid = heading.unit is None and not source.tabular
+            return replace(heading, name="time", unit="s") if unsaid else heading
+        if raster.clock is None and time is not None and heading.text == time.channel:
+            return replace(heading, name="time", unit=time.unit or heading.unit)
+    return None
 
 
 def _take(found: _Found, table: Table, clock: Heading | None, ambient: float) -> None:

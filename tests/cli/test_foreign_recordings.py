@@ -1,0 +1,171 @@
+"""Files from elsewhere as a user meets them: look, save the map, fit with it; and a long one cut."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clutchid import truck as virtual
+from clutchid.cli import main
+from clutchid.io import read, write
+from clutchid.log import Log
+
+DBC = """VERSION ""
+BU_: TCU
+BO_ 256 ClutchActuator: 6 TCU
+ SG_ ClutchPosition : 0|16@1+ (0.001,-10) [-10|55] "mm" TCU
+ SG_ ValveSupplyDuty : 16|16@1+ (0.002,0) [0|100] "%" TCU
+ SG_ ValveExhaustDuty : 32|16@1+ (0.002,0) [0|100] "%" TCU
+BO_ 512 Vehicle: 8 TCU
+ SG_ EngineSpeed : 0|16@1+ (0.125,0) [0|8000] "rpm" TCU
+"""
+
+
+def call(*arguments: str | Path) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    return int(ended.value.code)
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    """Six seconds of a virtual truck, position only, as the controller records them."""
+    done = virtual.drive(virtual.truck(1), manoeuvre="strokes", seconds=6, seed=1, pressure=False, name="strokes")
+    return done.log
+
+
+@pytest.fixture(scope="module")
+def peak(log: Log, tmp_path_factory: pytest.TempPathFactory) -> float:
+    """The peak load that a fit finds in the file of the contract."""
+    path = tmp_path_factory.mktemp("contract") / "strokes.csv"
+    write(log, path)
+    return fitted(path)
+
+
+def fitted(*arguments: str | Path) -> float:
+    import contextlib
+    from io import StringIO
+
+    with contextlib.redirect_stdout(StringIO()) as out:
+        assert call("fit", *arguments, "--json") == 0
+    return max(json.loads(out.getvalue())["load_curve"]["force_N"])
+
+
+def german(log: Log, path: Path) -> Path:
+    """What a German measuring program writes: units in a row of their own, decimal commas, semicolons, Windows-1252."""
+    rows = [["Prüfstand 7"], ["Zeit", "Kupplungsweg", "Tastverhältnis Belüftung", "Tastverhältnis Entlüftung", "Öl"]]
+    rows.append(["ms", "mm", "%", "%", "°C"])
+    scaled = (1e3 * log.time, -1e3 * log["position"], 100 * log["duty_supply"], 100 * log["duty_exhaust"])
+    rows += [[f"{value:.5f}".replace(".", ",") for value in row] + ["80,5"] for row in zip(*scaled, strict=True)]
+    path.write_bytes("\r\n".join(";".join(row) for row in rows).encode("cp1252"))
+    return path
+
+
+def test_a_german_file_is_fitted_after_one_line_of_its_map_is_mended(tmp_path, log, peak, capsys):
+    file, chosen = german(log, tmp_path / "Messung.csv"), tmp_path / "MAP.toml"
+    assert call("look", file, "--save", chosen) == 0
+    said = capsys.readouterr().out
+    for line in (
+        "position         Kupplungsweg",
+        "duty_supply      Tastverhältnis Belüftung",
+        "6,000 samples, 5.999 s from 0 s",
+    ):
+        assert line in said
+    assert "against the motion" in said or "sign of position" in said
+    text = chosen.read_text(encoding="utf-8")
+    chosen.write_text(
+        text.replace('channel = "Kupplungsweg"', 'channel = "Kupplungsweg"\nsign = -1', 1), encoding="utf-8"
+    )
+    assert fitted(file, "--map", chosen) == pytest.approx(peak, rel=1e-4)
+
+
+def test_a_bus_log_is_decoded_and_fitted(tmp_path, log, peak, capsys):
+    can = pytest.importorskip("can", reason="reading CAN logs is an extra")
+    (tmp_path / "truck.dbc").write_text(DBC)
+    with can.Logger(str(tmp_path / "bus.blf")) as bus:
+        for t, y, supply, exhaust in zip(
+            log.time, log["position"], log["duty_supply"], log["duty_exhaust"], strict=True
+        ):
+            raw = (round((y * 1e3 + 10) / 0.001), round(supply * 100 / 0.002), round(exhaust * 100 / 0.002))
+            data = b"".join(value.to_bytes(2, "little") for value in raw)
+            bus.on_message_received(
+                can.Message(timestamp=1.7e9 + t, arbitration_id=256, is_extended_id=False, data=data)
+            )
+            bus.on_message_received(
+                can.Message(timestamp=1.7e9 + t + 2e-4, arbitration_id=512, is_extended_id=False, data=bytes(8))
+            )
+    assert call("look", tmp_path / "bus.blf") == 2
+    assert "of 2 identifiers; give the DBC with --dbc FILE." in capsys.readouterr().out
+    chosen = tmp_path / "MAP.toml"
+    assert call("look", tmp_path / "bus.blf", "--dbc", tmp_path / "truck.dbc", "--save", chosen) == 0
+    assert '"truck.dbc"' in chosen.read_text()
+    assert fitted(tmp_path / "bus.blf", "--map", chosen) == pytest.approx(peak, rel=2e-3)
+
+
+def test_an_mdf_of_two_rasters_is_fitted_by_its_names(tmp_path, log, peak):
+    asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
+    path = tmp_path / "run.mf4"
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.append([asammdf.Signal(1e3 * log["position"], log.time, unit="mm", name="ClutchPos")])
+        slow = slice(None, None, 5)
+        names = {"DutySupply": "duty_supply", "DutyExhaust": "duty_exhaust"}
+        held = [asammdf.Signal(log[n][slow], log.time[slow], unit="-", name=name) for name, n in names.items()]
+        mdf.append(held)
+        mdf.save(path)
+    made = read(path)
+    assert np.array_equal(made["position"], log["position"].round(15)) or np.allclose(
+        made["position"], log["position"], rtol=0, atol=1e-15
+    )
+    assert np.array_equal(made["duty_supply"][slow], log["duty_supply"][slow])
+    assert np.array_equal(made["duty_supply"][2::5], log["duty_supply"][slow])
+    assert fitted(path) == pytest.approx(peak, rel=0.05)  # valve edges up to 4 ms late
+
+
+def test_a_long_recording_is_cut_and_what_was_chosen_is_fitted(tmp_path, capsys):
+    done = virtual.drive(virtual.truck(1), manoeuvre="strokes", seconds=40, seed=1, pressure=False, name="long")
+    write(done.log, tmp_path / "long.parquet")
+    best, table = tmp_path / "best.mf4", tmp_path / "sections.csv"
+    assert call("cut", tmp_path / "long.parquet", "--out", best, "--table", table, "--seconds", "6") == 0
+    said = capsys.readouterr().out
+    assert "full stroke" in said
+    with table.open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["kind"] for row in rows} == {"stroke", "rest"}
+    assert float(rows[-1]["end_s"]) == done.log.time[-1]
+    chosen = read(best)
+    assert 3000 < len(chosen) <= 6100
+    assert np.isin(chosen.time, done.log.time).all()
+    assert fitted(best) > 0
+
+
+def test_nothing_is_written_where_nothing_could_be_fitted(tmp_path, capsys):
+    time = np.arange(2000) / 1000
+    still = {"position": np.zeros(2000), "duty_supply": np.zeros(2000), "duty_exhaust": np.zeros(2000)}
+    write(Log(time, still), tmp_path / "still.csv")
+    assert call("cut", tmp_path / "still.csv", "--out", tmp_path / "best.csv") == 2
+    assert "no stroke of at most 60 s that could be fitted" in capsys.readouterr().err
+    assert not (tmp_path / "best.csv").exists()
+
+
+def test_a_map_that_does_not_fit_is_one_clear_sentence(tmp_path, log, capsys):
+    write(log, tmp_path / "run.csv")
+    (tmp_path / "MAP.toml").write_text('[position]\nchannel = "Weg"\n')
+    assert call("fit", tmp_path / "run.csv", "--map", tmp_path / "MAP.toml") == 2
+    said = capsys.readouterr().err
+    assert "position: there is no channel 'Weg'" in said
+    assert "no channel for duty_supply, duty_exhaust" in said
+    assert call("fit", tmp_path / "run.csv", "--map", tmp_path / "NO.toml") == 2
+    assert "there is no such file" in capsys.readouterr().err
+    assert call("look", tmp_path / "run.csv", "--dbc", tmp_path / "NO.dbc") == 2
+    assert call("look", tmp_path / "run.csv", "--save", tmp_path / "run.csv") == 2
+    assert "is the recording itself" in capsys.readouterr().err
+
+
+def test_a_flipped_sensor_is_told_before_the_fit(tmp_path, log, capsys):
+    write(log.with_columns(position=0.02 - log["position"]), tmp_path / "flipped.csv")
+    call("fit", tmp_path / "flipped.csv")
+    assert "sign" in capsys.readouterr().err

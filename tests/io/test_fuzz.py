@@ -1,0 +1,41 @@
+"""Broken files of every format get a recording or one sentence; `benchmarks/fuzz.py` does the same at length."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def driver():
+    spec = importlib.util.spec_from_file_location("fuzz", ROOT / "benchmarks" / "fuzz.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
+def test_a_broken_file_is_answered_in_words(kind, tmp_path):
+    fuzz = driver()
+    told = {seed: fuzz.answered(path, dbc) for seed, path, dbc in fuzz.cases(kind, range(60), tmp_path)}
+    assert {seed: answer for seed, answer in told.items() if answer not in ("read", "refused")} == {}
+    assert told[0] == "refused"  # the empty file
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
+def test_the_file_before_it_was_broken_is_read(kind, tmp_path):
+    fuzz = driver()
+    path, dbc = fuzz.good_file(kind, tmp_path)
+    if kind == "mat73":  # MATLAB has no units, so a map is needed
+        assert fuzz.answered(path, dbc) == "refused"
+        return
+    made, known = fuzz.read(path, dbc=dbc), fuzz.example()
+    assert list(made.columns) == list(known.columns)
+    if kind in ("csv", "parquet", "mf4", "mat"):
+        assert np.array_equal(made.time, known.time)
+        for name, values in known.columns.items():
+            assert np.array_equal(made[name], values, equal_nan=True)
