@@ -7,6 +7,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+from clutchid.errors import ClutchidError, DataError
 from clutchid.io.files import plain_file
 from clutchid.io.source import Source
 
@@ -25,7 +26,13 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     MissingExtra
         If its format needs a library that is not installed.
     """
-    source = _opened(plain_file(path), [plain_file(name, "DBC file") for name in dbc])
+    file = plain_file(path)
+    try:
+        source = _opened(file, [plain_file(name, "DBC file") for name in dbc])
+    except OSError as error:
+        if isinstance(error, ClutchidError):
+            raise
+        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
     if source.rasters or source.problems:
         return source
     return replace(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import gc
 import io
 import logging
@@ -111,9 +112,9 @@ def _built(library: Any, stream: IO[bytes]) -> tuple[MDF | None, str]:
     """asammdf's object, or the reason why there is none."""
     try:
         return library.MDF(stream, process_bus_logging=False, use_display_names=False), ""
-    except OSError:
-        raise
     except Exception as error:
+        if _is_the_disk(error):
+            raise
         reason = _reason(error)
     # what asammdf left half-made complains while it is collected, so that happens here and unheard
     before, sys.unraisablehook = sys.unraisablehook, lambda _: None
@@ -129,10 +130,15 @@ def _explained() -> Iterator[None]:
     """Whatever is raised on bytes that make no sense, as a sentence."""
     try:
         yield
-    except (Spoiled, OSError):
-        raise
     except Exception as error:
+        if isinstance(error, Spoiled) or _is_the_disk(error):
+            raise
         raise Spoiled(_reason(error)) from error
+
+
+def _is_the_disk(error: Exception) -> bool:
+    """Whether an error is one of reading, not of going to a place that no file has (an address of the file's own)."""
+    return isinstance(error, OSError) and error.errno != errno.EINVAL
 
 
 def _reason(error: Exception) -> str:
