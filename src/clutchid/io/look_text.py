@@ -58,7 +58,7 @@ def listing(seen: Look) -> str:
     for raster in seen.rasters:
         group = f" group = {json.dumps(raster.name, ensure_ascii=False)}" if len(seen.rasters) > 1 else ""
         for column in raster.columns:
-            unit = f" {column.unit}" if column.unit else ""
+            unit = f" {column.unit}" if column.unit not in (None, "1") else ""
             text = json.dumps(column.heading, ensure_ascii=False)
             lines.append(f"channel = {text}{group}  # {_short(column.low)} to {_short(column.high)}{unit}")
     return "\n".join(lines)

@@ -64,7 +64,7 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     for name in QUANTITIES:
         found = sorted(_candidates(source, name, ranges), key=lambda candidate: -candidate.score)
         found = [candidate for candidate in found if not _taken(candidate, channels)]
-        if not found or (name == "time" and all(raster.clock is not None for raster in source.rasters)):
+        if not found or (name == "time" and not source.tabular and _timed(source)):
             continue
         best, equal = found[0], [candidate for candidate in found[1:] if candidate.score == found[0].score]
         channels[name] = _entry(source, best)
@@ -156,8 +156,9 @@ def _entry(source: Source, best: _Candidate) -> Channel:
 def _comment(best: _Candidate, ranges: _Ranges) -> str:
     index = next(i for i, raster in enumerate(ranges.source.rasters) if raster is best.raster)
     low, high = ranges(index, best.heading)
-    unit = f" {best.heading.unit}" if best.heading.unit else " (no unit in the file)"
-    return f"{low:.6g} to {high:.6g}{unit}" + (f"; {best.heading.comment}" if best.heading.comment else "")
+    unit = best.heading.unit
+    said = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
+    return f"{low:.6g} to {high:.6g}{said}" + (f"; {best.heading.comment}" if best.heading.comment else "")
 
 
 class _Ranges:
