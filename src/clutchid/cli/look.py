@@ -12,7 +12,7 @@ from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressur
 from clutchid.parameters import Parameters
 
 if TYPE_CHECKING:
-    from clutchid.io.look import Look
+    from clutchid.io.seen import Look
 
 
 def look(

@@ -13,9 +13,9 @@ import numpy as np
 from clutchid.io.channel_map import ChannelMap
 from clutchid.io.checks import AMBIENT, check, check_ambient, in_si
 from clutchid.io.columns import Heading
-from clutchid.io.look_text import listing, look_text
 from clutchid.io.opening import open_source
-from clutchid.io.proposal import Proposal, propose
+from clutchid.io.proposal import propose
+from clutchid.io.seen import ColumnLook, Look, RasterLook
 from clutchid.io.source import BLOCK, Raster, Source, in_contract
 from clutchid.io.table import SHOWN, Places, Table
 from clutchid.io.time_look import TimeLook, ticked
@@ -23,76 +23,6 @@ from clutchid.log import FloatArray
 
 #: Bytes of numbers up to which a raster is looked at in one piece, so that every problem is counted once.
 _WHOLE = 1 << 29
-
-
-@dataclass(frozen=True, slots=True)
-class ColumnLook:
-    """One channel of a file; numbers are NaN and the SI unit None where they are not known.
-
-    `name` is the quantity (None: the channel is ignored by `read`), `heading` the text as written, `low` and `high` the
-    range in `unit`, `low_si` and `high_si` in `si`, `missing` the number of samples without a finite number.
-    """
-
-    heading: str
-    name: str | None
-    unit: str | None
-    si: str | None
-    low: float
-    high: float
-    low_si: float
-    high_si: float
-    missing: int
-
-
-@dataclass(frozen=True, slots=True)
-class RasterLook:
-    """Channels that share their stamps: how the file calls them, samples, channels, time axis (None: there is none).
-
-    `place` is what a sample stands in: a line of a text, a row of a table.
-    """
-
-    name: str
-    samples: int
-    columns: tuple[ColumnLook, ...]
-    time: TimeLook | None
-    place: str
-
-
-@dataclass(frozen=True, slots=True)
-class Look:
-    """What is in a file: its format, its rasters, problems and warnings of `read`, and a channel map.
-
-    `needs_map` says that the columns have not the names of the contract.
-    """
-
-    source: str
-    format: str
-    rasters: tuple[RasterLook, ...]
-    problems: tuple[str, ...]
-    warnings: tuple[str, ...]
-    proposal: Proposal
-    needs_map: bool
-
-    def __str__(self) -> str:
-        return self.table()
-
-    def table(self) -> str:
-        """Everything as plain text for a terminal.
-
-        Raises
-        ------
-        Nothing.
-        """
-        return look_text(self)
-
-    def listing(self) -> str:
-        """Every channel with its raster, unit and range, a line each: what a map can be written from.
-
-        Raises
-        ------
-        Nothing.
-        """
-        return listing(self)
 
 
 def look(path: str | PathLike[str], ambient: float = AMBIENT, dbc: Sequence[str | PathLike[str]] = ()) -> Look:

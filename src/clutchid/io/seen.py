@@ -1,28 +1,91 @@
-"""What `look` found, as plain text for a terminal."""
+"""What `look` saw of a file: its channels, rasters, problems and proposed map, and all of it as text."""
 
 from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
+from clutchid.io.proposal import Proposal
 from clutchid.io.table import and_more
+from clutchid.io.time_look import TimeLook
 from clutchid.text_table import text_table
-
-if TYPE_CHECKING:
-    from clutchid.io.look import ColumnLook, Look, RasterLook
-    from clutchid.io.time_look import TimeLook
 
 _TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
 
 
-def look_text(seen: Look) -> str:
-    """Everything that was seen of a file.
+@dataclass(frozen=True, slots=True)
+class ColumnLook:
+    """One channel of a file; numbers are NaN and the SI unit None where they are not known.
 
-    Raises
-    ------
-    Nothing.
+    `name` is the quantity (None: the channel is ignored by `read`), `heading` the text as written, `low` and `high` the
+    range in `unit`, `low_si` and `high_si` in `si`, `missing` the number of samples without a finite number.
     """
+
+    heading: str
+    name: str | None
+    unit: str | None
+    si: str | None
+    low: float
+    high: float
+    low_si: float
+    high_si: float
+    missing: int
+
+
+@dataclass(frozen=True, slots=True)
+class RasterLook:
+    """Channels that share their stamps: how the file calls them, samples, channels, time axis (None: there is none).
+
+    `place` is what a sample stands in: a line of a text, a row of a table.
+    """
+
+    name: str
+    samples: int
+    columns: tuple[ColumnLook, ...]
+    time: TimeLook | None
+    place: str
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What is in a file: its format, its rasters, problems and warnings of `read`, and a channel map.
+
+    `needs_map` says that the columns have not the names of the contract.
+    """
+
+    source: str
+    format: str
+    rasters: tuple[RasterLook, ...]
+    problems: tuple[str, ...]
+    warnings: tuple[str, ...]
+    proposal: Proposal
+    needs_map: bool
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def table(self) -> str:
+        """Everything as plain text for a terminal.
+
+        Raises
+        ------
+        Nothing.
+        """
+        return _text(self)
+
+    def listing(self) -> str:
+        """Every channel with its raster, unit and range, a line each: what a map can be written from.
+
+        Raises
+        ------
+        Nothing.
+        """
+        return _listing(self)
+
+
+def _text(seen: Look) -> str:
+    """Everything that was seen of a file."""
     samples = max((raster.samples for raster in seen.rasters), default=0)
     lines = []
     if len(seen.rasters) < 2:
@@ -47,13 +110,8 @@ def look_text(seen: Look) -> str:
     return "\n".join(lines)
 
 
-def listing(seen: Look) -> str:
-    """Every channel of a file, a line each.
-
-    Raises
-    ------
-    Nothing.
-    """
+def _listing(seen: Look) -> str:
+    """Every channel of a file, a line each."""
     lines = ["The file has:"]
     for raster in seen.rasters:
         group = f" group = {json.dumps(raster.name, ensure_ascii=False)}" if len(seen.rasters) > 1 else ""
