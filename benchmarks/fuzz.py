@@ -24,8 +24,9 @@ import numpy as np
 
 from clutchid.errors import ClutchidError
 from clutchid.io import read, write
+from clutchid.io.channel_map import Channel, ChannelMap
 from clutchid.io.look import look
-from clutchid.log import Log
+from clutchid.log import COLUMNS, Log
 
 #: A case that takes longer has hung, in s; and what a reader may take, in bytes.
 PATIENCE, MEMORY = 30.0, 1 << 30
@@ -50,8 +51,8 @@ def example(samples: int = 200) -> Log:
     return Log(time, columns, "run", {"truck": "7 <&> ü"})
 
 
-def good_file(kind: str, folder: Path) -> tuple[Path, tuple[Path, ...]]:
-    """A file of a format that can be read, and the DBC files that it needs.
+def good_file(kind: str, folder: Path) -> tuple[Path, ChannelMap | None]:
+    """A file of a format that can be read, and the channel map that it needs.
 
     Raises
     ------
@@ -61,13 +62,18 @@ def good_file(kind: str, folder: Path) -> tuple[Path, tuple[Path, ...]]:
     if kind in ("csv", "parquet", "mf4", "mat"):
         path = folder / f"good.{kind}"
         write(example(), path)
-        return path, ()
-    if kind == "mat73":
-        return _mat73(folder / "good73.mat"), ()
+        return path, None
+    if kind == "mat73":  # MATLAB has no units
+        units = {"time": "s", **COLUMNS}
+        named = {name: Channel(name, unit=units[name]) for name in ("time", *example().columns)}
+        return _mat73(folder / "good73.mat"), ChannelMap(named)
     if kind in ("blf", "asc"):
         dbc = folder / "clutch.dbc"
         dbc.write_text(DBC)
-        return _frames(folder / f"good.{kind}"), (dbc,)
+        signals = dict(
+            zip(example().columns, ("ClutchPos", "DutySupply", "DutyExhaust", "ClutchPressure"), strict=True)
+        )
+        return _frames(folder / f"good.{kind}"), ChannelMap({n: Channel(s) for n, s in signals.items()}, (dbc,))
     raise ValueError(kind)
 
 
@@ -123,11 +129,11 @@ def spoiled(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(raw)
 
 
-def answered(path: Path, dbc: tuple[Path, ...]) -> str:
+def answered(path: Path, channels: ChannelMap | None) -> str:
     """What the readers say of a file: 'read', 'refused', or the traceback of what they should not have raised."""
     try:
-        look(path, dbc=dbc).table()
-        read(path, dbc=dbc)
+        look(path, dbc=channels.dbc if channels else ()).table()
+        read(path, channels=channels)
     except ClutchidError as error:
         return "refused" if str(error).strip() else "an error without a sentence"
     except Exception:  # the finding itself
@@ -135,22 +141,22 @@ def answered(path: Path, dbc: tuple[Path, ...]) -> str:
     return "read"
 
 
-def cases(kind: str, seeds: range, folder: Path) -> Iterator[tuple[int, Path, tuple[Path, ...]]]:
+def cases(kind: str, seeds: range, folder: Path) -> Iterator[tuple[int, Path, ChannelMap | None]]:
     """Spoiled files of a format, one after the other under one name."""
-    good, dbc = good_file(kind, folder)
+    good, channels = good_file(kind, folder)
     data = good.read_bytes()
     path = folder / f"case{good.suffix}"
     for seed in seeds:
         path.write_bytes(b"" if seed == 0 else spoiled(data, np.random.default_rng(seed)))
-        yield seed, path, dbc
+        yield seed, path, channels
 
 
 def _worker(kind: str, seeds: range, pipe: Connection) -> None:
     """Answer cases and report each; a case that was begun but not answered hung or died."""
     with tempfile.TemporaryDirectory() as folder:
-        for seed, path, dbc in cases(kind, seeds, Path(folder)):
+        for seed, path, channels in cases(kind, seeds, Path(folder)):
             pipe.send(("begin", seed, ""))
-            answer = answered(path, dbc)
+            answer = answered(path, channels)
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
             pipe.send((answer, seed, peak))
     pipe.send(("end", -1, 0))
