@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
@@ -43,6 +42,8 @@ def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
         return x
     if tau < LEAST * step:
         return x - tau * np.gradient(x, step, axis=0)
+    from scipy.signal import lfilter  # half a second to import, which a fit without a lag need not wait for
+
     decay, before, now = _shares(tau, step)
     start = x[0] - tau * (x[1] - x[0]) / step
     shown: FloatArray = lfilter([now, before], [1.0, -decay], x, axis=0, zi=(start - now * x[0])[None])[0]
@@ -64,6 +65,8 @@ def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> Floa
     q = tau / step
     of_decay = decay / q**2
     of_now = of_decay * q + decay - 1.0
+    from scipy.signal import lfilter
+
     drive = of_now * x
     drive[1:] += of_decay * shown[:-1] - (of_now + of_decay) * x[:-1]
     drive[0] = x[0] - x[1]
