@@ -117,6 +117,7 @@ def test_an_mdf_of_two_rasters_is_fitted_by_its_names(tmp_path, log, peak):
         mdf.append(held)
         mdf.save(path)
     made = read(path)
+    assert made.warnings[0].startswith("the channels are taken by their names: position = 'ClutchPos', duty_supply =")
     assert np.array_equal(made["position"], log["position"].round(15)) or np.allclose(
         made["position"], log["position"], rtol=0, atol=1e-15
     )

@@ -97,7 +97,9 @@ def agreed(source: Source, given: ChannelMap | None, required: Sequence[str]) ->
         return given
     proposal = propose(source, required)
     if proposal.complete:
-        return proposal.channels
+        taken = ", ".join(f"{name} = '{entry.channel}'" for name, entry in proposal.channels.channels.items())
+        said = f"the channels are taken by their names: {taken}; a channel map (--map) says it for certain."
+        return replace(proposal.channels, comments={"": said})
     if source.tabular or not source.rasters:
         return None
     save = "`clutchid look FILE --save MAP.toml` proposes a channel map; mend it and give it with --map."

@@ -58,7 +58,7 @@ def pieces(
         problems = (*problems, f"no channel for {', '.join(missing)}; add [{missing[0]}] to the map.")
     if problems or source.problems:
         raise DataError.of(str(source.path), [*source.problems, *problems])
-    told = _Told(warnings=list(source.warnings))
+    told = _Told(warnings=[*source.warnings, *channels.comments.get("", "").splitlines()])
     streams = [(*_stream(source, chosen, ambient, rows, told), chosen) for chosen in picks]
     streams.sort(key=lambda found: found[0])
     usual, base, fastest = streams[0]
