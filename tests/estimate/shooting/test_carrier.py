@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from clutchid import truck as virtual
 from clutchid.errors import DataError
+from clutchid.estimate.shooting.automatic import AUTOMATIC
 from clutchid.estimate.shooting.carrier import (
     CHANGES,
     PERIODS,
@@ -18,6 +20,8 @@ from clutchid.estimate.shooting.carrier import (
 from clutchid.estimate.shooting.fit import with_phase
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.study.proving.ground import proof
 
 PERIOD, PHASE = 0.01, 0.3
 
@@ -55,6 +59,13 @@ def test_another_period_is_told_from_its_neighbours(plant, switched, recorded_by
     period, phase = find_carrier(log, plant)
     assert period == 0.02
     assert apart(phase, PHASE) <= 0.05
+
+
+@pytest.mark.parametrize("number", [2071, 2073, 2081, 2092])
+def test_the_grid_of_the_duty_cycles_is_the_carrier_of_trucks_whose_longer_periods_explain_much(number):
+    """Five times the period, or twice, explains more of what is left beside its own mean than the true one does."""
+    log = proof(number).calibration.log
+    assert find_carrier(log, Actuator(model=AUTOMATIC))[0] == virtual.truck(number).T_pwm
 
 
 def test_a_recording_without_a_carrier_has_none(plant, drive_log):

@@ -29,6 +29,10 @@ PHASES, CONTRAST = 20, 0.01
 #: The same where the period is known from the duty cycles, so that chance has one try only.
 CONTRAST_ON_GRID = 0.001
 
+#: How much more another period must explain than that of the grid: a carrier of half or twice its period, driven by the
+#: same duty cycles, explains up to as much as the true one.
+OUTDONE = 2.0
+
 #: The duty cycles change on a grid where their changes, as phasors on it, have a mean of this length; how many changes
 #: tell that, and the longest period in s that is looked for.
 ON_GRID, CHANGES, LONGEST = 0.95, 50, 0.1
@@ -113,9 +117,10 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     """Period in s of the carrier in a recording with pressure, and where in it the valves open; (0, 0) without one.
 
     An open valve changes the pressure at once, so the pressure's rate within a period shows when it is open. For every
-    period and phase the rate is compared with the opening that they predict beyond its mean. The period of the grid on
-    which the duty cycles change needs less evidence than others. An on/off unit has no carrier: what it shows are the
-    edges of its commands.
+    period and phase the rate is compared with the opening that they predict beyond its mean. Periods that show are
+    compared by what they explain of one and the same part of the rate: a longer period has more of it to itself. The
+    period of the grid on which the duty cycles change needs less evidence than others, and wins unless another explains
+    `OUTDONE` times as much. An on/off unit has no carrier: what it shows are the edges of its commands.
 
     Raises
     ------
@@ -126,21 +131,38 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     log = log.slice(0, min(len(log), round(ENOUGH / step)))
     if on_off(log):
         return 0.0, 0.0
-    rate = np.diff(log["pressure_a"])
     grid, _ = duty_grid(log)
-    best, found = 0.0, (0.0, 0.0)
+    common = max(1, round(max(periods) / step))
+    found: dict[float, tuple[float, float]] = {}
     for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:
         if not shows(log, period):
             continue
-        length = max(1, round(period / step))
-        fast = rate - _smooth(rate, length)
-        phases = np.arange(PHASES) / PHASES
-        tried = (actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases)
-        shares = np.array([_explained(log, one, fast, length) for one in tried])
-        contrast = float(shares.max() - np.median(shares))
-        if contrast > max(best, CONTRAST_ON_GRID if abs(period - grid) < 1e-3 * period else CONTRAST):
-            best, found = contrast, (period, float(phases[np.argmax(shares)]))
-    return found
+        contrast, phase = _contrast(log, actuator, period, max(1, round(period / step)))
+        if contrast > (CONTRAST_ON_GRID if _same(period, grid) else CONTRAST):
+            found[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
+    if not found:
+        return 0.0, 0.0
+    best = max(found, key=lambda period: found[period][0])
+    own = next((period for period in found if _same(period, grid)), best)
+    chosen = best if found[best][0] > OUTDONE * found[own][0] else own
+    return chosen, found[chosen][1]
+
+
+def _same(period: float, grid: float) -> bool:
+    return abs(period - grid) < 1e-3 * period
+
+
+def _contrast(log: Log, actuator: Actuator, period: float, length: int) -> tuple[float, float]:
+    """How much more the best phase of a period explains than the middling one, and that phase.
+
+    Of the pressure's rate, what `length` samples average to is not looked at.
+    """
+    rate = np.diff(log["pressure_a"])
+    fast = rate - _smooth(rate, length)
+    phases = np.arange(PHASES) / PHASES
+    tried = (actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases)
+    shares = np.array([_explained(log, one, fast, length) for one in tried])
+    return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
 
 
 def _smooth(values: FloatArray, length: int) -> FloatArray:
