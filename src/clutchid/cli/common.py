@@ -139,7 +139,7 @@ def pieces_of(
         told.update(piece.warnings)
         yield piece
         done += len(piece)
-        show(f"{piece.time[-1] - piece.time[0]:,.0f} s at {piece.time[-1]:,.0f} s", done / max(size, 1))
+        show(f"{done:,} samples", done / max(size, 1))
 
 
 def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
