@@ -103,9 +103,13 @@ def read_logs(
 
     By default these are the time, the position, and the duty cycles of the valves that there are.
     """
-    from clutchid.io import channel_map, read
+    from clutchid.io import read
 
-    channels = None if map_ is None else channel_map.read_map(map_)
+    channels = None
+    if map_ is not None:
+        from clutchid.io.channel_map import read_map
+
+        channels = read_map(map_)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
     logs, problems = [], []
     for path in paths:
@@ -123,23 +127,18 @@ def pieces_of(
     path: Path, ambient: float, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
 ) -> Iterator[Log]:
     """A recording of any length piece by piece, with what was said of it on standard error and a progress bar."""
-    from clutchid.io import channel_map, read_pieces
-    from clutchid.io.opening import open_source
+    from clutchid.io import read_pieces
 
-    channels = None if map_ is None else channel_map.read_map(map_)
-    size = max(
-        (raster.size for raster in open_source(path, (*(channels.dbc if channels else ()), *dbc)).rasters), default=0
-    )
-    done = 0
+    def shown(done: int, size: int) -> None:
+        show(f"{done:,} samples", done / max(size, 1))
+
     told: set[str] = set()
-    for piece in read_pieces(path, ambient=ambient, channels=channels, dbc=dbc):
+    for piece in read_pieces(path, ambient=ambient, channels=map_, dbc=dbc, progress=shown):
         for warning in piece.warnings:
             if warning not in told:
                 print(f"warning: {warning}", file=sys.stderr)
         told.update(piece.warnings)
         yield piece
-        done += len(piece)
-        show(f"{done:,} samples", done / max(size, 1))
 
 
 def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:

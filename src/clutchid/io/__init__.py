@@ -80,17 +80,19 @@ def read_pieces(
     dbc: Sequence[str | PathLike[str]] = (),
     required: Sequence[str] = REQUIRED,
     rows: int = BLOCK,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Log]:
     """A recording that is too long for the memory, as consecutive logs of about `rows` samples; else as `read`.
 
-    The hash of the file is not taken.
+    The hash of the file is not taken. `progress` is called behind every piece with the samples read so far, and with
+    those that the longest raster has.
 
     Raises
     ------
     DataError, MissingExtra, ParameterError
         As `read`; what is wrong with the samples when their piece is read.
     """
-    yield from _logs(path, ambient, channels, dbc, required, rows)
+    yield from _logs(path, ambient, channels, dbc, required, rows, progress)
 
 
 def _logs(
@@ -100,6 +102,7 @@ def _logs(
     dbc: Sequence[str | PathLike[str]],
     required: Sequence[str],
     rows: int | None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Log]:
     check_ambient(ambient)
     given = _map(channels)
@@ -118,8 +121,12 @@ def _logs(
             logs = _by_contract(source, ambient, required, rows)
         else:
             logs = pieces(source, chosen, ambient, required, rows)
+    done, size = 0, max((raster.size for raster in source.rasters), default=0)
     for log in logs:
         yield replace(log, metadata={**log.metadata, **metadata})
+        done += len(log)
+        if progress is not None:
+            progress(done, size)
 
 
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
