@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from clutchid.codegen.kernels import kernels_in
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
 
 #: A lag shorter than this part of a sample is taken as a shift in time.
 LEAST = 0.01
+
+_KERNELS = "clutchid.estimate.lag_kernels"
 
 
 def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
@@ -42,12 +45,10 @@ def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
         return x
     if tau < LEAST * step:
         return x - tau * np.gradient(x, step, axis=0)
-    from scipy.signal import lfilter  # half a second to import, which a fit without a lag need not wait for
-
-    decay, before, now = _shares(tau, step)
-    start = x[0] - tau * (x[1] - x[0]) / step
-    shown: FloatArray = lfilter([now, before], [1.0, -decay], x, axis=0, zi=(start - now * x[0])[None])[0]
-    return shown
+    columns = np.ascontiguousarray(x.reshape(x.shape[0], -1), dtype=np.float64)
+    shown = np.empty_like(columns)
+    kernels_in(_KERNELS).follow(columns, tau / step, _shares(tau, step), shown)
+    return shown.reshape(x.shape)
 
 
 def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> FloatArray:
@@ -65,13 +66,11 @@ def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> Floa
     q = tau / step
     of_decay = decay / q**2
     of_now = of_decay * q + decay - 1.0
-    from scipy.signal import lfilter
-
-    drive = of_now * x
-    drive[1:] += of_decay * shown[:-1] - (of_now + of_decay) * x[:-1]
-    drive[0] = x[0] - x[1]
-    slope: FloatArray = lfilter([1.0], [1.0, -decay], drive) / step
-    return slope
+    slope: FloatArray = of_now * x
+    slope[1:] += of_decay * shown[:-1] - (of_now + of_decay) * x[:-1]
+    slope[0] = x[0] - x[1]
+    kernels_in(_KERNELS).decayed(slope, decay)
+    return slope / step
 
 
 def _shares(tau: float, step: float) -> tuple[float, float, float]:

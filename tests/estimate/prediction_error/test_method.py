@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate import fit
 from clutchid.estimate.fit import verification
@@ -94,4 +95,4 @@ def test_a_segment_that_was_planned_for_another_model_is_refused(plant, recordin
 
 
 def test_the_machine_code_of_the_filter_lies_in_the_cache_folder():
-    assert "prediction_error" not in str(filtering._compiled_recursion().__file__)
+    assert "prediction_error" not in str(kernels_in(filtering._KERNELS).__file__)

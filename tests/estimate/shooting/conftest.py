@@ -7,13 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.result import Fit
 from clutchid.estimate.sensing import lagged
 from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.shooting.coordinates import Prior, coordinates
 from clutchid.estimate.shooting.fit import CURVATURE, prepared
+from clutchid.estimate.shooting.links import first_rows, link_costs, link_sigma
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Shooting
+from clutchid.estimate.shooting.problem import Shooting, prior_rows
+from clutchid.estimate.shooting.rows import window_cost
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.estimate.shooting.windows import first_guess, tracks
 from clutchid.log import FloatArray, Log
@@ -135,3 +138,29 @@ def adapted(calibrated: Fit, worn_log: Log) -> Fit:
     """The load of the worn plant, from its position and the calibration."""
     request = Request(("position",), ("load",), calibration=calibrated.calibration)
     return fit_by(SHOOTING, [worn_log], calibrated.actuator, request)
+
+
+@pytest.fixture(scope="session")
+def cost_at() -> Callable[..., float]:
+    """Cost of a problem at a point, simulated window by window without derivatives; infinite where that fails."""
+
+    def cost(task: Shooting, x: FloatArray, X: Sequence[FloatArray]) -> float:
+        views = task.views(x)
+        if isinstance(views, Failure):
+            return float("inf")
+        total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
+        for track, starts in zip(task.tracks, X, strict=True):
+            seen = views[task.stems[track.log]]
+            passed = [
+                window_cost(track, window, start, seen, task.measure, task.noise)
+                for window, start in zip(track.windows, starts, strict=True)
+            ]
+            if any(isinstance(one, Failure) for one in passed):
+                return float("inf")
+            ends, costs = (np.array(column) for column in zip(*passed, strict=True))
+            sigma = link_sigma(track, task.actuator, task.noise)
+            total += first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)[1]
+            total += float(np.sum(costs + link_costs(ends, starts, sigma, task.noise.outlier)))
+        return total
+
+    return cost

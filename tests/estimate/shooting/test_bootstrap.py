@@ -8,10 +8,10 @@ import pytest
 from clutchid.estimate.least_squares import triangular
 from clutchid.estimate.shooting.bootstrap import FEWEST, bootstrap, ratio, steps, strokes
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Chain, Linear, condense, linearise
+from clutchid.estimate.shooting.problem import Chain, Linear, Passage, condense, linearise
 from clutchid.estimate.shooting.projection import SETTLED, Found
-from clutchid.estimate.shooting.rows import Rows
 from clutchid.estimate.shooting.search import FROM_NEAR, search
+from clutchid.estimate.shooting.told import Told
 from clutchid.log import Log
 
 STATES = 10
@@ -40,7 +40,7 @@ def small(task, found):
     """Twelve windows from a rest on, four strokes of them, so that a dense matrix holds them."""
     track = replace(task.tracks[0], windows=task.tracks[0].windows[16:28])
     few = replace(task, tracks=(track,))
-    return few, linearise(few, task.noise, found.x, (found.X[0][16:28],)), (np.repeat([0, 1, 2, 3], [5, 1, 2, 4]),)
+    return few, linearise(few, found.x, (found.X[0][16:28],)), (np.repeat([0, 1, 2, 3], [5, 1, 2, 4]),)
 
 
 def resting(task_of, plant, excursions, low=0.0, missing=(), name="log"):
@@ -54,14 +54,21 @@ def resting(task_of, plant, excursions, low=0.0, missing=(), name="log"):
     return task_of([log], plant, ("F_C",), ("position",))
 
 
+def whole(chain):
+    """Rows ``[state | theta | r]`` of every window of a chain."""
+    told = chain.passage.told
+    return np.concatenate([told.own, told.r[:, :, None]], axis=2)
+
+
 def dense_moves(linear, numbers):
     """The pull of each stroke and of what is known before, each moved by the dense inverse; pulls; information."""
     chain, k = linear.chains[0], linear.prior.shape[1] - 1
-    n = STATES * len(chain.windows)
+    own = whole(chain)
+    n = STATES * len(own)
     placed = [(0, 0, linear.prior), (0, STATES, chain.first)]
     kinds = [0, 0]
-    for i, (rows, stroke) in enumerate(zip(chain.windows, numbers[0], strict=True)):
-        placed.append((i, STATES, rows.own))
+    for i, (rows, stroke) in enumerate(zip(own, numbers[0], strict=True)):
+        placed.append((i, STATES, rows))
         kinds.append(stroke + 1)
         if i < len(chain.links):
             placed.append((i, 2 * STATES, chain.links[i]))
@@ -79,18 +86,20 @@ def dense_moves(linear, numbers):
 def white(rng, count, k):
     """A random linear problem with standard normal residuals, two windows a stroke and nothing known before."""
     windows = 2 * count
-    own = [triangular(rng.standard_normal((30, STATES + k + 1))) for _ in range(windows)]
-    links = [rng.standard_normal((STATES, 2 * STATES + k + 1)) for _ in range(windows - 1)]
-    first = rng.standard_normal((STATES, STATES + k + 1))
-    empty = np.zeros((0, 0))
-    told = triangular(np.vstack([rows[STATES:, STATES:] for rows in own]))
-    chain = Chain(first, tuple(Rows(rows, empty, empty, empty, 0.0) for rows in own), tuple(links), told)
-    return Linear(np.zeros((0, k + 1)), (chain,), 0.0), (np.repeat(np.arange(count), 2),)
+    width = STATES + k + 1
+    own = np.array([triangular(rng.standard_normal((30, width))) for _ in range(windows)])
+    links = rng.standard_normal((windows - 1, STATES, STATES + width))
+    first = rng.standard_normal((STATES, width))
+    nothing, end = np.zeros(windows), np.zeros((windows, STATES))
+    to_start, to_theta = np.zeros((windows, STATES, STATES)), np.zeros((windows, STATES, k))
+    told = Told(own[:, :, :-1], own[:, :, -1], end, to_start, to_theta, nothing)
+    chain = Chain(first, Passage(told, end, nothing, nothing), links)
+    return Linear(np.zeros(k), (end,), np.zeros((0, k + 1)), (chain,), 0.0), (np.repeat(np.arange(count), 2),)
 
 
 def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
-    task, linear, numbers = small
-    known, moves = steps(task, linear, numbers)
+    _, linear, numbers = small
+    known, moves = steps(linear, numbers)
     wanted, covariance = dense_moves(linear, numbers)
     # in deviations of each number; the dense normal equations square a condition of some 1e5
     scale = np.sqrt(np.diag(covariance))[:, None]
@@ -113,14 +122,14 @@ def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, found, mo
 
 
 def test_the_steps_of_all_strokes_add_up_to_the_step_of_the_whole_problem(task, found):
-    known, moves = steps(task, found.at, strokes(task))
+    known, moves = steps(found.at, strokes(task))
     factor, _ = condense(task, found.at)
     assert known + moves.sum(axis=1) == pytest.approx(-np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]), abs=1e-8)
 
 
 def test_with_every_stroke_once_nothing_moves_because_the_search_has_ended_there(task, found, root):
     assert found.status == "converged"
-    known, moves = steps(task, found.at, strokes(task))
+    known, moves = steps(found.at, strokes(task))
     # in deviations; the square of its length is what the cost would still fall by
     assert np.sum(np.linalg.solve(root, known + moves.sum(axis=1)) ** 2) < SETTLED
 
@@ -142,19 +151,20 @@ def test_many_draws_are_spread_around_what_was_found(task, found, root):
 def test_white_residuals_scatter_as_the_covariance_says(task):
     rng, k, count = np.random.default_rng(0), 5, 120
     linear, numbers = white(rng, count, k)
-    moves = steps(task, linear, numbers)[1]
+    moves = steps(linear, numbers)[1]
     factor = condense(task, linear)[0][:k, :k]
     apart = moves - moves.mean(axis=1, keepdims=True)
     # mean over k directions of chi-square with 119 degrees of freedom: 1 with a deviation of sqrt(2 / (119 k)) = 6 %
     assert np.sum((factor @ apart) ** 2) / k == pytest.approx(1.0, abs=0.18)
 
 
-def test_residuals_that_come_four_times_each_are_counted_once(task):
+def test_residuals_that_come_four_times_each_are_counted_once():
     linear, numbers = white(np.random.default_rng(1), 12, 5)
     chain = linear.chains[0]
-    windows = tuple(replace(rows, own=2 * rows.own) for rows in chain.windows)
-    fourfold = Chain(2 * chain.first, windows, tuple(2 * link for link in chain.links), chain.told)
-    once, again = (steps(task, replace(linear, chains=(c,)), numbers)[1] for c in (chain, fourfold))
+    told = chain.passage.told
+    twice = replace(chain.passage, told=replace(told, own=2 * told.own, r=2 * told.r))
+    fourfold = Chain(2 * chain.first, twice, 2 * chain.links)
+    once, again = (steps(replace(linear, chains=(c,)), numbers)[1] for c in (chain, fourfold))
     assert again == pytest.approx(once, abs=1e-9)
 
 

@@ -21,7 +21,7 @@ def exact(plant, recorded_by, task_of):
     states = np.column_stack([simulated[name] for name in columns])
     X = tuple(states[[window.start for window in track.windows]] for track in task.tracks)
     x = np.zeros(4)
-    return log, task, Found(x, X, linearise(task, task.noise, x, X), "converged", 1), states
+    return log, task, Found(x, X, linearise(task, x, X), "converged", 1), states
 
 
 def test_from_the_true_starts_the_trajectory_is_the_simulation(exact):
@@ -89,7 +89,7 @@ def test_between_segments_there_are_no_states(exact, plant, task_of, starts_of):
     duty[1500:1510] = np.nan
     task = task_of([log.with_columns(duty_supply=duty)], plant, ("e_y",))
     X = tuple(starts_of(task))
-    found = Found(np.zeros(1), X, linearise(task, task.noise, np.zeros(1), X), "converged", 1)
+    found = Found(np.zeros(1), X, linearise(task, np.zeros(1), X), "converged", 1)
     states = trajectory(task, found, 0)
     assert np.isnan(states[1500:1510]).all()
     assert np.isfinite(states[:1500]).all()

@@ -77,10 +77,12 @@ def test_a_calibrated_number_that_does_not_drift_is_considered_too(task):
 def dense_rows(of, x, X, share):
     """All rows of a problem of one track; those of samples and links times `share`."""
     wide, n, k, m, s = of.task, X[0].size, x.size, of.root.shape[0], X[0].shape[1]
-    linear = linearise(wide, wide.noise, np.concatenate([x, np.zeros(m)]), X)
+    linear = linearise(wide, np.concatenate([x, np.zeros(m)]), X)
     chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
     rows = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
-    placed = [(chain.first, 0, s), *((share * w.own, i, s) for i, w in enumerate(chain.windows))]
+    told = chain.passage.told
+    own = np.concatenate([told.own, told.r[:, :, None]], axis=2)
+    placed = [(chain.first, 0, s), *((share * rows, i, s) for i, rows in enumerate(own))]
     placed += [(share * link, i, 2 * s) for i, link in enumerate(chain.links)]
     for block, at, width in placed:
         full = np.zeros((block.shape[0], n + k + m))

@@ -7,9 +7,10 @@ import pytest
 
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting import rows as module
-from clutchid.estimate.shooting.links import link_rows, link_sigma
+from clutchid.estimate.shooting.links import link_costs, link_rows, link_sigma
 from clutchid.estimate.shooting.noise import SPAN, Noise
 from clutchid.estimate.shooting.rows import window_cost, window_rows
+from clutchid.estimate.shooting.told import Told
 from clutchid.estimate.shooting.windows import units
 from clutchid.model.compiled import VARIANTS
 
@@ -231,17 +232,29 @@ def test_a_closed_window_has_the_noise_of_the_states_and_an_open_one_more_pressu
 def test_links_tie_the_end_of_a_window_to_the_next_start(task, busy):
     track, window, start = busy
     actuator, x, n = task.actuator, np.zeros(len(NAMES)), len(STATES)
-    before = rows_at(task, busy, x, start)
     number = [one.start for one in track.windows].index(window.start)
-    sigma = link_sigma(track, actuator, ALL_IN)[number]
-    following = before.end + 0.5 * sigma * np.arange(n)
-    rows, cost = link_rows(before, following, sigma, actuator, 1e9)
+    sigma = link_sigma(track, actuator, ALL_IN)[[number, number]]
+    told = Told.by([rows_at(task, busy, x, start)] * 2)
+    starts = np.array([start, told.end[0] + 0.5 * sigma[0] * np.arange(n)])
+
+    def links_at(x):
+        moved = Told.by([rows_at(task, busy, x, start)] * 2)
+        return link_rows(moved, moved.end, starts, sigma, actuator, 1e9)
+
+    (rows,) = links_at(x)
     assert rows[:, -1] == pytest.approx(0.5 * np.arange(n), abs=1e-6)
-    assert cost == pytest.approx(0.25 * np.sum(np.arange(n) ** 2), rel=1e-6)
-    assert np.diag(rows[:, n : 2 * n]) == pytest.approx(units(actuator) / sigma)
+    assert link_costs(told.end, starts, sigma, 1e9) == pytest.approx([0.25 * np.sum(np.arange(n) ** 2), 0.0], rel=1e-6)
+    assert np.diag(rows[:, n : 2 * n]) == pytest.approx(units(actuator) / sigma[0])
     e = 1e-4 * np.eye(len(NAMES))[NAMES.index("C_vs")]
-    moved = [
-        link_rows(rows_at(task, busy, x + s * e, start), following, sigma, actuator, 1e9)[0][:, -1] for s in (1, -1)
-    ]
-    difference = (moved[0] - moved[1]) / 2e-4
+    difference = (links_at(x + e)[0, :, -1] - links_at(x - e)[0, :, -1]) / 2e-4
     assert rows[:, 2 * n + NAMES.index("C_vs")] == pytest.approx(difference, abs=1e-3 * np.abs(difference).max())
+
+
+def test_a_link_far_off_counts_linearly_only(task, busy):
+    start, sigma = busy[2], np.ones((2, len(STATES)))
+    told = Told.by([rows_at(task, busy, np.zeros(len(NAMES)), start)] * 2)
+    starts = np.array([start, told.end[0] + np.where(np.arange(len(STATES)) == 2, 9.0, 1.0)])
+    cost = link_costs(told.end, starts, sigma, 4.0)[0]
+    assert cost == pytest.approx(len(STATES) - 1 + 4.0 * (2 * 9.0 - 4.0))
+    (rows,) = link_rows(told, told.end, starts, sigma, task.actuator, 4.0)
+    assert rows[:, -1] == pytest.approx(np.where(np.arange(len(STATES)) == 2, np.sqrt(4.0 * 9.0), 1.0))

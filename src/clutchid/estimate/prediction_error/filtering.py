@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.util import find_spec
-from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.codegen.cache import load_module
+from clutchid.codegen.kernels import kernels_in
 from clutchid.estimate.least_squares import Failure, triangular
 from clutchid.estimate.prediction_error.process_noise import process_noise
 from clutchid.estimate.shooting.noise import START, UNKNOWN_START, Noise
@@ -27,6 +23,8 @@ from clutchid.simulation.simulation import failure_message
 
 if TYPE_CHECKING:
     from clutchid.estimate.prediction_error.recursion import Told
+
+_KERNELS = "clutchid.estimate.prediction_error.recursion"
 
 #: Samples whose rows are compressed together.
 BLOCK = 2048
@@ -109,16 +107,6 @@ def _spread(rows: FloatArray, seen: View) -> FloatArray:
     return wide
 
 
-@cache
-def _compiled_recursion() -> ModuleType:
-    """The module `recursion`, loaded from the cache folder, so that its machine code is kept there too."""
-    found = find_spec("clutchid.estimate.prediction_error.recursion")
-    assert found is not None
-    assert found.origin is not None
-    source = Path(found.origin)
-    return load_module("recursion", [source], lambda: source.read_text(encoding="utf-8"))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Filter:
     """A filter on its way through a segment: x, S and `before` go with it, see `recursion`."""
@@ -167,7 +155,7 @@ class _Filter:
     def follow(self, at: slice, told: Told) -> int:
         """Go on through the samples `at`; the first that is not finite, or -1."""
         segment, numbers, which = self.track.segment, self.seen.numbers, self.which
-        module, update = kernels(numbers.model), _compiled_recursion().update
+        module, update = kernels(numbers.model), kernels_in(_KERNELS).update
         move = module.run_all if which.needs_parameters else module.run_table
         x, S, _ = self.now
         jump, taken, watched = np.zeros(2, np.uint8), np.zeros((2, 2)), np.zeros(0, np.int64)

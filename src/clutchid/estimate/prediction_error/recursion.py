@@ -8,16 +8,12 @@ because the model moves both alike. ``W = [L | Q]`` is L beside the square root 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TypeVar, cast
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
-
-_Function = TypeVar("_Function", bound=Callable[..., object])
 
 #: Places in the array of numbers of the sensors: lags, offsets and deviations; where an error becomes an outlier.
 TAU, OFFSET, SIGMA, OUTLIER = 0, 2, 4, 6
@@ -30,12 +26,7 @@ TAU, OFFSET, SIGMA, OUTLIER = 0, 2, 4, 6
 Told = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
-def _compiled(function: _Function) -> _Function:
-    made = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})(function)
-    return cast(_Function, made)
-
-
-@_compiled
+@kernel
 def triangularise(W: FloatArray) -> None:
     """Turn the columns of a wide matrix, in place, until it is lower triangular; W W' stays (Householder)."""
     n, width = W.shape
@@ -59,7 +50,7 @@ def triangularise(W: FloatArray) -> None:
             W[i, c] = 0.0
 
 
-@_compiled
+@kernel
 def weigh(W: FloatArray, seen: FloatArray, e: float, sigma: float, outlier: float, gain: FloatArray) -> None:
     """How one measurement moves the state, and what is then left of its covariance, in place (Potter).
 
@@ -95,7 +86,7 @@ def weigh(W: FloatArray, seen: FloatArray, e: float, sigma: float, outlier: floa
     gain[n] = s
 
 
-@_compiled
+@kernel
 def correct(x: FloatArray, S: FloatArray, gain: FloatArray, seen: FloatArray, e: float, k: int) -> None:
     """Move the state by its gain of an error, and its derivatives with it: ``dx <- (I - K C) dx``."""
     for i in range(x.size):
@@ -104,7 +95,7 @@ def correct(x: FloatArray, S: FloatArray, gain: FloatArray, seen: FloatArray, e:
             S[i, c] -= gain[i] * seen[c]
 
 
-@_compiled
+@kernel
 def see_position(x: FloatArray, S: FloatArray, W: FloatArray, lag: float, seen: FloatArray) -> float:
     """The rate that the lag of the position sensor sees; `seen` receives y - lag v as a row of ``[dx | W]``."""
     k = seen.size - W.shape[1]
@@ -115,7 +106,7 @@ def see_position(x: FloatArray, S: FloatArray, W: FloatArray, lag: float, seen: 
     return float(x[1])
 
 
-@_compiled
+@kernel
 def see_pressure(
     x: FloatArray, S: FloatArray, W: FloatArray, before: FloatArray, steps: float, lag: float, seen: FloatArray
 ) -> float:
@@ -133,7 +124,7 @@ def see_pressure(
     return float(steps * (x[2] - before[0]))
 
 
-@_compiled
+@kernel
 def write(row: FloatArray, error: FloatArray, seen: FloatArray, e: float, s: float, outlier: float) -> None:
     """Keep an error of prediction with its variance, and its row; beyond `outlier` deviations it counts linearly."""
     error[0] = e
@@ -145,7 +136,7 @@ def write(row: FloatArray, error: FloatArray, seen: FloatArray, e: float, s: flo
     row[row.size - 1] = -e * scale
 
 
-@_compiled
+@kernel
 def leave(row: FloatArray, error: FloatArray) -> None:
     """Keep that nothing was measured."""
     error[0] = np.nan
@@ -154,7 +145,7 @@ def leave(row: FloatArray, error: FloatArray) -> None:
         row[c] = 0.0
 
 
-@_compiled
+@kernel
 def beside(S: FloatArray, noise: FloatArray) -> FloatArray:
     """``W = [L | Q]``: the square root in the last columns of S beside that of the process noise."""
     n = noise.size
@@ -167,7 +158,7 @@ def beside(S: FloatArray, noise: FloatArray) -> FloatArray:
     return W
 
 
-@_compiled
+@kernel
 def keep(
     x: FloatArray, S: FloatArray, W: FloatArray, before: FloatArray, state: FloatArray, pressure: FloatArray
 ) -> None:
@@ -188,7 +179,7 @@ def keep(
     pressure[k] = math.sqrt(square)
 
 
-@_compiled
+@kernel
 def update(
     at: int,
     steps: float,

@@ -15,7 +15,6 @@ from clutchid.estimate.shooting.problem import Linear, Shooting
 from clutchid.estimate.shooting.projection import Found
 from clutchid.estimate.shooting.windows import Track
 from clutchid.log import FloatArray
-from clutchid.model.compiled import VARIANTS
 
 #: Below this share of its stroke the piston rests.
 REST = 0.1
@@ -119,7 +118,7 @@ def bootstrap(task: Shooting, found: Found, draws: int = 200, seed: int = 0) -> 
     Blocks of coloured residuals: Künsch 1989. Resampled gradients at a fixed information: Kline and Santos 2012.
     """
     numbers = strokes(task)
-    known, moves = steps(task, found.at, numbers)
+    known, moves = steps(found.at, numbers)
     count = moves.shape[1]
     if count < 2:
         return np.full((draws, found.x.size), np.nan)
@@ -127,7 +126,7 @@ def bootstrap(task: Shooting, found: Found, draws: int = 200, seed: int = 0) -> 
     return found.x + known + times @ moves.T
 
 
-def steps(task: Shooting, linear: Linear, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
+def steps(linear: Linear, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
     """The Gauss-Newton step as the sum of what is known before the data, shape (k,), and of each stroke, (k, strokes).
 
     A stroke that is drawn n times pulls n times; the information, so how far a pull moves, stays that of all strokes.
@@ -140,25 +139,25 @@ def steps(task: Shooting, linear: Linear, numbers: Numbers) -> tuple[FloatArray,
     ------
     Nothing: what nothing tells does not move.
     """
-    n, k = len(VARIANTS[task.actuator.model]), linear.prior.shape[1] - 1
+    k = linear.prior.shape[1] - 1
     count = 2 + max(int(track.max()) for track in numbers)
     parts = [_spread_out(linear.prior, 0, count)]
     for chain, track in zip(linear.chains, numbers, strict=True):
-        at = (track + 1).tolist()
-        own = [_spread_out(rows.own, i, count) for rows, i in zip(chain.windows, at, strict=True)]
-        links = [_spread_out(link, i, count) for link, i in zip(chain.links, at[:-1], strict=True)]
-        parts.append(eliminate(_spread_out(chain.first, 0, count), [rows[:n] for rows in own], links, n).rows)
-        parts.extend(rows[n:, n:] for rows in own)
+        told, at = chain.passage.told, track + 1
+        own, links = _spread_out(told.of_states, at, count), _spread_out(chain.links, at[:-1], count)
+        parts.append(eliminate(_spread_out(chain.first, 0, count), own, links).rows)
+        alone = told.of_theta
+        parts.append(_spread_out(alone, np.repeat(at, alone.shape[0] // at.size), count))
     factor = triangular(np.vstack(parts))[:k]
     pulls = -np.linalg.lstsq(factor[:, :k], factor[:, k:], rcond=None)[0].astype(np.float64)
     return pulls[:, 0], pulls[:, 1:]
 
 
-def _spread_out(rows: FloatArray, place: int, count: int) -> FloatArray:
-    """`rows` with their residual in column `place` of `count`."""
-    residual = np.zeros((rows.shape[0], count))
-    residual[:, place] = rows[:, -1]
-    return np.column_stack([rows[:, :-1], residual])
+def _spread_out(rows: FloatArray, places: NDArray[np.int64] | int, count: int) -> FloatArray:
+    """`rows` with their residual in column `places` of `count`; places are those of the first axis."""
+    residual = np.zeros((*rows.shape[:-1], count))
+    residual[np.arange(rows.shape[0]), ..., places] = rows[..., -1]
+    return np.concatenate([rows[..., :-1], residual], axis=-1)
 
 
 def ratio(task: Shooting, x: FloatArray, known: FloatArray) -> float:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.estimate.shooting.noise import SPAN, START, UNKNOWN_START, Noise
-from clutchid.estimate.shooting.rows import Rows, View, loss, robust
+from clutchid.estimate.shooting.rows import View, losses
+from clutchid.estimate.shooting.told import Told
 from clutchid.estimate.shooting.windows import Track, units
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -34,19 +35,25 @@ def link_sigma(track: Track, actuator: Actuator, noise: Noise) -> FloatArray:
     return sigma
 
 
-def link_cost(end: FloatArray, start: FloatArray, sigma: FloatArray, outlier: float) -> float:
-    """Cost of the step from the end of a window to the `start` of the next."""
-    return loss((start - end) / sigma, outlier)
+def link_costs(ends: FloatArray, starts: FloatArray, sigma: FloatArray, outlier: float) -> FloatArray:
+    """Cost of the steps from the end of each window to the start of the next; 0 for the last, which has none."""
+    return np.append(losses((starts[1:] - ends[:-1]) / sigma[:-1], outlier).sum(axis=1), 0.0)
 
 
 def link_rows(
-    before: Rows, start: FloatArray, sigma: FloatArray, actuator: Actuator, outlier: float
-) -> tuple[FloatArray, float]:
-    """Rows that tie the end of a window to the `start` of the next, and their cost."""
-    joined = np.column_stack([-before.to_start, np.diag(units(actuator)), -before.to_theta, start - before.end])
-    rows = joined / sigma[:, None]
-    cost = robust(rows, outlier)
-    return rows, cost
+    told: Told, ends: FloatArray, starts: FloatArray, sigma: FloatArray, actuator: Actuator, outlier: float
+) -> FloatArray:
+    """Rows ``[state | next state | theta | r]`` that tie the `ends` of windows to the next `starts`.
+
+    Shape (windows - 1, n, 2 n + k + 1).
+    """
+    n = told.states
+    rows = np.empty((starts.shape[0] - 1, n, 2 * n + told.to_theta.shape[2] + 1))
+    rows[:, :, :n], rows[:, :, n : 2 * n] = -told.to_start[:-1], np.diag(units(actuator))
+    rows[:, :, 2 * n : -1], rows[:, :, -1] = -told.to_theta[:-1], starts[1:] - ends[:-1]
+    rows /= sigma[:-1, :, None]
+    rows *= np.sqrt(outlier / np.maximum(np.abs(rows[:, :, -1:]), outlier))
+    return rows
 
 
 def first_rows(

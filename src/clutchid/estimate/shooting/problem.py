@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -12,10 +12,11 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.least_squares import Failure, triangular
 from clutchid.estimate.shooting.coordinates import Coordinate, smoothness
 from clutchid.estimate.shooting.elimination import Eliminated, eliminate
-from clutchid.estimate.shooting.links import first_rows, link_cost, link_rows, link_sigma
+from clutchid.estimate.shooting.links import first_rows, link_costs, link_rows, link_sigma
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.rows import Rows, View, view, window_cost, window_rows
+from clutchid.estimate.shooting.rows import View, view, window_rows
 from clutchid.estimate.shooting.threads import each
+from clutchid.estimate.shooting.told import Told
 from clutchid.estimate.shooting.windows import Track
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -99,103 +100,114 @@ class Shooting:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chain:
-    """The rows of one track: of its first state, its windows, and the links between them.
+class Passage:
+    """A track at a point: what its windows said where they were linearised, taken along to here, and simulated.
 
-    `told` is what the windows say of theta alone, condensed; their rows on states and theta stand in `windows`.
+    `ends` (windows, n) and `costs` (windows,) are those of the simulation, from which the windows have moved by `drift`
+    standard deviations of what they say.
     """
 
+    told: Told
+    ends: FloatArray
+    costs: FloatArray
+    drift: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """A track at a point, as rows: of its first state, of its windows in `passage`, and of the links between them."""
+
     first: FloatArray
-    windows: tuple[Rows, ...]
-    links: tuple[FloatArray, ...]
-    told: FloatArray
+    passage: Passage
+    links: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
     """The problem linearised at a point: prior rows ``[theta | r]``, chains, and its cost there (sum of losses).
 
-    Where theta is held, its rows have no columns for it.
+    Where theta is held, its chains have no columns for it.
     """
 
+    x: FloatArray
+    X: tuple[FloatArray, ...]
     prior: FloatArray
     chains: tuple[Chain, ...]
     cost: float
 
 
-def linearise(
-    task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray], free: bool = True
-) -> Linear | Failure:
+def linearise(task: Shooting, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
     """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer.
-
-    Without `free` the parameters are held: derivatives to the states only, which cost a fraction.
 
     Raises
     ------
     Nothing: a simulation that fails is a `Failure`.
     """
-    views = task.views(x, free)
+    views = task.views(x)
     if isinstance(views, Failure):
         return views
-    prior = prior_rows(task, x)
-    cost = float(np.sum(prior[:, -1] ** 2))
-    prior = prior if free else np.zeros((0, 1))
-    chains = []
+    passages = []
     for track, starts in zip(task.tracks, X, strict=True):
-        chain = _chain(task, noise, track, starts, views[task.stems[track.log]])
-        if isinstance(chain, Failure):
-            return chain
-        chains.append(chain[0])
-        cost += chain[1]
-    return Linear(prior, tuple(chains), cost) if np.isfinite(cost) else Failure("the cost is not finite")
+        told = told_by(task, track, views, starts, range(len(track.windows)))
+        if isinstance(told, Failure):
+            return told
+        passages.append(Passage(told, told.end, told.cost, np.zeros(len(track.windows))))
+    return assembled(task, views, x, X, passages)
 
 
-def cost_at(task: Shooting, noise: Noise, x: FloatArray, X: Sequence[FloatArray]) -> float:
-    """The cost at a point, infinite where it cannot be simulated; as `linearise`, without derivatives.
+def told_by(
+    task: Shooting, track: Track, views: Mapping[str, View], starts: FloatArray, places: Sequence[int]
+) -> Told | Failure:
+    """What the windows `places` of a track say, linearised at their own `starts`.
 
     Raises
     ------
-    Nothing: a simulation that fails costs infinitely much.
+    Nothing: a simulation that fails is a `Failure`.
     """
-    views = task.views(x)
-    if isinstance(views, Failure):
-        return float("inf")
-    total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
-    for track, starts in zip(task.tracks, X, strict=True):
+    work = partial(window_rows, track, seen=views[task.stems[track.log]], measure=task.measure, noise=task.noise)
+    rows = []
+    for answer in each(work, [track.windows[i] for i in places], [starts[i] for i in places]):
+        if isinstance(answer, Failure):
+            return answer
+        rows.append(answer)
+    return Told.by(rows)
+
+
+def assembled(
+    task: Shooting, views: Mapping[str, View], x: FloatArray, X: Sequence[FloatArray], passages: Sequence[Passage]
+) -> Linear | Failure:
+    """The problem at a point whose windows are known.
+
+    Raises
+    ------
+    Nothing: a cost that is not finite is a `Failure`.
+    """
+    chains = []
+    for track, starts, passage in zip(task.tracks, X, passages, strict=True):
         seen = views[task.stems[track.log]]
-        work = partial(window_cost, track, seen=seen, measure=task.measure, noise=noise)
-        ends, sigma = [], link_sigma(track, task.actuator, noise)
-        total += first_rows(track, starts[0], seen, "pressure_a" in task.measure, noise)[1]
-        for answer in each(work, track.windows, starts):
-            if isinstance(answer, Failure):
-                return float("inf")
-            ends.append(answer[0])
-            total += answer[1]
-        total += sum(
-            link_cost(end, start, width, noise.outlier)
-            for end, start, width in zip(ends[:-1], starts[1:], sigma[:-1], strict=True)
-        )
-    return total if np.isfinite(total) else float("inf")
+        first, _ = first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)
+        sigma = link_sigma(track, task.actuator, task.noise)
+        links = link_rows(passage.told, passage.ends, starts, sigma, seen.actuator, task.noise.outlier)
+        chains.append(Chain(first, passage, links))
+    cost = cost_of(task, views, x, X, passages)
+    return Linear(x, tuple(X), prior_rows(task, x), tuple(chains), cost) if np.isfinite(cost) else NOT_FINITE
 
 
-def _chain(task: Shooting, noise: Noise, track: Track, starts: FloatArray, seen: View) -> tuple[Chain, float] | Failure:
-    """The rows of a track, and their cost."""
-    first, cost = first_rows(track, starts[0], seen, "pressure_a" in task.measure, noise)
-    work = partial(window_rows, track, seen=seen, measure=task.measure, noise=noise)
-    windows: list[Rows] = []
-    for rows in each(work, track.windows, starts):
-        if isinstance(rows, Failure):
-            return rows
-        windows.append(rows)
-        cost += rows.cost
-    links, sigma = [], link_sigma(track, task.actuator, noise)
-    for before, start, width in zip(windows[:-1], starts[1:], sigma[:-1], strict=True):
-        link, more = link_rows(before, start, width, seen.actuator, noise.outlier)
-        links.append(link)
-        cost += more
-    n = starts.shape[1]
-    told = triangular(np.vstack([rows.own[n:, n:] for rows in windows]))
-    return Chain(first, tuple(windows), tuple(links), told), cost
+#: What is said of a point whose simulation has no end.
+NOT_FINITE = Failure("the cost is not finite")
+
+
+def cost_of(
+    task: Shooting, views: Mapping[str, View], x: FloatArray, X: Sequence[FloatArray], passages: Sequence[Passage]
+) -> float:
+    """The cost of a point whose windows are known."""
+    total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
+    for track, starts, passage in zip(task.tracks, X, passages, strict=True):
+        seen = views[task.stems[track.log]]
+        sigma = link_sigma(track, task.actuator, task.noise)
+        total += first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)[1]
+        total += float(np.sum(passage.costs + link_costs(passage.ends, starts, sigma, task.noise.outlier)))
+    return total
 
 
 def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
@@ -215,21 +227,30 @@ def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
     return np.vstack([rows, smooth])
 
 
-def condense(task: Shooting, linear: Linear, damping: float = 0.0) -> tuple[FloatArray, list[Eliminated]]:
+def condense(
+    task: Shooting, linear: Linear, damping: Sequence[FloatArray] | None = None
+) -> tuple[FloatArray, list[Eliminated]]:
     """Triangular factor of all rows on theta, ``[R | q]``, and the chains that were eliminated into it.
+
+    `damping` says how strongly each window's start is held, an array a track. Where theta is held there is no factor.
 
     Raises
     ------
     Nothing: numbers are checked where they enter.
     """
     names = VARIANTS[task.actuator.model]
-    n, size = len(names), linear.prior.shape[1] - 1
-    held = np.zeros((n, n + size + 1))
-    held[:, :n] = np.sqrt(damping) * np.diag([HELD[name] for name in names])
+    weight = np.diag([HELD[name] for name in names])
     chains = []
-    for chain in linear.chains:
-        own = [np.vstack([rows.own[:n], held]) if damping else rows.own[:n] for rows in chain.windows]
-        left = eliminate(chain.first, own, chain.links, n)
-        chains.append(replace(left, rows=np.vstack([chain.told, left.rows])))
-    factor = triangular(np.vstack([linear.prior, *(chain.rows for chain in chains)]))
+    for track, chain in enumerate(linear.chains):
+        own = chain.passage.told.of_states
+        if damping is not None:
+            still = np.zeros_like(own)
+            still[:, :, : len(names)] = np.sqrt(damping[track])[:, None, None] * weight
+            own = np.concatenate([own, still], axis=1)
+        chains.append(eliminate(chain.first, own, chain.links))
+    size = linear.chains[0].first.shape[1] - len(names) - 1
+    if size == 0:
+        return np.zeros((0, 1)), chains
+    alone = [triangular(chain.passage.told.of_theta) for chain in linear.chains]
+    factor = triangular(np.vstack([linear.prior, *alone, *(chain.rows for chain in chains)]))
     return factor[: size + 1], chains

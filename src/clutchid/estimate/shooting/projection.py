@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 
 from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.shooting.elimination import Eliminated, recover
-from clutchid.estimate.shooting.problem import Linear, Shooting, condense, cost_at, linearise
-from clutchid.estimate.shooting.windows import units
+from clutchid.estimate.shooting.problem import Linear, Shooting, condense, linearise
+from clutchid.estimate.shooting.settling import Damping, States, followed, loose, settle
+from clutchid.estimate.shooting.trial import Trial, accept, attempt, with_theta_free, with_theta_held
 from clutchid.log import FloatArray
 
 #: Most steps of the free numbers, how often one is tried shorter, and the gain of a whole one that ends the search.
@@ -27,10 +27,8 @@ STEPS, SHORTER, SETTLED = 25, 4, 0.1
 #: step is too long to be believed, as that of a stop that the piston hits, does not hold up the others.
 LONGEST, PART = 3.0, 0.2
 
-#: Most steps of the states, most trials of one, and the gain that ends them.
-STATE_STEPS, TRIALS, CALM = 6, 6, 0.3
-
-States = tuple[FloatArray, ...]
+#: Where no step gains although this much is hoped for, derivatives of points nearby may be to blame: all are renewed.
+DOUBTED = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,97 +68,72 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
     Variable projection: Golub and Pereyra 1973.
     """
     counter = count(1)
+    way = _Way(task, loose(task), lambda: tell(next(counter)))
+    here = way.begin(x, X)
+    longest, renewed = LONGEST, False
 
-    def counted() -> None:
-        tell(next(counter))
+    def end(status: Literal["converged", "stalled", "limit"]) -> Found | Failure:
+        return here if isinstance(here, Failure) else Found(here.x, here.X, here, status, next(counter))
 
-    def settled(at: FloatArray, states: States, limit: float = np.inf) -> tuple[States, Linear] | Failure:
-        """The problem at `at` with its states settled, where that costs less than `limit`."""
-        found = settle(task, at, states, counted)
-        if isinstance(found, Failure) or found[1] >= limit:
-            return found if isinstance(found, Failure) else Failure("the step gains nothing")
-        counted()
-        there = linearise(task, task.noise, at, found[0])
-        return there if isinstance(there, Failure) else (found[0], there)
-
-    begin = settled(x, tuple(X))
-    if isinstance(begin, Failure):
-        return begin
-    settled_X, here = begin
-    longest = LONGEST
     for _ in range(STEPS):
-        factor, chains = condense(task, here)
-        if _gain(factor, bounded_step(task, factor, x)) < SETTLED:
-            return Found(x, settled_X, here, "converged", next(counter))
-        before = here.cost
+        if isinstance(here, Failure):
+            return here
+        there, hoped, longest = way.step(here, longest)
+        gained, here = here.cost - there.cost, there
+        if gained >= SETTLED:
+            renewed = False
+        elif gained > 0.0 or hoped < SETTLED:
+            return end("converged")
+        elif renewed or hoped < DOUBTED:
+            return end("stalled")
+        else:
+            here, longest, renewed = way.begin(here.x, here.X), LONGEST, True
+    return end("limit")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """The way of a search: its problem, how firmly its windows are held by now, and who is told of each evaluation."""
+
+    task: Shooting
+    damping: Damping
+    tell: Callable[[], None]
+
+    def begin(self, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
+        """The problem at `x`, its states settled from `X`, with derivatives of its own."""
+        self.tell()
+        here = linearise(self.task, x, X)
+        if isinstance(here, Failure):
+            return here
+        return with_theta_free(
+            self.task, here, settle(self.task, with_theta_held(self.task, here), self.damping, self.tell)
+        )
+
+    def step(self, here: Linear, longest: float) -> tuple[Linear, float, float]:
+        """The problem after a step, or `here` where none gains; what a whole one would; the longest to try next."""
+        factor, chains = condense(self.task, here)
+        hoped = _gain(factor, bounded_step(self.task, factor, here.x))
+        if hoped < SETTLED:
+            return here, hoped, longest
         for trial in range(1 + SHORTER):
-            step = bounded_step(task, factor, x, longest=longest)
-            there = settled(x + step, _moved(task, settled_X, chains, step), before)
-            if not isinstance(there, Failure):
-                x, (settled_X, here) = x + step, there
-                longest = min(longest / PART, LONGEST) if trial == 0 else longest
-                break
-            longest *= PART
-        if here.cost == before:
-            return Found(x, settled_X, here, "stalled", next(counter))
-        if before - here.cost < SETTLED:
-            return Found(x, settled_X, here, "converged", next(counter))
-    return Found(x, settled_X, here, "limit", next(counter))
-
-
-def settle(task: Shooting, x: FloatArray, X: States, tell: Callable[[], None]) -> tuple[States, float] | Failure:
-    """States near `X` at which the cost of `task` is least for the free numbers `x`, and that cost.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
-    tell()
-    here = linearise(task, task.noise, x, X, free=False)
-    if isinstance(here, Failure):
-        return here
-    damping = 1e-2
-    for _ in range(STATE_STEPS):
-        before = here.cost
-        X, here, damping = _state_step(task, x, (X, here), damping, tell)
-        if before - here.cost < CALM:
-            break
-    return X, here.cost
-
-
-def _state_step(
-    task: Shooting, x: FloatArray, start: tuple[States, Linear], damping: float, tell: Callable[[], None]
-) -> tuple[States, Linear, float]:
-    """A step of the states alone that lowers the cost, the problem after it, and the next damping; else no step."""
-    X, here = start
-    for _ in range(TRIALS):
-        _, chains = condense(task, here, damping)
-        moved = stepped(task, X, chains, np.zeros(0))
-        tell()
-        if cost_at(task, task.noise, x, moved) < here.cost:
-            there = linearise(task, task.noise, x, moved, free=False)
+            step = bounded_step(self.task, factor, here.x, longest=longest)
+            there = self._reached(here, here.x + step, followed(self.task, here.X, chains, step))
             if isinstance(there, Linear):
-                return moved, there, max(damping / 10, 1e-6)
-        damping *= 10
-    return X, here, damping
+                return there, hoped, min(longest / PART, LONGEST) if trial == 0 else longest
+            longest *= PART
+        return here, hoped, longest
 
-
-def stepped(task: Shooting, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
-    """States `X` after their own step that goes with a `step` of the free numbers, empty where those are held.
-
-    Raises
-    ------
-    Nothing: a chain always determines its states.
-    """
-    unit = units(task.actuator)
-    return tuple(x + recover(chain, step[:, None])[:, :, 0] * unit for x, chain in zip(X, chains, strict=True))
-
-
-def _moved(task: Shooting, X: States, chains: Sequence[Eliminated], step: FloatArray) -> States:
-    """Settled states `X` as they follow a step of the free numbers."""
-    unit, both = units(task.actuator), np.column_stack([step, np.zeros_like(step)])
-    followed = (recover(chain, both) for chain in chains)
-    return tuple(states + (f[:, :, 0] - f[:, :, 1]) * unit for states, f in zip(X, followed, strict=True))
+    def _reached(self, here: Linear, x: FloatArray, X: States) -> Linear | Failure:
+        """The problem at `x`, its states settled from `X`, where that costs less than `here`."""
+        self.tell()
+        trial = attempt(self.task, here, x, X)
+        there = accept(self.task, trial, free=False) if isinstance(trial, Trial) else trial
+        if isinstance(there, Failure):
+            return there
+        settled = settle(self.task, there, self.damping, self.tell)
+        if settled.cost >= here.cost:
+            return Failure("the step gains nothing")
+        return with_theta_free(self.task, here, settled)
 
 
 def _gain(factor: FloatArray, step: FloatArray) -> float:

@@ -185,11 +185,17 @@ def _compared(
     return full, _residual(track, window, shown[:, 0], seen.actuator.value(offset), name)
 
 
-def loss(r: FloatArray, outlier: float) -> float:
-    """Sum of squared residuals, of which those beyond `outlier` count linearly only (Huber 1964); NaN left out."""
+def losses(r: FloatArray, outlier: float) -> FloatArray:
+    """Squared residuals, of which those beyond `outlier` count linearly only (Huber 1964)."""
     size = np.abs(r)
     near = np.minimum(size, outlier)
-    return float(np.nansum(near * (2.0 * size - near)))
+    found: FloatArray = near * (2.0 * size - near)
+    return found
+
+
+def loss(r: FloatArray, outlier: float) -> float:
+    """Sum of the `losses` of residuals; NaN left out."""
+    return float(np.nansum(losses(r, outlier)))
 
 
 def robust(rows: FloatArray, outlier: float) -> float:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Linear, Shooting, condense, cost_at, linearise
-from clutchid.estimate.shooting.projection import Found, bounded_step, project, stepped
+from clutchid.estimate.shooting.problem import Linear, Shooting, condense, linearise
+from clutchid.estimate.shooting.projection import Found, bounded_step, project
+from clutchid.estimate.shooting.settling import stepped
+from clutchid.estimate.shooting.trial import accept, attempt
 from clutchid.log import FloatArray
 
 #: Factors on all standard deviations, stage by stage: from far away, and from a calibrated start.
@@ -42,7 +45,7 @@ def search(
         if softness == 1.0:
             found = project(task, x, X, tell)
         else:
-            found = _stage(task, task.noise.softened(softness), (x, tuple(X)), tell)
+            found = _stage(replace(task, noise=task.noise.softened(softness)), (x, X), tell)
         if isinstance(found, Failure):
             return found
         x, X, count = found.x, found.X, count + found.evaluations
@@ -55,37 +58,35 @@ def _counted(progress: Progress | None, softness: float, before: int) -> Callabl
 
 
 def _stage(
-    task: Shooting, noise: Noise, start: tuple[FloatArray, tuple[FloatArray, ...]], tell: Callable[[int], None]
+    task: Shooting, start: tuple[FloatArray, Sequence[FloatArray]], tell: Callable[[int], None]
 ) -> Found | Failure:
     """Levenberg-Marquardt on parameters and states together, for a problem that is nearly linear."""
-    x, X = start
-    here = linearise(task, noise, x, X)
-    if isinstance(here, Failure):
-        return here
-    damping, growth, steps = 1e-3, 2.0, STEPS
+    begin = linearise(task, *start)
+    if isinstance(begin, Failure):
+        return begin
+    here, damping, growth, steps = begin, 1e-3, 2.0, STEPS
     for count in range(1, 4 * STEPS):
         tell(count)
-        new_x, new_X = _step(task, here, x, X, damping)
-        better = cost_at(task, noise, new_x, new_X) < here.cost
-        there = linearise(task, noise, new_x, new_X) if better else here
-        if better and isinstance(there, Linear):
+        there = _step(task, here, damping)
+        if isinstance(there, Linear):
             settled = here.cost - there.cost < ROUGH * here.cost
-            x, X, here = new_x, new_X, there
+            here = there
             damping, growth = max(damping / 5, 1e-7), 2.0
             steps -= 1
             if settled or steps == 0:
-                return Found(x, X, here, "converged" if settled else "limit", count + 1)
+                return Found(here.x, here.X, here, "converged" if settled else "limit", count + 1)
         else:
             damping, growth = max(damping * growth, 1e-4), 2 * growth
             if damping > 1e9:
-                return Found(x, X, here, "stalled", count + 1)
-    return Found(x, X, here, "limit", 4 * STEPS)
+                return Found(here.x, here.X, here, "stalled", count + 1)
+    return Found(here.x, here.X, here, "limit", 4 * STEPS)
 
 
-def _step(
-    task: Shooting, here: Linear, x: FloatArray, X: Sequence[FloatArray], damping: float
-) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """The damped step of parameters, within their bounds, and of the states that go with it."""
-    factor, chains = condense(task, here, damping)
-    step = bounded_step(task, factor, x, damping)
-    return x + step, stepped(task, X, chains, step)
+def _step(task: Shooting, here: Linear, damping: float) -> Linear | Failure:
+    """The problem after a damped step of parameters, within their bounds, and states, where that costs less."""
+    factor, chains = condense(task, here, [np.full(len(track.windows), damping) for track in task.tracks])
+    step = bounded_step(task, factor, here.x, damping)
+    trial = attempt(task, here, here.x + step, stepped(task, here.X, chains, step))
+    if isinstance(trial, Failure):
+        return trial
+    return accept(task, trial) if trial.cost < here.cost else Failure("the step gains nothing")

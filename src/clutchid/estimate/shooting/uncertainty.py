@@ -113,7 +113,7 @@ def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spr
     k = len(task.coordinates)
     extra, root = considered(task, calibration)
     wide = replace(task, coordinates=(*task.coordinates, *extra))
-    linear = linearise(wide, task.noise, np.concatenate([found.x, np.zeros(len(extra))]), found.X)
+    linear = linearise(wide, np.concatenate([found.x, np.zeros(len(extra))]), found.X)
     if isinstance(linear, Failure):
         return linear
     own = [*range(k), *range(k + len(extra), linear.prior.shape[0])]
@@ -127,9 +127,9 @@ def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spr
 
 def _counted(chain: Chain) -> Chain:
     """A chain with `COLOUR` neighbouring samples counted as one; what is known of its first state stands."""
-    share = 1.0 / np.sqrt(COLOUR)
-    windows = tuple(replace(rows, own=share * rows.own) for rows in chain.windows)
-    return Chain(chain.first, windows, tuple(share * link for link in chain.links), share * chain.told)
+    share, told = 1.0 / np.sqrt(COLOUR), chain.passage.told
+    passage = replace(chain.passage, told=replace(told, own=share * told.own, r=share * told.r))
+    return replace(chain, passage=passage, links=share * chain.links)
 
 
 def pressure_spread(of: Spread) -> list[FloatArray]:
@@ -146,8 +146,9 @@ def pressure_spread(of: Spread) -> list[FloatArray]:
     unit = units(of.task.actuator)[at]
     result = []
     for chain in of.chains:
-        own = tuple(np.column_stack([row[:, :-1], np.zeros(row.shape[0])]) for row in chain.own)
-        noise = [rng.standard_normal((row.shape[0], DRAWS)) for row in own]
+        own = chain.own.copy()
+        own[:, :, -1] = 0.0
+        noise = rng.standard_normal((*own.shape[:2], DRAWS))
         draws = recover(replace(chain, own=own), np.vstack([theta, of.root @ moved]), noise)
         result.append(SCALE * np.std(draws[:, at, :], axis=1) * unit)
     return result
