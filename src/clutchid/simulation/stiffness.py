@@ -54,11 +54,28 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     >>> 2000 < stiffness(Actuator()) < 2500
     True
     """
+    return local_stiffness(actuator, max(speed, actuator.parameters.y_max / STROKE_TIME), (-np.inf, np.inf))
+
+
+def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]) -> float:
+    """As `stiffness`, where the piston stays within `reach` in m and is not faster than `speed` in m/s.
+
+    Raises
+    ------
+    Nothing: the actuator is checked where it is built.
+
+    Examples
+    --------
+    Chamber B is large while the piston rests:
+
+    >>> local_stiffness(Actuator(), 0.1, (0.0, 1e-3)) < 0.6 * stiffness(Actuator())
+    True
+    """
     p = actuator.parameters
-    speed = max(speed, p.y_max / STROKE_TIME)
     near = 5e-4 * p.P_0
+    places = (-2 * p.d_stop, p.d_stop, p.y_max / 2, p.y_max - p.d_stop, p.y_max + 2 * p.d_stop)
     ranges = {
-        "y": (-2 * p.d_stop, p.d_stop, p.y_max / 2, p.y_max - p.d_stop, p.y_max + 2 * p.d_stop),
+        "y": tuple(np.unique(np.clip(places, *reach)).tolist()),
         "v": (-speed, 0.0, speed),
         "p_A": (p.P_0 + near, (p.P_0 + p.P_S) / 2, p.P_S - near),
         "p_B": (p.P_0 - near, p.P_0 + near, 1.3 * p.P_0),

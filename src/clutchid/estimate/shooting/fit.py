@@ -14,6 +14,7 @@ from clutchid.estimate.search import Progress
 from clutchid.estimate.shooting.carrier import centred, find_carrier, find_phase, grid_phase, shows
 from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates, far_stop
 from clutchid.estimate.shooting.noise import Noise
+from clutchid.estimate.shooting.pace import paced
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.projection import Found
 from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, search
@@ -32,8 +33,9 @@ CURVATURE = 3e8
 #: What wears beside the clutch: the friction of the seals, and the dead volume at the engaged rest, which moves.
 WEARING = ("F_C", "V_0A")
 
-#: The steps of the integration follow this many times the stiffness at the start, for values that make it stiffer.
-MARGIN = 1.3
+#: The steps of the integration follow this many times the stiffness at the start, for values that make it stiffer; from
+#: calibrated values, which hardly move, so many times.
+MARGIN, CALIBRATED_MARGIN = 1.3, 1.05
 
 
 class End(Protocol):
@@ -122,12 +124,13 @@ def problem_of(
     """
     phased = [with_phase(log, actuator, "pressure_a" in wanted.measure) for log in logs]
     plans = tuple(prepared(log, own, wanted.measure) for log, own in zip(logs, phased, strict=True))
+    margin = CALIBRATED_MARGIN if calibration else MARGIN
     own = {**_phases(wanted, logs, phased), **_wearing(wanted, logs, actuator, calibration)}
     free, priors = (*wanted.names, *own), {**own, **wanted.priors}
     task = Shooting(
         actuator=phased[0],
         coordinates=coordinates(phased[0], free, wanted.bounds, priors),
-        tracks=tracks(plans),
+        tracks=tuple(paced(track, phased[track.log], margin) for track in tracks(plans)),
         stems=tuple(log.name for log in logs),
         measure=wanted.measure,
         noise=Noise(),
