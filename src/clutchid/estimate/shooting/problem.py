@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -33,7 +33,7 @@ HELD = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Shooting:
     """Free numbers and recordings of a fit.
 
@@ -53,6 +53,11 @@ class Shooting:
     def names(self) -> tuple[str, ...]:
         """Names of the free numbers, NAME or NAME@STEM."""
         return tuple(c.name for c in self.coordinates)
+
+    @cached_property
+    def sigmas(self) -> tuple[FloatArray, ...]:
+        """Standard deviations of the links of every track, see `link_sigma`."""
+        return tuple(link_sigma(track, self.actuator, self.noise) for track in self.tracks)
 
     def si(self, x: FloatArray) -> FloatArray:
         """Values in SI."""
@@ -183,10 +188,9 @@ def assembled(
     Nothing: a cost that is not finite is a `Failure`.
     """
     chains = []
-    for track, starts, passage in zip(task.tracks, X, passages, strict=True):
+    for track, sigma, starts, passage in zip(task.tracks, task.sigmas, X, passages, strict=True):
         seen = views[task.stems[track.log]]
         first, _ = first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)
-        sigma = link_sigma(track, task.actuator, task.noise)
         links = link_rows(passage.told, passage.ends, starts, sigma, seen.actuator, task.noise.outlier)
         chains.append(Chain(first, passage, links))
     cost = cost_of(task, views, x, X, passages)
@@ -202,9 +206,8 @@ def cost_of(
 ) -> float:
     """The cost of a point whose windows are known."""
     total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
-    for track, starts, passage in zip(task.tracks, X, passages, strict=True):
+    for track, sigma, starts, passage in zip(task.tracks, task.sigmas, X, passages, strict=True):
         seen = views[task.stems[track.log]]
-        sigma = link_sigma(track, task.actuator, task.noise)
         total += first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)[1]
         total += float(np.sum(passage.costs + link_costs(passage.ends, starts, sigma, task.noise.outlier)))
     return total

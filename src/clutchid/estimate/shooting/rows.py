@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -59,7 +60,7 @@ class View:
     layouts: dict[tuple[int, int], tuple[tuple[int, ...], Columns]]
 
     def layout(self, low: float, high: float) -> tuple[tuple[int, ...], Columns]:
-        """Which of `bases` matter to the states between two positions in m; kernel columns of these and of all starts.
+        """Which of `bases` matter to the states between two positions in m; kernel columns of all starts and of these.
 
         A load weight does where its basis function is not zero, a number of a sensor nowhere.
         """
@@ -69,7 +70,7 @@ class View:
             idle = {name for name, meets in zip(self.actuator.load.names, met.tolist(), strict=True) if not meets}
             active = tuple(i for i, name in enumerate(self.bases) if name not in idle and name not in SENSORS)
             states = [f"start of {name}" for name in VARIANTS[self.actuator.model]]
-            which = columns(self.actuator, [*(self.bases[i] for i in active), *states])
+            which = columns(self.actuator, [*states, *(self.bases[i] for i in active)])
             self.layouts[first, last] = (active, which)
         return self.layouts[first, last]
 
@@ -98,28 +99,30 @@ def window_rows(
             return _failure(track, window, out, failed, seen)
         low, high = float(out[:, 0].min()) - BEYOND, float(out[:, 0].max()) + BEYOND
     active, which = seen.layout(low, high)
-    S = np.zeros((n, len(active) + n))
-    S[:, len(active) :] = np.diag(unit)
+    S = np.zeros((n, n + len(active)))
+    S[:, :n] = np.diag(unit)
     out, sens, end, failed = run_to_end(window, seen.numbers, (start, S), which, (0, 1, 2))
     if failed >= 0 or not np.isfinite(end).all():
         return _failure(track, window, out, failed, seen)
     theta = (*active, *(i for i, name in enumerate(seen.bases) if name in SENSORS))
     slopes, places = seen.slopes[list(theta)], np.array([seen.places[i] for i in theta], dtype=int)
     stop = _compared_samples(track, window)
-    blocks = []
-    for name in measure:
-        J, r = _compared(track, window, (out[:stop], sens[:stop]), (seen, theta), name)
-        J[:, n:] *= slopes
-        blocks.append(np.column_stack([J, r]) / noise.measured[name])
-    rows = np.concatenate(blocks)
-    rows = rows[np.isfinite(rows[:, -1])]
+    rows = np.concatenate(
+        [
+            _compared(track, window, (out[:stop], sens[:stop]), (seen, theta), name) / noise.measured[name]
+            for name in measure
+        ]
+    )
+    rows[:, n:-1] *= slopes
+    known = np.isfinite(rows[:, -1])
+    rows = rows if known.all() else rows[known]
     cost = robust(rows, noise.outlier)
     small = triangular(rows)
     own = np.zeros((small.shape[0], n + seen.size + 1))
     own[:, :n], own[:, n + places], own[:, -1] = small[:, :n], small[:, n:-1], small[:, -1]
     to_theta = np.zeros((n, seen.size))
-    to_theta[:, places[: len(active)]] = end[:, : len(active)] * slopes[: len(active)]
-    return Rows(own, out[-1], end[:, len(active) :], to_theta, cost)
+    to_theta[:, places[: len(active)]] = end[:, n:] * slopes[: len(active)]
+    return Rows(own, out[-1], end[:, :n], to_theta, cost)
 
 
 def window_cost(
@@ -166,23 +169,23 @@ def _compared(
     run_of: tuple[FloatArray, FloatArray],
     theta_of: tuple[View, tuple[int, ...]],
     name: str,
-) -> tuple[FloatArray, FloatArray]:
-    """Derivatives ``[start | theta]`` in SI and residuals of one measured column, NaN where nothing was measured."""
+) -> FloatArray:
+    """Rows ``[start | theta | r]`` in SI of one measured column; r is NaN where nothing was measured."""
     out, sens = run_of
     seen, theta = theta_of
     at, lag, offset = COLUMN[name]
     tau, step = seen.actuator.value(lag), float(window.dt[0])
-    n = out.shape[1]
-    active = sens.shape[2] - n
-    shown = lagged(np.column_stack([out[:, at], sens[:, at]]), tau, step)
-    full = np.zeros((out.shape[0], n + len(theta)))
-    full[:, :n], full[:, n : n + active] = shown[:, 1 + active :], shown[:, 1 : 1 + active]
-    for column, i in enumerate(theta[active:], n + active):
+    carried = sens.shape[2]
+    shown = lagged(np.column_stack([sens[:, at], out[:, at]]), tau, step)
+    rows = np.zeros((out.shape[0], out.shape[1] + len(theta) + 1))
+    rows[:, :carried] = shown[:, :-1]
+    for column, i in enumerate(theta[carried - out.shape[1] :], carried):
         if seen.bases[i] == lag:
-            full[:, column] = lag_slope(out[:, at], shown[:, 0], tau, step)
+            rows[:, column] = lag_slope(out[:, at], shown[:, -1], tau, step)
         elif seen.bases[i] == offset:
-            full[:, column] = 1.0
-    return full, _residual(track, window, shown[:, 0], seen.actuator.value(offset), name)
+            rows[:, column] = 1.0
+    rows[:, -1] = _residual(track, window, shown[:, -1], seen.actuator.value(offset), name)
+    return rows
 
 
 def losses(r: FloatArray, outlier: float) -> FloatArray:
@@ -195,7 +198,9 @@ def losses(r: FloatArray, outlier: float) -> FloatArray:
 
 def loss(r: FloatArray, outlier: float) -> float:
     """Sum of the `losses` of residuals; NaN left out."""
-    return float(np.nansum(losses(r, outlier)))
+    each = losses(r, outlier)
+    total = float(each.sum())
+    return total if math.isfinite(total) else float(np.nansum(each))
 
 
 def robust(rows: FloatArray, outlier: float) -> float:

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.shooting.links import link_costs, link_sigma
+from clutchid.estimate.shooting.links import link_costs
 from clutchid.estimate.shooting.problem import (
     NOT_FINITE,
     Linear,
@@ -80,10 +80,8 @@ def _passed(task: Shooting, here: Linear, at: tuple[FloatArray, FloatArray], num
     base = here.chains[number].passage.told
     step = (x - here.x)[: base.to_theta.shape[2]]
     told = base.moved((starts - here.X[number]) / units(task.actuator), step)
-    sigma = link_sigma(task.tracks[number], task.actuator, task.noise)
-    shift = np.hypot(
-        np.linalg.norm(told.r - old.told.r, axis=1), np.linalg.norm((told.end - old.told.end) / sigma, axis=1)
-    )
+    ends_off = (told.end - old.told.end) / task.sigmas[number]
+    shift = np.hypot(np.linalg.norm(told.r - old.told.r, axis=1), np.linalg.norm(ends_off, axis=1))
     ends, costs = old.ends + told.end - old.told.end, old.costs + told.cost - old.told.cost
     return Passage(told, ends, costs, old.drift + shift)
 
@@ -109,14 +107,10 @@ def _trial(
     if not np.isfinite(cost):
         return NOT_FINITE
     excess = []
-    for track, starts, passage in zip(task.tracks, X, passages, strict=True):
-        linked = partial(_linked, task, track, starts)
+    for sigma, starts, passage in zip(task.sigmas, X, passages, strict=True):
+        linked = partial(link_costs, starts=starts, sigma=sigma, outlier=task.noise.outlier)
         excess.append(passage.costs - passage.told.cost + linked(passage.ends) - linked(passage.told.end))
     return Trial(x, tuple(X), tuple(passages), tuple(excess), cost)
-
-
-def _linked(task: Shooting, track: Track, starts: FloatArray, ends: FloatArray) -> FloatArray:
-    return link_costs(ends, starts, link_sigma(track, task.actuator, task.noise), task.noise.outlier)
 
 
 def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
@@ -130,12 +124,12 @@ def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
     if isinstance(views, Failure):
         return views
     passages = []
-    for track, starts, passage, excess in zip(task.tracks, trial.X, trial.passages, trial.excess, strict=True):
+    for number, (track, passage, excess) in enumerate(zip(task.tracks, trial.passages, trial.excess, strict=True)):
         told = passage.told if free else passage.told.held()
-        off = np.linalg.norm((passage.ends - told.end) / link_sigma(track, task.actuator, task.noise), axis=1)
+        off = np.linalg.norm((passage.ends - told.end) / task.sigmas[number], axis=1)
         places = np.flatnonzero((np.abs(excess) > NEAR_COST) | (off > NEAR_END))
         if places.size:
-            new = told_by(task, track, views, starts, places.tolist())
+            new = told_by(task, track, views, trial.X[number], places.tolist())
             if isinstance(new, Failure):
                 return new
             told = told.renewed(places, new)
