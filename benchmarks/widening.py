@@ -27,11 +27,14 @@ from clutchid.truck import Truck, drive, truck
 WEAR = 1.5e-3
 VALVE_TIMES = tuple(f"t_{i}{valve}" for valve in "se" for i in (1, 2, 3, 4))
 
+#: No truck is used below this, in K: one that is cold already gets less than 30 K colder.
+COLDEST = 243.15
+
 #: What differs from the calibration: numbers of the truck by factor, then other arguments of `drive`.
 CHANGES: dict[str, tuple[Mapping[str, float], Callable[[Truck], Mapping[str, Any]]]] = {
     "nothing": ({}, lambda _: {}),
     "supply 5 % lower": ({"P_S": 0.95}, lambda _: {}),
-    "30 K colder": ({}, lambda kind: {"temperature": max(kind.T_0 - 30.0, 233.15)}),
+    "30 K colder": ({}, lambda kind: {"temperature": max(kind.T_0 - 30.0, COLDEST)}),
     "valves 10 % slower": (dict.fromkeys(VALVE_TIMES, 1.1), lambda _: {}),
     "valves pass 10 % less": ({"C_s": 0.9, "C_e": 0.9}, lambda _: {}),
     "100 Hz bus log": ({}, lambda _: {"recorder": "bus"}),
@@ -50,6 +53,7 @@ REMEDIES: dict[str, Callable[[Fit, float], dict[str, Any]]] = {
     "load only": lambda _once, _supply: {"free": ("load",)},
     "P_S free, 5 %": lambda once, _supply: around(once, {"P_S": 0.05}),
     "P_S measured, 1 %": lambda once, supply: around(once, {"P_S": 0.01}, supply),
+    "D_v free, 50 %": lambda once, _supply: around(once, {"D_v": 0.5}),
     "C_vs, C_ve free, 10 %": lambda once, _supply: around(once, {"C_vs": 0.1, "C_ve": 0.1}),
 }
 
