@@ -28,7 +28,7 @@ WEAR = 1.5e-3
 VALVE_TIMES = tuple(f"t_{i}{valve}" for valve in "se" for i in (1, 2, 3, 4))
 
 #: No truck is used below this, in K: one that is cold already gets less than 30 K colder.
-COLDEST = 243.15
+COLDEST = Truck.row("T_0").low
 
 #: What differs from the calibration: numbers of the truck by factor, then other arguments of `drive`.
 CHANGES: dict[str, tuple[Mapping[str, float], Callable[[Truck], Mapping[str, Any]]]] = {

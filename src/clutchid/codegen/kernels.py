@@ -9,8 +9,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar, cast
 
-import numba
-
 from clutchid.codegen.cache import load_module
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -23,6 +21,8 @@ def kernel(function: _Function) -> _Function:
     ------
     Nothing: what cannot be compiled is said at the first call.
     """
+    import numba  # slow to import, which a process that runs no kernel need not wait for
+
     made = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})(function)
     return cast(_Function, made)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.estimate.shooting.noise import SPAN, START, UNKNOWN_START, Noise
-from clutchid.estimate.shooting.rows import View, losses
+from clutchid.estimate.shooting.rows import View, losses, robust
 from clutchid.estimate.shooting.told import Told
 from clutchid.estimate.shooting.windows import Track, units
 from clutchid.log import FloatArray
@@ -52,7 +52,7 @@ def link_rows(
     rows[:, :, :n], rows[:, :, n : 2 * n] = -told.to_start[:-1], np.diag(units(actuator))
     rows[:, :, 2 * n : -1], rows[:, :, -1] = -told.to_theta[:-1], starts[1:] - ends[:-1]
     rows /= sigma[:-1, :, None]
-    rows *= np.sqrt(outlier / np.maximum(np.abs(rows[:, :, -1:]), outlier))
+    robust(rows.reshape(-1, rows.shape[2]), outlier)
     return rows
 
 

@@ -16,14 +16,14 @@ from clutchid.estimate.shooting.windows import Track, samples
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.plan import Segment
-from clutchid.simulation.stiffness import local_stiffness, substeps
+from clutchid.simulation.stiffness import TOP_SPEED, local_stiffness, substeps
 
 #: Longest integration step in s, which a window that is not stiff takes: its error stays below a hundredth of what the
 #: model misjudges in a window.
 LONGEST = 5e-4
 
 #: The stroke is looked at in so many parts; speeds in m/s, of which a window has the next higher one.
-PARTS, SPEEDS = 4, (0.05, 0.15, 0.3)
+PARTS, SPEEDS = 4, (0.05, 0.15, TOP_SPEED)
 
 #: What is added to a position in m and a speed in m/s that were measured, over so many s.
 BEYOND, FASTER, OVER = 3e-4, 0.03, 8e-3

@@ -88,18 +88,16 @@ class Shooting:
         value = self.si(x)
         return self.actuator.replace({self.coordinates[i].base: float(value[i]) for i in self.places(stem)})
 
-    def view(self, x: FloatArray, stem: str, free: bool = True) -> View:
-        """The view of the recording `stem` on x; without `free` on nothing, with x in the actuator only."""
-        if not free:
-            return view(self.actuator_of(x, stem), (), (), np.zeros(0), 0)
+    def view(self, x: FloatArray, stem: str) -> View:
+        """The view of the recording `stem` on x."""
         places = self.places(stem)
         bases = [self.coordinates[i].base for i in places]
         return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size)
 
-    def views(self, x: FloatArray, free: bool = True) -> dict[str, View] | Failure:
+    def views(self, x: FloatArray) -> dict[str, View] | Failure:
         """The view of every recording on x, by stem; a `Failure` where values contradict each other."""
         try:
-            return {stem: self.view(x, stem, free) for stem in self.stems}
+            return {stem: self.view(x, stem) for stem in self.stems}
         except ParameterError as error:
             return Failure(str(error))
 
@@ -157,7 +155,8 @@ def linearise(task: Shooting, x: FloatArray, X: Sequence[FloatArray]) -> Linear 
         if isinstance(told, Failure):
             return told
         passages.append(Passage(told, told.end, told.cost, np.zeros(len(track.windows))))
-    return assembled(task, views, x, X, passages)
+    cost = cost_of(task, views, x, X, passages)
+    return assembled(task, views, (x, X), passages, cost) if np.isfinite(cost) else NOT_FINITE
 
 
 def told_by(
@@ -179,22 +178,26 @@ def told_by(
 
 
 def assembled(
-    task: Shooting, views: Mapping[str, View], x: FloatArray, X: Sequence[FloatArray], passages: Sequence[Passage]
-) -> Linear | Failure:
-    """The problem at a point whose windows are known.
+    task: Shooting,
+    views: Mapping[str, View],
+    at: tuple[FloatArray, Sequence[FloatArray]],
+    passages: Sequence[Passage],
+    cost: float,
+) -> Linear:
+    """The problem at a point whose windows, and so its cost, are known.
 
     Raises
     ------
-    Nothing: a cost that is not finite is a `Failure`.
+    Nothing: numbers are checked where they enter.
     """
+    x, X = at
     chains = []
     for track, sigma, starts, passage in zip(task.tracks, task.sigmas, X, passages, strict=True):
         seen = views[task.stems[track.log]]
         first, _ = first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)
         links = link_rows(passage.told, passage.ends, starts, sigma, seen.actuator, task.noise.outlier)
         chains.append(Chain(first, passage, links))
-    cost = cost_of(task, views, x, X, passages)
-    return Linear(x, tuple(X), prior_rows(task, x), tuple(chains), cost) if np.isfinite(cost) else NOT_FINITE
+    return Linear(x, tuple(X), prior_rows(task, x), tuple(chains), cost)
 
 
 #: What is said of a point whose simulation has no end.

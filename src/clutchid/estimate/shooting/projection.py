@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting.problem import Linear, Shooting, condense, linearise
 from clutchid.estimate.shooting.settling import Damping, States, followed, loose, settle
-from clutchid.estimate.shooting.trial import Trial, accept, attempt, with_theta_free, with_theta_held
+from clutchid.estimate.shooting.trial import NO_GAIN, Trial, accept, attempt, with_theta_free, with_theta_held
 from clutchid.log import FloatArray
 
 #: Most steps of the free numbers, how often one is tried shorter, and the gain of a whole one that ends the search.
@@ -69,15 +69,15 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
     """
     counter = count(1)
     way = _Way(task, loose(task), lambda: tell(next(counter)))
-    here = way.begin(x, X)
-    longest, renewed = LONGEST, False
+    begin = way.begin(x, X)
+    if isinstance(begin, Failure):
+        return begin
+    here, longest, renewed = begin, LONGEST, False
 
-    def end(status: Literal["converged", "stalled", "limit"]) -> Found | Failure:
-        return here if isinstance(here, Failure) else Found(here.x, here.X, here, status, next(counter))
+    def end(status: Literal["converged", "stalled", "limit"]) -> Found:
+        return Found(here.x, here.X, here, status, next(counter))
 
     for _ in range(STEPS):
-        if isinstance(here, Failure):
-            return here
         there, hoped, longest = way.step(here, longest)
         gained, here = here.cost - there.cost, there
         if gained >= SETTLED:
@@ -87,7 +87,10 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
         elif renewed or hoped < DOUBTED:
             return end("stalled")
         else:
-            here, longest, renewed = way.begin(here.x, here.X), LONGEST, True
+            again = way.begin(here.x, here.X)
+            if isinstance(again, Failure):
+                return again
+            here, longest, renewed = again, LONGEST, True
     return end("limit")
 
 
@@ -132,7 +135,7 @@ class _Way:
             return there
         settled = settle(self.task, there, self.damping, self.tell)
         if settled.cost >= here.cost:
-            return Failure("the step gains nothing")
+            return NO_GAIN
         return with_theta_free(self.task, here, settled)
 
 

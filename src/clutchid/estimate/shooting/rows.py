@@ -59,6 +59,10 @@ class View:
     size: int
     layouts: dict[tuple[int, int], tuple[tuple[int, ...], Columns]]
 
+    def held(self) -> View:
+        """The same with theta held: no parameters, their values in the actuator only."""
+        return View(self.actuator, self.numbers, (), (), np.zeros(0), 0, {})
+
     def layout(self, low: float, high: float) -> tuple[tuple[int, ...], Columns]:
         """Which of `bases` matter to the states between two positions in m; kernel columns of all starts and of these.
 

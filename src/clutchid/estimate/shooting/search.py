@@ -12,7 +12,7 @@ from clutchid.estimate.search import Progress
 from clutchid.estimate.shooting.problem import Linear, Shooting, condense, linearise
 from clutchid.estimate.shooting.projection import Found, bounded_step, project
 from clutchid.estimate.shooting.settling import stepped
-from clutchid.estimate.shooting.trial import accept, attempt
+from clutchid.estimate.shooting.trial import NO_GAIN, accept, attempt
 from clutchid.log import FloatArray
 
 #: Factors on all standard deviations, stage by stage: from far away, and from a calibrated start.
@@ -89,4 +89,4 @@ def _step(task: Shooting, here: Linear, damping: float) -> Linear | Failure:
     trial = attempt(task, here, here.x + step, stepped(task, here.X, chains, step))
     if isinstance(trial, Failure):
         return trial
-    return accept(task, trial) if trial.cost < here.cost else Failure("the step gains nothing")
+    return accept(task, trial) if trial.cost < here.cost else NO_GAIN

@@ -41,7 +41,8 @@ NEAR_COST, NEAR_END = 0.05, 0.5
 class Trial:
     """Where a step leads.
 
-    `excess`, an array a track, is how much more each window with the link after it costs than the linear problem says.
+    `excess`, an array a track, is how much more each window with the link after it costs than the linear problem says;
+    `views` are those of the recordings on x.
     """
 
     x: FloatArray
@@ -49,6 +50,11 @@ class Trial:
     passages: tuple[Passage, ...]
     excess: tuple[FloatArray, ...]
     cost: float
+    views: dict[str, View]
+
+
+#: What is said of a step after which the problem does not cost less.
+NO_GAIN = Failure("the step gains nothing")
 
 
 def attempt(
@@ -110,7 +116,7 @@ def _trial(
     for sigma, starts, passage in zip(task.sigmas, X, passages, strict=True):
         linked = partial(link_costs, starts=starts, sigma=sigma, outlier=task.noise.outlier)
         excess.append(passage.costs - passage.told.cost + linked(passage.ends) - linked(passage.told.end))
-    return Trial(x, tuple(X), tuple(passages), tuple(excess), cost)
+    return Trial(x, tuple(X), tuple(passages), tuple(excess), cost, views)
 
 
 def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
@@ -120,9 +126,7 @@ def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
     ------
     Nothing: a simulation that fails is a `Failure`.
     """
-    views = task.views(trial.x, free)
-    if isinstance(views, Failure):
-        return views
+    views = trial.views if free else {stem: seen.held() for stem, seen in trial.views.items()}
     passages = []
     for number, (track, passage, excess) in enumerate(zip(task.tracks, trial.passages, trial.excess, strict=True)):
         told = passage.told if free else passage.told.held()
@@ -134,7 +138,7 @@ def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
                 return new
             told = told.renewed(places, new)
         passages.append(replace(passage, told=told))
-    return assembled(task, views, trial.x, trial.X, passages)
+    return assembled(task, views, (trial.x, trial.X), passages, trial.cost)
 
 
 def with_theta_held(task: Shooting, here: Linear) -> Linear:
