@@ -19,6 +19,12 @@ def test_a_drive_is_written_with_its_truth_under_the_name_of_the_recording(tmp_p
     assert [line.split(": ")[1] for line in capsys.readouterr().out.splitlines()] == [str(out), str(truth)]
 
 
+def test_a_drive_has_the_temperature_that_is_asked_for(tmp_path):
+    out, truth = tmp_path / "cold.csv", tmp_path / "truth.json"
+    assert drive(out=out, truck=2, seconds=1, temperature=-20.0, truth=truth) == 0
+    assert json.loads(truth.read_text())["logs"]["cold"]["ambient_K"] == pytest.approx(253.15)
+
+
 def test_the_same_command_writes_the_same_recording_and_another_seed_another(tmp_path):
     paths = [tmp_path / f"{k}.csv" for k in range(3)]
     for path, seed in zip(paths, (1, 1, 2), strict=True):
@@ -40,6 +46,7 @@ def test_the_one_json_object_names_the_files(tmp_path, capsys):
         ({"manoeuvre": "crep"}, "did you mean 'creep'"),
         ({"wear": 12.0}, "beyond the facing"),
         ({"truck": -4}, "numbered 0, 1, 2"),
+        ({"temperature": 200.0}, "T_0 = 473.15 K"),
         ({"seconds": -1.0}, "0.5 to 3600"),
     ],
 )

@@ -19,6 +19,7 @@ def drive(
     seconds: float = 30.0,
     wear: float = 0.0,
     cycles: float = 0.0,
+    temperature: float | None = None,
     manoeuvre: str = "mix",
     truth: Path | None = None,
     pressure: bool = True,
@@ -43,6 +44,8 @@ def drive(
         Wear of the facing in mm.
     cycles
         Strokes that the clutch has done.
+    temperature
+        Ambient temperature in °C, in place of the truck's own.
     manoeuvre
         mix, gear-shift, pull-away, creep, staircase, strokes, ramps or validation.
     truth
@@ -66,7 +69,8 @@ def drive(
         _check(out, truth)
         done = virtual.drive(
             virtual.truck(truck), manoeuvre=manoeuvre, seconds=seconds, seed=seed, wear=wear * 1e-3, cycles=cycles,
-            pressure=pressure, recorder="bus" if bus else "controller", dropouts=dropouts, name=out.stem,
+            temperature=None if temperature is None else temperature + 273.15, pressure=pressure,
+            recorder="bus" if bus else "controller", dropouts=dropouts, name=out.stem,
         )  # fmt: skip
         write(done.log, out)
         if truth is not None:
