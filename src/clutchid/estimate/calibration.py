@@ -2,12 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from clutchid.log import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Score:
+    """Where numbers that are held would go if they were free: by one Gauss-Newton step from the end of a search.
+
+    `shift` (k,) and its `covariance` (k, k) are shares of the value, or in the number's own unit where it may be 0.
+    """
+
+    names: tuple[str, ...]
+    shift: FloatArray
+    covariance: FloatArray
+
+    def of(self, names: Sequence[str]) -> Score:
+        """The score of `names` where all others stay held.
+
+        Raises
+        ------
+        ValueError
+            If a name is not of this score.
+        """
+        at = [self.names.index(name) for name in names]
+        information = np.linalg.inv(self.covariance)
+        covariance = np.linalg.inv(information[np.ix_(at, at)])
+        return Score(tuple(names), covariance @ (information @ self.shift)[at], covariance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +50,9 @@ class Calibration:
     data : {name: hash}
         The calibration recordings.
     method : 'shooting' or 'prediction-error'
-        How it was made; the bias is of this method.
+        How it was made; bias and score are of this method.
+    score : Score, optional
+        Where position alone would move numbers that may change later, on the calibration recordings.
     """
 
     names: tuple[str, ...]
@@ -33,6 +60,7 @@ class Calibration:
     bias: tuple[float, ...] = ()
     data: Mapping[str, str] | None = None
     method: str = "shooting"
+    score: Score | None = None
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`, 0 where a name was not calibrated."""

@@ -21,7 +21,7 @@ from clutchid.estimate.sensing import sensed, undone
 from clutchid.estimate.shooting.automatic import AUTOMATIC
 from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.fit import with_phase
+from clutchid.estimate.shooting.pulses import pulsed
 from clutchid.estimate.summary import failed, plan_warnings, summary
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -247,7 +247,7 @@ def verification(
     for log in _uniquely_named(list(logs)):
         used = [name for name in measure if name in log] or ["position"]
         # the phase from the position, which every recording has: it knows the valves' own phases
-        own = with_phase(log, actuator, False) if through_sensors else actuator
+        own = pulsed(log, actuator, False).actuator if through_sensors else actuator
         seen = undone(log, own.parameters) if through_sensors else log
         result = fit([seen], own, free=(), measure=used, partition=partition, on_failure="return")
         one = result.recordings

@@ -16,6 +16,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.estimate.actuator_section import equipment_in, section_of, with_gravity
 from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.calibration_section import calibration_in, calibration_section
 from clutchid.estimate.recording_sections import Starts, is_number, own_values, starts_in
 from clutchid.estimate.result import Fit
 from clutchid.io.files import atomic_write
@@ -52,18 +53,7 @@ class ParameterFile:
         entry = self.fit.get("calibration")
         if entry is None:
             return None
-        try:
-            names, bias = tuple(map(str, entry["names"])), tuple(map(float, entry["bias"]))
-            covariance = np.array(entry["covariance"], dtype=np.float64).reshape(len(names), len(names))
-        except (KeyError, TypeError, ValueError) as error:
-            raise ParameterError(
-                "[fit.calibration]: names, a square covariance and bias are needed; save the calibration again."
-            ) from error
-        if len(bias) not in (0, len(self.actuator.load.theta)):
-            raise ParameterError(
-                f"[fit.calibration] bias: {len(bias)} numbers for {len(self.actuator.load.theta)} load weights."
-            )
-        return Calibration(names, covariance, bias, method=str(self.fit.get("method", "shooting")))
+        return calibration_in(entry, len(self.actuator.load.theta), str(self.fit.get("method", "shooting")))
 
     def starts_for(self, log: Log) -> Starts | None:
         """The starts of `log`, if they were estimated from just this file: the hash under [fit] data says so."""
@@ -89,11 +79,7 @@ def parameter_file(fitted: Fit) -> ParameterFile:
     }
     about["method"] = fitted.method
     if fitted.calibration is not None:
-        about["calibration"] = {
-            "names": list(fitted.calibration.names),
-            "covariance": fitted.calibration.covariance.tolist(),
-            "bias": list(fitted.calibration.bias),
-        }
+        about["calibration"] = calibration_section(fitted.calibration)
     starts = {name: recording.starts for name, recording in fitted.recordings.items()}
     own: dict[str, dict[str, float]] = {}
     for name, estimate in fitted.parameters.items():

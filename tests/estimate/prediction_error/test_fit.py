@@ -11,7 +11,7 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.prediction_error import fit as module
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR, predict
-from clutchid.estimate.shooting.calibrate import Request, bias, fit_by
+from clutchid.estimate.shooting.calibrate import Request, fit_by, with_missed
 from clutchid.estimate.shooting.fit import Wanted, problem_of
 from clutchid.estimate.shooting.summary import position_only
 
@@ -143,7 +143,9 @@ def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, wo
 
 def test_a_recording_whose_search_fails_says_nothing_of_the_bias(plant, worn_log, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("no"))
-    assert bias(PREDICTION_ERROR, [worn_log], plant, EXACT) == (0.0,) * len(plant.load.theta)
+    kept = with_missed(PREDICTION_ERROR, [worn_log], plant, EXACT)
+    assert kept.bias == (0.0,) * len(plant.load.theta)
+    assert kept.score is None
 
 
 def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):

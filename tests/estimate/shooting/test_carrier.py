@@ -12,12 +12,11 @@ from clutchid.estimate.shooting.carrier import (
     centred,
     duty_grid,
     find_carrier,
-    find_phase,
     grid_phase,
     on_off,
     shows,
 )
-from clutchid.estimate.shooting.fit import with_phase
+from clutchid.estimate.shooting.pulses import find_phase, pulsed
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -141,7 +140,7 @@ def test_the_phase_of_a_recording_with_a_grid_is_that_of_the_grid(plant, recorde
     held = log.with_columns(duty_supply=np.roll(duty, 3), duty_exhaust=np.zeros(len(log)))
     actuator = plant.replace({"T_pwm": 0.01})
     for with_pressure in (True, False):
-        assert with_phase(held, actuator, with_pressure).parameters.s_pwm == pytest.approx(0.3, abs=1e-6)
+        assert pulsed(held, actuator, with_pressure).actuator.parameters.s_pwm == pytest.approx(0.3, abs=1e-6)
 
 
 def commanded(samples, every, step=1e-3, shift=0):
@@ -204,7 +203,7 @@ def test_an_on_off_unit_has_no_carrier_in_its_pressure(plant, recorded_by):
 def test_the_phase_of_an_on_off_unit_is_that_of_its_commands(plant):
     bang = commanded(4000, 2, shift=1)
     for with_pressure in (True, False):
-        found = with_phase(bang, plant.replace({"T_pwm": 2e-3}), with_pressure).parameters.s_pwm
+        found = pulsed(bang, plant.replace({"T_pwm": 2e-3}), with_pressure).actuator.parameters.s_pwm
         assert apart(found, 0.5) < 1e-6
 
 
@@ -212,4 +211,4 @@ def test_the_phase_in_a_pressure_is_found_less_the_lag_of_its_sensor(plant, swit
     late = switched.replace({"tau_p": 2e-3})
     log = recorded_by(late, seconds=4.0, seed=None)
     _, phase = find_carrier(log, late, (PERIOD,))
-    assert with_phase(log, late, True).value("s_pwm") == pytest.approx(centred(phase - 0.2))
+    assert pulsed(log, late, True).actuator.value("s_pwm") == pytest.approx(centred(phase - 0.2))

@@ -8,7 +8,8 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting import fit as module
 from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.fit import Wanted, prepared, shoot, with_phase
+from clutchid.estimate.shooting.fit import MEMORY, Wanted, prepared, shoot
+from clutchid.estimate.shooting.pulses import pulsed
 from clutchid.estimate.shooting.search import Found
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
@@ -82,6 +83,16 @@ def test_a_recording_without_inputs_is_refused(plant):
         shoot([Log(time, {"position": np.zeros(100)})], plant, Wanted(("theta_5",), ("position",)))
 
 
+def test_residuals_have_a_memory_where_a_load_is_read_from_position_alone(plant, drive_log):
+    def memory(names, measure, calibration):
+        return shoot([drive_log.slice(0, 1000)], plant, Wanted(names, measure), calibration).task.noise.memory
+
+    assert memory(("theta_5",), ("position",), EXACT) == MEMORY
+    assert memory(("theta_5",), ("position", "pressure_a"), EXACT) == 0.0
+    assert memory(("theta_5",), ("position",), None) == 0.0
+    assert memory(("P_S",), ("position",), EXACT) == 0.0
+
+
 def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):
     plan = prepared(drive_log, plant, ("position",))
     steps = plan.segments[0].substeps.max()
@@ -91,16 +102,14 @@ def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):
 
 def test_the_phase_of_a_recording_is_found_with_and_without_pressure(switched, carried):
     for log, true in zip(carried, (0.3, -0.2), strict=True):
-        seen = with_phase(log, switched.replace({"s_pwm": 0.0}), True)
-        blind = with_phase(position_only(log), switched.replace({"s_pwm": 0.0}), False)
+        seen = pulsed(log, switched.replace({"s_pwm": 0.0}), True).actuator
+        blind = pulsed(position_only(log), switched.replace({"s_pwm": 0.0}), False).actuator
         assert seen.value("s_pwm") == pytest.approx(true, abs=0.05)
         assert blind.value("s_pwm") == pytest.approx(true, abs=0.06)
 
 
-def test_without_a_carrier_or_on_a_slow_recording_the_actuator_stays(plant, switched, drive_log):
-    assert with_phase(drive_log, plant, True) is plant
-    bus = Log(drive_log.time[::10], {name: values[::10] for name, values in drive_log.columns.items()})
-    assert with_phase(bus, switched, True) is switched
+def test_without_a_carrier_the_actuator_stays(plant, drive_log):
+    assert pulsed(drive_log, plant, True).actuator is plant
 
 
 def test_each_recording_has_the_phase_of_its_own_carrier(switched, carried):

@@ -30,3 +30,11 @@ def test_a_start_that_does_not_rest_is_known_less_well_than_one_that_does():
 def test_noise_cannot_be_changed_behind_the_back_of_a_fit():
     with pytest.raises(TypeError):
         Noise().states["y"] = np.inf
+
+
+def test_samples_nearer_than_the_memory_tell_as_much_as_one():
+    noise = Noise(memory=0.01)
+    usual = noise.measured["position"]
+    assert noise.of_samples("position", 1e-3) == pytest.approx(usual * np.sqrt(10.0))
+    assert noise.of_samples("position", 0.02) == usual
+    assert Noise().of_samples("position", 1e-3) == usual

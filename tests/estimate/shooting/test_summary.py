@@ -9,7 +9,7 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting.fit import Wanted, shoot
 from clutchid.estimate.shooting.summary import QUANTILE, corrected, failed, position_only, summary
-from clutchid.estimate.shooting.uncertainty import SCALE
+from clutchid.estimate.shooting.uncertainty import scale
 
 NAMES = ("C_vs", "P_S", "F_C")
 STD = np.array([2e-10, 5e3, 20.0])
@@ -79,8 +79,8 @@ def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot,
     y = plain.load_curve.position
     taken = plain.actuator.load.phi(y) @ np.array(bias)
     assert shifted.load_curve.force == pytest.approx(plain.load_curve.force - taken)
-    half = plain.load_curve.high - plain.load_curve.force
-    assert shifted.load_curve.high - shifted.load_curve.force == pytest.approx(np.hypot(half, 1.96 * SCALE * taken))
+    half, by = plain.load_curve.high - plain.load_curve.force, scale(shot.task.noise)
+    assert shifted.load_curve.high - shifted.load_curve.force == pytest.approx(np.hypot(half, 1.96 * by * taken))
     for number, name in enumerate(plain.actuator.load.names):
         estimate = shifted.parameters[name]
         before = plain.parameters[name]

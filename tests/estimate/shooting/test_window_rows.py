@@ -258,3 +258,14 @@ def test_a_link_far_off_counts_linearly_only(task, busy):
     assert cost == pytest.approx(len(STATES) - 1 + 4.0 * (2 * 9.0 - 4.0))
     (rows,) = link_rows(told, told.end, starts, sigma, task.actuator, 4.0)
     assert rows[:, -1] == pytest.approx(np.where(np.arange(len(STATES)) == 2, np.sqrt(4.0 * 9.0), 1.0))
+
+
+def test_a_memory_of_ten_samples_weighs_each_a_tenth(task, busy):
+    x, start = np.zeros(len(NAMES)), busy[2]
+    track, window, _ = busy
+    lasting = replace(ALL_IN, memory=0.01)
+    every, tenth = (rows_at(task, busy, x, start, noise) for noise in (ALL_IN, lasting))
+    assert tenth.cost == pytest.approx(every.cost / 10.0)
+    assert window_cost(track, window, start, task.view(x, "log"), task.measure, lasting)[1] == pytest.approx(tenth.cost)
+    information = [rows.own.T @ rows.own for rows in (every, tenth)]
+    assert information[1] == pytest.approx(information[0] / 10.0, rel=1e-6, abs=1e-9 * information[0].max())

@@ -54,6 +54,13 @@ def test_a_hole_ends_a_track_and_no_window_crosses_it():
     assert all(window.dt.max() < 2e-3 for track in (one, other) for window in track.windows)
 
 
+def test_a_track_knows_how_far_apart_its_measured_positions_are():
+    log = rest(301, 1e-3)
+    position = np.where(np.arange(301) % 10 == 0, log["position"], np.nan)
+    plans = [prepared(one, Actuator(), ("position",)) for one in (log, log.with_columns(position=position))]
+    assert [track.spacing for track in tracks(plans)] == pytest.approx([1e-3, 0.01])
+
+
 def test_windows_know_the_recording_that_they_belong_to():
     plans = [prepared(rest(n, 1e-3), Actuator(), ("position",)) for n in (300, 450)]
     assert [(track.log, len(track.measured)) for track in tracks(plans)] == [(0, 300), (1, 450)]

@@ -9,15 +9,17 @@ from typing import Generic
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.calibration import Calibration, Score
 from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search import Progress
 from clutchid.estimate.shooting.automatic import automatic
+from clutchid.estimate.shooting.change import changes_told, mean_score, score, with_changes
 from clutchid.estimate.shooting.checks import checked
 from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.fit import EndT, Shot, Wanted, shoot
+from clutchid.estimate.shooting.fit import EndT, Shot, Wanted, reads_load, shoot
+from clutchid.estimate.shooting.pulses import on_samples
 from clutchid.estimate.shooting.summary import failed, position_only, summary
 from clutchid.estimate.shooting.uncertainty import deviation
 from clutchid.log import Log
@@ -42,12 +44,16 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Estimator(Generic[EndT]):
-    """A way to fit: its name, the search for the wanted numbers, what its end means to the user, and its checks."""
+    """A way to fit: its name, the search for the wanted numbers, what its end means to the user, and its checks.
+
+    `score` says where numbers that are held would go, for a method that looks for what has changed since a calibration.
+    """
 
     name: str
     search: Callable[[Sequence[Log], Actuator, Wanted, Calibration | None, Progress | None], Shot[EndT]]
     summary: Callable[[Shot[EndT], Calibration | None], Fit | Failure]
     check: Callable[[Fit, Shot[EndT], Calibration | None, Sequence[str], int], Fit] | None = None
+    score: Callable[[Shot[EndT]], Score | Failure] | None = None
 
 
 def fit_by(
@@ -84,17 +90,46 @@ def fit_by(
     actuator, wanted = wanted_of(logs, actuator, request)
     check_size(logs, wanted)
     _check_profiled(request, wanted)
-    shot = estimator.search(logs, actuator, wanted, request.calibration, progress)
+    shot, wider = _adapted(estimator, logs, actuator, wanted, request.calibration, progress)
     result = estimator.summary(shot, request.calibration)
     if isinstance(result, Failure):
         return failed(shot, estimator.name, result.message)
+    result = replace(result, recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs})
+    if changes := changes_told(wider.names[len(wanted.names) :], actuator, result):
+        result = replace(result, notes=(*changes, *result.notes))
     if estimator.check and (request.profile or request.bootstrap):
         result = estimator.check(result, shot, request.calibration, request.profile, request.bootstrap)
     free_load = set(wanted.names) >= set(actuator.load.names)
     if "pressure_a" not in wanted.measure or not free_load:
         return result
     kept = calibration_of(result, actuator)
-    return replace(result, calibration=replace(kept, bias=bias(estimator, logs, result.actuator, kept, progress)))
+    return replace(result, calibration=with_missed(estimator, logs, result.actuator, kept, progress))
+
+
+def _adapted(
+    estimator: Estimator[EndT],
+    logs: Sequence[Log],
+    actuator: Actuator,
+    wanted: Wanted,
+    calibration: Calibration | None,
+    progress: Progress | None,
+) -> tuple[Shot[EndT], Wanted]:
+    """The search; where a load is read from position alone and more has changed, once more with that free as well."""
+    shot = estimator.search(logs, actuator, wanted, calibration, progress)
+    if not (estimator.score and calibration and calibration.score and reads_load(wanted, actuator)):
+        return shot, wanted
+    for _ in logs:
+        here = estimator.score(shot)
+        if isinstance(here, Failure):
+            break
+        wider = with_changes(wanted, here, calibration.score, actuator)
+        if wider is wanted:
+            break
+        again = estimator.search(logs, actuator, wider, calibration, progress)
+        if isinstance(again.found, Failure):
+            break
+        shot, wanted = again, wider
+    return shot, wanted
 
 
 def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, Wanted]:
@@ -185,14 +220,14 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
     return Calibration(names, result.covariance[np.ix_(at, at)], data=data, method=result.method)
 
 
-def bias(
+def with_missed(
     estimator: Estimator[EndT],
     logs: Sequence[Log],
     actuator: Actuator,
     kept: Calibration,
     progress: Progress | None = None,
-) -> tuple[float, ...]:
-    """What a fit to position alone misses of the load weights of a calibrated actuator, over its recordings, in N.
+) -> Calibration:
+    """`kept` with what a fit to position alone misses of a calibrated actuator: bias and score over its recordings.
 
     Raises
     ------
@@ -200,15 +235,20 @@ def bias(
         As `clutchid.fit`; a recording whose search fails is left out.
     """
     theta = np.asarray(actuator.load.theta)
-    missed = []
+    missed, scores = [], []
     for log in logs:
         shot = estimator.search(
             [position_only(log)], actuator, Wanted(actuator.load.names, ("position",)), kept, progress
         )
-        if not isinstance(shot.found, Failure):
-            missed.append(np.asarray(shot.task.actuator_of(shot.found.x, log.name).load.theta) - theta)
-    return tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * theta.size
+        if isinstance(shot.found, Failure):
+            continue
+        missed.append(np.asarray(shot.task.actuator_of(shot.found.x, log.name).load.theta) - theta)
+        scored = estimator.score(shot) if estimator.score else None
+        if isinstance(scored, Score):
+            scores.append(scored)
+    bias = tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * theta.size
+    return replace(kept, bias=bias, score=mean_score(scores) if scores else None)
 
 
 #: Multiple shooting with soft continuity.
-SHOOTING = Estimator("shooting", shoot, summary, checked)
+SHOOTING = Estimator("shooting", shoot, summary, checked, score)

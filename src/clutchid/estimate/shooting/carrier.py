@@ -10,14 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchid.estimate.sensing import undone
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
-from clutchid.simulation import Partition
-from clutchid.simulation.plan import carrier, plan
-from clutchid.simulation.run import Numbers, run, start_state
-from clutchid.simulation.stiffness import stiffness
+from clutchid.simulation.plan import carrier
 
 #: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.
 PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
@@ -191,37 +187,6 @@ def _explained(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> f
         return 0.0
     weights, *_ = np.linalg.lstsq(A[known], fast[known], rcond=None)
     return 1.0 - float(np.sum((fast[known] - A[known] @ weights) ** 2)) / total
-
-
-def find_phase(log: Log, actuator: Actuator) -> float:
-    """Phase of a carrier of known period in a recording with position alone: the one that predicts the motion best.
-
-    Each phase is tried in a simulation of the calibrated actuator that takes the measured position again every 20 ms.
-
-    Raises
-    ------
-    DataError
-        If the recording lacks a duty cycle.
-    """
-    step = float(np.median(np.diff(log.time)))
-    # a lag of the sensor looks like another phase
-    part = undone(log.slice(0, min(len(log), round(ENOUGH / step))), actuator.parameters)
-    rate = stiffness(actuator)
-    every = Partition(every=max(2, round(0.02 / step)))
-
-    def misfit(phase: float) -> float:
-        tried = actuator.replace({"s_pwm": centred(phase)})
-        total = 0.0
-        for segment in plan(part, tried, rate, every).segments:
-            states, _ = run(segment, Numbers.of(tried), start_state(segment, tried))
-            miss = states[:, 0] - part["position"][segment.start : segment.stop]
-            total += float(np.nansum(np.minimum(np.abs(miss), 1e-3) ** 2))
-        return total
-
-    coarse = np.arange(10) / 10
-    best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
-    fine = best + np.arange(-4, 5) / 50
-    return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
 
 
 def centred(phase: float) -> float:

@@ -11,12 +11,12 @@ import numpy as np
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.carrier import centred, find_carrier, find_phase, grid_phase, shows
-from clutchid.estimate.shooting.coordinates import WIDTHS, Prior, coordinates, far_stop
+from clutchid.estimate.shooting.coordinates import Prior, coordinates, far_stop
 from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.pace import paced
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.projection import Found
+from clutchid.estimate.shooting.pulses import Pulsed, pulsed
 from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, search
 from clutchid.estimate.shooting.trajectory import noise_scales
 from clutchid.estimate.shooting.uncertainty import deviation
@@ -36,6 +36,10 @@ WEARING = ("F_C", "V_0A")
 #: The steps of the integration follow this many times the stiffness at the start, for values that make it stiffer; from
 #: calibrated values, which hardly move, so many times.
 MARGIN, CALIBRATED_MARGIN = 1.3, 1.05
+
+#: What the model gets wrong of a position lasts so long in s. A load that is read from position alone was nearer to the
+#: truth with one sample in ten counted, at 1 kHz: docs/methods.md.
+MEMORY = 0.01
 
 
 class End(Protocol):
@@ -93,6 +97,8 @@ def shoot(
         As `clutchid.fit`.
     """
     task, plans, phased = problem_of(logs, actuator, wanted, calibration)
+    if calibration and reads_load(wanted, actuator):
+        task = replace(task, noise=replace(task.noise, memory=MEMORY))
     X: list[FloatArray] = []
     for track in task.tracks:
         guess = first_guess(track, phased[track.log], "pressure_a" in wanted.measure)
@@ -122,10 +128,11 @@ def problem_of(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    phased = [with_phase(log, actuator, "pressure_a" in wanted.measure) for log in logs]
-    plans = tuple(prepared(log, own, wanted.measure) for log, own in zip(logs, phased, strict=True))
+    seen = [pulsed(log, actuator, "pressure_a" in wanted.measure) for log in logs]
+    phased = [one.actuator for one in seen]
+    plans = tuple(_planned(one, wanted.measure) for one in seen)
     margin = CALIBRATED_MARGIN if calibration else MARGIN
-    own = {**_phases(wanted, logs, phased), **_wearing(wanted, logs, actuator, calibration)}
+    own = {**_phases(wanted, seen), **_wearing(wanted, logs, actuator, calibration)}
     free, priors = (*wanted.names, *own), {**own, **wanted.priors}
     task = Shooting(
         actuator=phased[0],
@@ -140,22 +147,32 @@ def problem_of(
     return task, plans, phased
 
 
-def _phases(wanted: Wanted, logs: Sequence[Log], phased: Sequence[Actuator]) -> dict[str, Prior]:
+def _planned(seen: Pulsed, measure: Sequence[str]) -> Plan:
+    """The plan of a recording, with what its pulses are to be warned of."""
+    done = prepared(seen.log, seen.actuator, measure)
+    return replace(done, warnings=(*done.warnings, seen.warning)) if seen.warning else done
+
+
+def _phases(wanted: Wanted, seen: Sequence[Pulsed]) -> dict[str, Prior]:
     """The phase of the carrier in each recording, where the valves' own phases are not free."""
     later = 1 if "s_vs" in wanted.names else 0
     return {
-        f"s_pwm@{log.name}": Prior(own.parameters.s_pwm, WIDTHS["s_pwm"])
-        for log, own in list(zip(logs, phased, strict=True))[later:]
-        if own.parameters.T_pwm > 0.0 and grid_phase(log, own.parameters.T_pwm) is None
+        f"s_pwm@{one.log.name}": Prior(one.actuator.parameters.s_pwm, one.spread)
+        for one in seen[later:]
+        if one.spread > 0.0
     }
+
+
+def reads_load(wanted: Wanted, actuator: Actuator) -> bool:
+    """Whether a load is read from position alone."""
+    return "pressure_a" not in wanted.measure and bool(set(wanted.names) & set(actuator.load.names))
 
 
 def _wearing(
     wanted: Wanted, logs: Sequence[Log], actuator: Actuator, calibration: Calibration | None
 ) -> dict[str, Prior]:
     """What wears beside the clutch, in each recording, where a load is read from position alone."""
-    reads_load = set(wanted.names) & set(actuator.load.names)
-    if calibration is None or "pressure_a" in wanted.measure or not reads_load:
+    if calibration is None or not reads_load(wanted, actuator):
         return {}
     taken = {name.partition("@")[0] for name in wanted.names}
     known = {name: Prior(actuator.value(name), deviation(actuator, name, calibration)) for name in WEARING}
@@ -178,22 +195,3 @@ def prepared(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
     step = float(np.median(np.diff(log.time))) if len(log) > 1 else GUESS
     every = Partition(every=max(2, round(GUESS / step)))
     return plan(log, actuator, MARGIN * stiffness(actuator), every, "pressure_a" in measure)
-
-
-def with_phase(log: Log, actuator: Actuator, with_pressure: bool) -> Actuator:
-    """`actuator` with the phase that the carrier of its valves has in `log`.
-
-    Raises
-    ------
-    DataError
-        If the recording lacks a column that the phase is read from.
-    """
-    period = actuator.parameters.T_pwm
-    if period == 0.0 or len(log) < 2 or not shows(log, period):
-        return actuator
-    if (grid := grid_phase(log, period)) is not None:
-        return actuator.replace({"s_pwm": centred(grid)})
-    if with_pressure:
-        _, phase = find_carrier(log, actuator, (period,))
-        return actuator.replace({"s_pwm": centred(phase - actuator.parameters.tau_p / period)})
-    return actuator.replace({"s_pwm": find_phase(log, actuator)})

@@ -113,7 +113,8 @@ def window_rows(
     stop = _compared_samples(track, window)
     rows = np.concatenate(
         [
-            _compared(track, window, (out[:stop], sens[:stop]), (seen, theta), name) / noise.measured[name]
+            _compared(track, window, (out[:stop], sens[:stop]), (seen, theta), name)
+            / noise.of_samples(name, track.spacing)
             for name in measure
         ]
     )
@@ -146,8 +147,8 @@ def window_cost(
     for name in measure:
         at, lag, offset = COLUMN[name]
         shown = lagged(out[:stop, at], seen.actuator.value(lag), float(window.dt[0]))
-        r = _residual(track, window, shown, seen.actuator.value(offset), name) / noise.measured[name]
-        cost += loss(r, noise.outlier)
+        r = _residual(track, window, shown, seen.actuator.value(offset), name)
+        cost += loss(r / noise.of_samples(name, track.spacing), noise.outlier)
     return out[-1], cost
 
 

@@ -15,7 +15,7 @@ from clutchid.estimate.shooting.fit import EndT, Shot
 from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.projection import Found
 from clutchid.estimate.shooting.trajectory import recorded, trajectory
-from clutchid.estimate.shooting.uncertainty import SCALE, Spread, pressure_spread, spread
+from clutchid.estimate.shooting.uncertainty import Spread, pressure_spread, scale, spread
 from clutchid.estimate.summary import plan_warnings
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -149,7 +149,7 @@ def load_curve(task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: Flo
     rows, columns = [i for i, _ in places], [j for _, j in places]
     phi = load.phi(y)
     P = (matrix * np.outer(slopes, slopes))[np.ix_(rows, rows)]
-    variance = np.einsum("ni,ij,nj->n", phi[:, columns], P, phi[:, columns]) + (SCALE * (phi @ bias)) ** 2
+    variance = np.einsum("ni,ij,nj->n", phi[:, columns], P, phi[:, columns]) + (scale(task.noise) * (phi @ bias)) ** 2
     half = QUANTILE * np.sqrt(np.maximum(variance, 0.0))
     return LoadCurve(y, force, force - half, force + half)
 
@@ -193,7 +193,7 @@ def not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
     stands = [
         c.name
         for i, c in enumerate(task.coordinates)
-        if c.base not in weights and np.sqrt(matrix[i, i]) > NOT_TOLD * SCALE
+        if c.base not in weights and np.sqrt(matrix[i, i]) > NOT_TOLD * scale(task.noise)
     ]
     told = [c.name for c in task.coordinates if c.base not in weights and c.name not in stands]
     notes = []

@@ -28,12 +28,16 @@ UNITS: Mapping[str, float] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """One segment of a recording, cut into windows that share their border samples; `log` is its number in the fit."""
+    """One segment of a recording, cut into windows that share their border samples.
+
+    `log` is its number in the fit, `spacing` the time between measured positions in s.
+    """
 
     log: int
     measured: Log
     segment: Segment
     windows: tuple[Segment, ...]
+    spacing: float
 
 
 def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
@@ -44,11 +48,16 @@ def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
     Nothing: a recording is checked where it is planned.
     """
     return tuple(
-        Track(number, prepared.log, segment, tuple(_windows(segment)))
+        Track(number, prepared.log, segment, tuple(_windows(segment)), _spacing(prepared.log))
         for number, prepared in enumerate(plans)
         for segment in prepared.segments
         if len(segment) > 1
     )
+
+
+def _spacing(log: Log) -> float:
+    known = log.time[np.isfinite(log["position"])]
+    return float(np.median(np.diff(known))) if known.size > 1 else WINDOW
 
 
 def _windows(segment: Segment) -> list[Segment]:

@@ -1,0 +1,187 @@
+"""What has changed in an actuator since its calibration, as position alone tells it.
+
+A load that is read with calibrated numbers takes up whatever else has changed: in the cold the grease is thicker, and
+the load seems a quarter higher. So after a fit every number that may change is asked where it would go if it were free,
+which one Gauss-Newton step says (the score test; Rao 1948). Where the model errs it would move on the calibration
+recording as well: only the difference to that is a change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clutchid.estimate.calibration import Score
+from clutchid.estimate.least_squares import Failure
+from clutchid.estimate.result import Fit
+from clutchid.estimate.shooting.coordinates import SHARES, Prior, coordinates
+from clutchid.estimate.shooting.fit import Shot, Wanted
+from clutchid.estimate.shooting.problem import condense, linearise
+from clutchid.estimate.shooting.projection import Found
+from clutchid.model.actuator import Actuator
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """How far a number may change, and how differently two recordings of an unchanged actuator tell it.
+
+    `far` and `same` are standard deviations: shares of the value, or in the number's own unit where it may be 0.
+    """
+
+    far: float
+    same: float
+
+
+#: What may change, and the numbers that tell: those of one kind are set free together. `same` is such that two of 480
+#: recordings of unchanged trucks are taken for changed; docs/methods.md.
+CHANGES: Mapping[str, Mapping[str, Range]] = {
+    "viscous friction": {"D_v": Range(0.5, 0.022)},
+    "flow of the valves": {"C_vs": Range(0.1, 0.0225), "C_ve": Range(0.1, 0.009)},
+    "timing of the valves": {
+        "R_0vs": Range(0.02, 0.002),
+        "R_0ve": Range(0.02, 0.002),
+        "a_0vs": Range(0.03, 0.0055),
+        "a_0ve": Range(0.03, 0.004),
+    },
+}
+
+#: Asked alone, where none of those has changed: all of them look like another supply as well.
+SUPPLY: Mapping[str, Mapping[str, Range]] = {"supply pressure": {"P_S": Range(0.05, 0.008)}}
+
+_ALL = {**CHANGES, **SUPPLY}
+
+#: Root mean square of the shifts of one kind, in standard deviations, from which on it has changed.
+CHANGED = 3.0
+
+
+def score(shot: Shot[Found]) -> Score | Failure:
+    """Where held numbers of `CHANGES` and `SUPPLY` would go at the end of a search, each in each recording.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
+    task, found = shot.task, shot.found
+    if isinstance(found, Failure):
+        return found
+    held = [
+        (f"{name}@{stem}", name, near)
+        for stem in task.stems
+        for kind in _ALL.values()
+        for name, near in kind.items()
+        if not {name, f"{name}@{stem}"} & set(task.names) and (name not in SHARES or task.actuator.value(name) > 0.0)
+    ]
+    names = tuple(own for own, _, _ in held)
+    asked = coordinates(task.actuator, names, {}, {own: _prior(task.actuator, n, near) for own, n, near in held})
+    # every sample counts: a change is told by more than what a load is read from
+    wide = replace(task, coordinates=(*task.coordinates, *asked), noise=replace(task.noise, memory=0.0))
+    linear = linearise(wide, np.concatenate([found.x, np.zeros(len(asked))]), found.X)
+    if isinstance(linear, Failure):
+        return linear
+    factor, _ = condense(wide, linear)
+    own = slice(len(task.coordinates), len(wide.coordinates))
+    # last in the triangle: what is left for these numbers once all others follow
+    root = np.array([near.far for _, _, near in held])[:, None] * np.linalg.inv(factor[own, own])
+    return Score(names, -root @ factor[own, -1], root @ root.T)
+
+
+def mean_score(scores: Sequence[Score]) -> Score:
+    """The mean of the scores of several recordings, of numbers without the name of a recording.
+
+    Raises
+    ------
+    Nothing: one recording at least; all have the same numbers.
+    """
+    names = tuple(name.partition("@")[0] for name in scores[0].names)
+    shift = np.mean([one.shift for one in scores], axis=0)
+    return Score(names, shift, np.mean([one.covariance for one in scores], axis=0) / len(scores))
+
+
+def with_changes(wanted: Wanted, here: Score, before: Score, actuator: Actuator) -> Wanted:
+    """`wanted` with the numbers free that have changed since the calibration, whose score is `before`.
+
+    They have values of their own in the recording that has changed most; what others seem to have changed may be its
+    doing, as they share the load. The same object where nothing has changed.
+
+    Raises
+    ------
+    Nothing: numbers that `before` does not know are left as they are.
+    """
+    most, released = 0.0, dict[str, Prior]()
+    for stem in dict.fromkeys(name.partition("@")[2] for name in here.names):
+        free = {name.partition("@")[0] for name in wanted.names if name.partition("@")[2] in ("", stem)}
+        for kinds in (CHANGES, SUPPLY):
+            far, found = _changed(here, before, kinds, stem, free)
+            if far > most:
+                most, released = far, {f"{name}@{stem}": _prior(actuator, name, near) for name, near in found.items()}
+            if found:
+                break
+    if not released:
+        return wanted
+    return replace(wanted, names=(*wanted.names, *released), priors={**wanted.priors, **released})
+
+
+def _changed(
+    here: Score, before: Score, kinds: Mapping[str, Mapping[str, Range]], stem: str, free: set[str]
+) -> tuple[float, dict[str, Range]]:
+    """How far the kind moved that has changed most in the recording `stem`, and all numbers that have changed.
+
+    While all other kinds stay held; what is `free` in the fit here is free in the one before as well.
+    """
+    asked = [
+        name for kind in kinds.values() for name in kind if name in before.names and f"{name}@{stem}" in here.names
+    ]
+    if not asked:
+        return 0.0, {}
+    now = here.of([f"{name}@{stem}" for name in asked])
+    then = before.of([*asked, *(name for name in before.names if name in free)])
+    most, found = 0.0, dict[str, Range]()
+    for kind in kinds.values():
+        names = [name for name in kind if name in asked]
+        far = distance(now, then, names, stem) if names else 0.0
+        if far > CHANGED:
+            most = max(most, far)
+            found |= {name: kind[name] for name in names}
+    return most, found
+
+
+def distance(here: Score, before: Score, names: Sequence[str], stem: str) -> float:
+    """Root mean square of what `names` have moved since `before` in the recording `stem`, in standard deviations.
+
+    Raises
+    ------
+    Nothing: names are of both scores.
+    """
+    at = [here.names.index(f"{name}@{stem}") for name in names]
+    moved = here.shift[at] - before.shift[[before.names.index(name) for name in names]]
+    same = {name: near.same for kind in _ALL.values() for name, near in kind.items()}
+    spread = here.covariance[np.ix_(at, at)] + np.diag([same[name] ** 2 for name in names])
+    return float(np.sqrt(moved @ np.linalg.solve(spread, moved) / len(names)))
+
+
+def changes_told(released: Sequence[str], before: Actuator, after: Fit) -> tuple[str, ...]:
+    """In words: what has changed in which recording, from the actuator `before` and the fit with it free.
+
+    Raises
+    ------
+    Nothing: names are of the fit.
+    """
+    notes = []
+    for stem in dict.fromkeys(name.partition("@")[2] for name in released):
+        for word, kind in _ALL.items():
+            names = [name for name in kind if f"{name}@{stem}" in released]
+            values = [
+                f"{name} {before.value(name):.4g} -> {after.parameters[f'{name}@{stem}'].value:.4g} {before.unit(name)}"
+                for name in names
+            ]
+            if values:
+                told = f"{word} has changed since the calibration and was fitted with the load"
+                notes.append(f"{stem}: {told} ({', '.join(values)}).")
+    return tuple(notes)
+
+
+def _prior(actuator: Actuator, name: str, near: Range) -> Prior:
+    value = actuator.value(name)
+    return Prior(value, near.far * value if name in SHARES else near.far)
