@@ -14,6 +14,7 @@ from clutchid.estimate.shooting.change import (
     CHANGED,
     CHANGES,
     SUPPLY,
+    SUPPLY_CHANGED,
     changes_told,
     distance,
     mean_score,
@@ -153,6 +154,24 @@ def test_the_supply_is_asked_where_nothing_else_has_changed(plant):
     wanted = Wanted(("theta_1",), ("position",))
     assert with_changes(wanted, scored("w", P_S=5.0), scored(), plant).names == ("theta_1", "P_S@w")
     assert with_changes(wanted, scored("w", P_S=5.0, D_v=5.0), scored(), plant).names == ("theta_1", "D_v@w")
+    assert with_changes(wanted, scored("w", P_S=SUPPLY_CHANGED - 0.1), scored(), plant) is wanted
+
+
+def test_the_supply_stays_where_another_kind_alone_explains_more(plant):
+    wanted = Wanted(("theta_1",), ("position",))
+    # only the friction has moved, less than tells a change; the supply alone would explain nearly as much
+    names, shift = ("D_v@w", "P_S@w"), np.array([0.06, 0.0])
+    here = Score(names, shift, np.array([[1e-4, -0.9e-4], [-0.9e-4, 1e-4]]))
+    before = Score(("D_v", "P_S"), np.zeros(2), here.covariance)
+    assert here.of(["P_S@w"]).shift[0] == pytest.approx(0.054), "alone the supply seems to have changed"
+    assert with_changes(wanted, here, before, plant) is wanted
+
+
+def test_numbers_that_a_score_does_not_know_stay(plant):
+    wanted = Wanted(("theta_1",), ("position",))
+    assert with_changes(wanted, Score((), np.zeros(0), np.zeros((0, 0))), scored(), plant) is wanted
+    alone = Score(("tau_y@w",), np.array([9.0]), np.eye(1))
+    assert with_changes(wanted, alone, scored(), plant) is wanted
 
 
 def test_a_score_of_some_numbers_has_the_others_held():

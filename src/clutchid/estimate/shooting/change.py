@@ -47,13 +47,14 @@ CHANGES: Mapping[str, Mapping[str, Range]] = {
     },
 }
 
-#: Asked alone, where none of those has changed: all of them look like another supply as well.
-SUPPLY: Mapping[str, Mapping[str, Range]] = {"supply pressure": {"P_S": Range(0.05, 0.008)}}
+#: Asked where none of those has changed: all of them look like another supply as well.
+SUPPLY: Mapping[str, Mapping[str, Range]] = {"supply pressure": {"P_S": Range(0.05, 0.003)}}
 
 _ALL = {**CHANGES, **SUPPLY}
 
-#: Root mean square of the shifts of one kind, in standard deviations, from which on it has changed.
-CHANGED = 3.0
+#: Root mean square of the shifts of one kind, in standard deviations, from which on it has changed. A supply that is
+#: set free in vain costs little.
+CHANGED, SUPPLY_CHANGED = 3.0, 2.5
 
 
 def score(shot: Shot[Found]) -> Score | Failure:
@@ -112,39 +113,55 @@ def with_changes(wanted: Wanted, here: Score, before: Score, actuator: Actuator)
     most, released = 0.0, dict[str, Prior]()
     for stem in dict.fromkeys(name.partition("@")[2] for name in here.names):
         free = {name.partition("@")[0] for name in wanted.names if name.partition("@")[2] in ("", stem)}
-        for kinds in (CHANGES, SUPPLY):
-            far, found = _changed(here, before, kinds, stem, free)
-            if far > most:
-                most, released = far, {f"{name}@{stem}": _prior(actuator, name, near) for name, near in found.items()}
-            if found:
-                break
+        far, found = _changed(here, before, stem, free)
+        if not found:
+            far, found = _supply_changed(here, before, stem, free)
+        if far > most:
+            most, released = far, {f"{name}@{stem}": _prior(actuator, name, near) for name, near in found.items()}
     if not released:
         return wanted
     return replace(wanted, names=(*wanted.names, *released), priors={**wanted.priors, **released})
 
 
-def _changed(
-    here: Score, before: Score, kinds: Mapping[str, Mapping[str, Range]], stem: str, free: set[str]
-) -> tuple[float, dict[str, Range]]:
-    """How far the kind moved that has changed most in the recording `stem`, and all numbers that have changed.
-
-    While all other kinds stay held; what is `free` in the fit here is free in the one before as well.
-    """
-    asked = [
-        name for kind in kinds.values() for name in kind if name in before.names and f"{name}@{stem}" in here.names
-    ]
-    if not asked:
-        return 0.0, {}
-    now = here.of([f"{name}@{stem}" for name in asked])
-    then = before.of([*asked, *(name for name in before.names if name in free)])
+def _changed(here: Score, before: Score, stem: str, free: set[str]) -> tuple[float, dict[str, Range]]:
+    """How far the kind moved that has changed most in the recording `stem`, and all numbers that have changed."""
+    asked = [name for kind in CHANGES.values() for name in _known(here, before, kind, stem)]
+    now, then = _held(here, before, asked, stem, free)
     most, found = 0.0, dict[str, Range]()
-    for kind in kinds.values():
+    for kind in CHANGES.values():
         names = [name for name in kind if name in asked]
         far = distance(now, then, names, stem) if names else 0.0
         if far > CHANGED:
             most = max(most, far)
             found |= {name: kind[name] for name in names}
     return most, found
+
+
+def _supply_changed(here: Score, before: Score, stem: str, free: set[str]) -> tuple[float, dict[str, Range]]:
+    """The same of the supply, where it alone explains more than any other kind alone does."""
+    explained = {}
+    for word, kind in _ALL.items():
+        if names := _known(here, before, kind, stem):
+            now, then = _held(here, before, names, stem, free)
+            moved = now.shift - then.shift[: len(names)]
+            explained[word] = float(moved @ np.linalg.solve(now.covariance, moved))
+    ((word, kind),) = SUPPLY.items()
+    names = _known(here, before, kind, stem)
+    if not names or explained[word] < max(explained.values()):
+        return 0.0, {}
+    far = distance(*_held(here, before, names, stem, free), names, stem)
+    return (far, dict(kind)) if far > SUPPLY_CHANGED else (0.0, {})
+
+
+def _known(here: Score, before: Score, kind: Mapping[str, Range], stem: str) -> list[str]:
+    """The numbers of a kind that both scores know."""
+    return [name for name in kind if name in before.names and f"{name}@{stem}" in here.names]
+
+
+def _held(here: Score, before: Score, names: Sequence[str], stem: str, free: set[str]) -> tuple[Score, Score]:
+    """Both scores of `names` with all others held; what is `free` in the fit here is free in the one before as well."""
+    now = here.of([f"{name}@{stem}" for name in names])
+    return now, before.of([*names, *(name for name in before.names if name in free)])
 
 
 def distance(here: Score, before: Score, names: Sequence[str], stem: str) -> float:
