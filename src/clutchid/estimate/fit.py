@@ -15,18 +15,17 @@ from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR
 from clutchid.estimate.problem import MEASURED, Problem, problem
-from clutchid.estimate.result import Fit, Recording, errors_over
+from clutchid.estimate.result import Fit, Recording
 from clutchid.estimate.search import Progress, two_stages
-from clutchid.estimate.sensing import sensed, undone
 from clutchid.estimate.shooting.automatic import AUTOMATIC
 from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.pulses import pulsed
+from clutchid.estimate.shooting.pulses import Pulsed, as_sensed, unsensed
 from clutchid.estimate.summary import failed, plan_warnings, summary
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import outside_stroke, plan
 from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
@@ -246,19 +245,13 @@ def verification(
     warnings: list[str] = []
     for log in _uniquely_named(list(logs)):
         used = [name for name in measure if name in log] or ["position"]
-        # the phase from the position, which every recording has: it knows the valves' own phases
-        own = pulsed(log, actuator, False).actuator if through_sensors else actuator
-        seen = undone(log, own.parameters) if through_sensors else log
-        result = fit([seen], own, free=(), measure=used, partition=partition, on_failure="return")
-        one = result.recordings
-        done |= {name: _as_recorded(log, r, own.parameters) for name, r in one.items()} if through_sensors else one
+        own = unsensed(log, actuator) if through_sensors else Pulsed(log, actuator)
+        result = fit([own.log], own.actuator, free=(), measure=used, partition=partition, on_failure="return")
+        for name, one in result.recordings.items():
+            done[name] = as_sensed(one, log, own.actuator.parameters) if through_sensors else one
+        warnings += [own.warning] if own.warning else []
         warnings += result.warnings if result.status != "failed" else [result.message]
     return done, warnings
-
-
-def _as_recorded(log: Log, one: Recording, p: Parameters) -> Recording:
-    """A recording compared with what its sensors would record of the simulation."""
-    return replace(one, measured=log, errors=errors_over([(log, sensed(one.simulated, p))]))
 
 
 def _driven(logs: Sequence[Log], actuator: Actuator | None) -> list[Log]:

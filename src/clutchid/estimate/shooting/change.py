@@ -139,17 +139,20 @@ def _changed(here: Score, before: Score, stem: str, free: set[str]) -> tuple[flo
 
 def _supply_changed(here: Score, before: Score, stem: str, free: set[str]) -> tuple[float, dict[str, Range]]:
     """The same of the supply, where it alone explains more than any other kind alone does."""
+    held = {
+        word: (names, *_held(here, before, names, stem, free))
+        for word, kind in _ALL.items()
+        if (names := _known(here, before, kind, stem))
+    }
     explained = {}
-    for word, kind in _ALL.items():
-        if names := _known(here, before, kind, stem):
-            now, then = _held(here, before, names, stem, free)
-            moved = now.shift - then.shift[: len(names)]
-            explained[word] = float(moved @ np.linalg.solve(now.covariance, moved))
+    for word, (names, now, then) in held.items():
+        moved = now.shift - then.shift[: len(names)]
+        explained[word] = float(moved @ np.linalg.solve(now.covariance, moved))
     ((word, kind),) = SUPPLY.items()
-    names = _known(here, before, kind, stem)
-    if not names or explained[word] < max(explained.values()):
+    if word not in held or explained[word] < max(explained.values()):
         return 0.0, {}
-    far = distance(*_held(here, before, names, stem, free), names, stem)
+    names, now, then = held[word]
+    far = distance(now, then, names, stem)
     return (far, dict(kind)) if far > SUPPLY_CHANGED else (0.0, {})
 
 

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.estimate.result import Recording
-from clutchid.estimate.sensing import undone
+from clutchid.estimate.result import Recording, errors_over
+from clutchid.estimate.sensing import sensed, undone
 from clutchid.estimate.shooting.carrier import ENOUGH, centred, find_carrier, grid_phase, on_off, shows
 from clutchid.estimate.shooting.coordinates import WIDTHS
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.parameters import Parameters
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import Numbers, run, start_state
@@ -130,6 +131,32 @@ def on_samples(one: Recording, log: Log) -> Recording:
     at = np.searchsorted(one.simulated.time, log.time)
     columns = {name: values[at] for name, values in one.simulated.columns.items()}
     return replace(one, measured=log, simulated=replace(one.simulated, time=log.time, columns=columns))
+
+
+def unsensed(log: Log, actuator: Actuator) -> Pulsed:
+    """The recording as `pulsed` has it, with lags and offsets of the sensors undone: as the actuator itself moved.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a column that the phase is read from.
+    """
+    # the phase from the position, which every recording has: it knows the valves' own phases
+    own = pulsed(log, actuator, False)
+    p = own.actuator.parameters
+    moved = undone(log, p)
+    return replace(own, log=moved if len(own.log) == len(log) else refined(moved, p.T_pwm, p.s_pwm))
+
+
+def as_sensed(one: Recording, log: Log, p: Parameters) -> Recording:
+    """`one`, a simulation of the recording `unsensed`, against `log`: its errors are those that the sensors would show.
+
+    Raises
+    ------
+    Nothing: what is not known stays NaN.
+    """
+    shown = on_samples(replace(one, simulated=sensed(one.simulated, p)), log).simulated
+    return replace(on_samples(one, log), measured=log, errors=errors_over([(log, shown)]))
 
 
 def _number(time: FloatArray, period: float, phase: float) -> FloatArray:
