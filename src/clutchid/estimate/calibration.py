@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,19 @@ class Calibration:
     data: Mapping[str, str] | None = None
     method: str = "shooting"
     score: Score | None = None
+
+    def less_sure(self, names: tuple[str, ...], covariance: FloatArray) -> Calibration:
+        """The same with the `covariance` of `names` in SI, shape (k, k), added to what is known of them.
+
+        Raises
+        ------
+        Nothing: a name that was not calibrated is added.
+        """
+        known = tuple(dict.fromkeys((*self.names, *names)))
+        at = [known.index(name) for name in names]
+        wider = self.covariance_of(known)
+        wider[np.ix_(at, at)] += covariance
+        return replace(self, names=known, covariance=wider)
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`, 0 where a name was not calibrated."""

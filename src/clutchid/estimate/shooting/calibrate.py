@@ -18,6 +18,7 @@ from clutchid.estimate.shooting.automatic import automatic
 from clutchid.estimate.shooting.change import changes_told, mean_score, score, with_changes
 from clutchid.estimate.shooting.checks import checked
 from clutchid.estimate.shooting.coordinates import Prior
+from clutchid.estimate.shooting.doubt import doubted
 from clutchid.estimate.shooting.fit import EndT, Shot, Wanted, reads_load, shoot
 from clutchid.estimate.shooting.pulses import on_samples
 from clutchid.estimate.shooting.summary import failed, position_only, summary
@@ -90,15 +91,19 @@ def fit_by(
     actuator, wanted = wanted_of(logs, actuator, request)
     check_size(logs, wanted)
     _check_profiled(request, wanted)
-    shot, wider = _adapted(estimator, logs, actuator, wanted, request.calibration, progress)
-    result = estimator.summary(shot, request.calibration)
+    shot, wider, here = _adapted(estimator, logs, actuator, wanted, request.calibration, progress)
+    released = wider.names[len(wanted.names) :]
+    known, doubts = request.calibration, tuple[str, ...]()
+    if known and here:
+        free = {log.name: wider.free_in(log.name) for log in logs}
+        known, doubts = doubted(known, here, free, {name.partition("@")[0] for name in released}, actuator)
+    result = estimator.summary(shot, known)
     if isinstance(result, Failure):
         return failed(shot, estimator.name, result.message)
     result = replace(result, recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs})
-    if changes := changes_told(wider.names[len(wanted.names) :], actuator, result):
-        result = replace(result, notes=(*changes, *result.notes))
+    result = replace(result, notes=(*changes_told(released, actuator, result), *doubts, *result.notes))
     if estimator.check and (request.profile or request.bootstrap):
-        result = estimator.check(result, shot, request.calibration, request.profile, request.bootstrap)
+        result = estimator.check(result, shot, known, request.profile, request.bootstrap)
     free_load = set(wanted.names) >= set(actuator.load.names)
     if "pressure_a" not in wanted.measure or not free_load:
         return result
@@ -113,23 +118,21 @@ def _adapted(
     wanted: Wanted,
     calibration: Calibration | None,
     progress: Progress | None,
-) -> tuple[Shot[EndT], Wanted]:
-    """The search; where a load is read from position alone and more has changed, once more with that free as well."""
+) -> tuple[Shot[EndT], Wanted, Score | None]:
+    """The search; where a load is read from position alone and more has changed, again with that free; its score."""
     shot = estimator.search(logs, actuator, wanted, calibration, progress)
     if not (estimator.score and calibration and calibration.score and reads_load(wanted, actuator)):
-        return shot, wanted
+        return shot, wanted, None
+    here = estimator.score(shot)
     for _ in logs:
-        here = estimator.score(shot)
-        if isinstance(here, Failure):
-            break
-        wider = with_changes(wanted, here, calibration.score, actuator)
+        wider = wanted if isinstance(here, Failure) else with_changes(wanted, here, calibration.score, actuator)
         if wider is wanted:
             break
         again = estimator.search(logs, actuator, wider, calibration, progress)
         if isinstance(again.found, Failure):
             break
-        shot, wanted = again, wider
-    return shot, wanted
+        shot, wanted, here = again, wider, estimator.score(again)
+    return shot, wanted, None if isinstance(here, Failure) else here
 
 
 def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, Wanted]:

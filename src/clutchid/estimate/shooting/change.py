@@ -8,7 +8,7 @@ recording as well: only the difference to that is a change.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from clutchid.estimate.shooting.coordinates import SHARES, Prior, coordinates
 from clutchid.estimate.shooting.fit import Shot, Wanted
 from clutchid.estimate.shooting.problem import condense, linearise
 from clutchid.estimate.shooting.projection import Found
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 
 
@@ -32,6 +33,19 @@ class Range:
 
     far: float
     same: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """Where the numbers of a kind would go in one recording, beyond where they went at the calibration.
+
+    `shift` (k,) are shares of the value, or in the number's own unit where it may be 0; `far` is their root mean square
+    in standard deviations.
+    """
+
+    names: tuple[str, ...]
+    shift: FloatArray
+    far: float
 
 
 #: What may change, and the numbers that tell: those of one kind are set free together. `same` is such that two of 480
@@ -112,7 +126,7 @@ def with_changes(wanted: Wanted, here: Score, before: Score, actuator: Actuator)
     """
     most, released = 0.0, dict[str, Prior]()
     for stem in dict.fromkeys(name.partition("@")[2] for name in here.names):
-        free = {name.partition("@")[0] for name in wanted.names if name.partition("@")[2] in ("", stem)}
+        free = wanted.free_in(stem)
         far, found = _changed(here, before, stem, free)
         if not found:
             far, found = _supply_changed(here, before, stem, free)
@@ -123,21 +137,14 @@ def with_changes(wanted: Wanted, here: Score, before: Score, actuator: Actuator)
     return replace(wanted, names=(*wanted.names, *released), priors={**wanted.priors, **released})
 
 
-def _changed(here: Score, before: Score, stem: str, free: set[str]) -> tuple[float, dict[str, Range]]:
+def _changed(here: Score, before: Score, stem: str, free: Set[str]) -> tuple[float, dict[str, Range]]:
     """How far the kind moved that has changed most in the recording `stem`, and all numbers that have changed."""
-    asked = [name for kind in CHANGES.values() for name in _known(here, before, kind, stem)]
-    now, then = _held(here, before, asked, stem, free)
-    most, found = 0.0, dict[str, Range]()
-    for kind in CHANGES.values():
-        names = [name for name in kind if name in asked]
-        far = distance(now, then, names, stem) if names else 0.0
-        if far > CHANGED:
-            most = max(most, far)
-            found |= {name: kind[name] for name in names}
-    return most, found
+    changed = {word: move for word, move in moves(here, before, stem, free).items() if move.far > CHANGED}
+    found = {name: CHANGES[word][name] for word, move in changed.items() for name in move.names}
+    return max((move.far for move in changed.values()), default=0.0), found
 
 
-def _supply_changed(here: Score, before: Score, stem: str, free: set[str]) -> tuple[float, dict[str, Range]]:
+def _supply_changed(here: Score, before: Score, stem: str, free: Set[str]) -> tuple[float, dict[str, Range]]:
     """The same of the supply, where it alone explains more than any other kind alone does."""
     held = {
         word: (names, *_held(here, before, names, stem, free))
@@ -161,10 +168,30 @@ def _known(here: Score, before: Score, kind: Mapping[str, Range], stem: str) -> 
     return [name for name in kind if name in before.names and f"{name}@{stem}" in here.names]
 
 
-def _held(here: Score, before: Score, names: Sequence[str], stem: str, free: set[str]) -> tuple[Score, Score]:
+def _held(here: Score, before: Score, names: Sequence[str], stem: str, free: Set[str]) -> tuple[Score, Score]:
     """Both scores of `names` with all others held; what is `free` in the fit here is free in the one before as well."""
     now = here.of([f"{name}@{stem}" for name in names])
     return now, before.of([*names, *(name for name in before.names if name in free)])
+
+
+def moves(here: Score, before: Score, stem: str, free: Set[str]) -> dict[str, Move]:
+    """How every kind of `CHANGES` has moved in the recording `stem` since the score `before`, asked together.
+
+    `free` are numbers that are fitted here. A kind is left out of which no number is held and known to both scores.
+
+    Raises
+    ------
+    Nothing: numbers that one score does not know are left out.
+    """
+    asked = [name for kind in CHANGES.values() for name in _known(here, before, kind, stem)]
+    now, then = _held(here, before, asked, stem, free)
+    shift = dict(zip(asked, (now.shift - then.shift[: len(asked)]).tolist(), strict=True))
+    found = {}
+    for word, kind in CHANGES.items():
+        if names := tuple(name for name in kind if name in shift):
+            far = distance(now, then, names, stem)
+            found[word] = Move(names, np.array([shift[name] for name in names]), far)
+    return found
 
 
 def distance(here: Score, before: Score, names: Sequence[str], stem: str) -> float:
@@ -202,6 +229,15 @@ def changes_told(released: Sequence[str], before: Actuator, after: Fit) -> tuple
     return tuple(notes)
 
 
+def in_si(actuator: Actuator, name: str, share: float) -> float:
+    """In SI what is a share of the value, or in the number's own unit where it may be 0.
+
+    Raises
+    ------
+    Nothing: names are checked where a request is made.
+    """
+    return share * actuator.value(name) if name in SHARES else share
+
+
 def _prior(actuator: Actuator, name: str, near: Range) -> Prior:
-    value = actuator.value(name)
-    return Prior(value, near.far * value if name in SHARES else near.far)
+    return Prior(actuator.value(name), in_si(actuator, name, near.far))

@@ -79,6 +79,10 @@ class Wanted:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     priors: Mapping[str, Prior] = field(default_factory=dict)
 
+    def free_in(self, stem: str) -> frozenset[str]:
+        """What is free in the recording `stem`, of all recordings or its own."""
+        return frozenset(name.partition("@")[0] for name in self.names if name.partition("@")[2] in ("", stem))
+
 
 def shoot(
     logs: Sequence[Log],
