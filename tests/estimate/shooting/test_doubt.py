@@ -76,6 +76,14 @@ def test_after_a_change_all_else_is_known_as_two_recordings_tell_it_and_walls_to
     assert "T_w" not in less.names, "valves that pass less say nothing of the temperature"
 
 
+def test_of_a_slow_recording_all_is_known_as_two_recordings_tell_it(plant):
+    less, notes = doubted(known(C_vs=0.0, C_ve=0.0), moved("w", C_vs=0.0, C_ve=0.0), {"w": set()}, set(), plant, True)
+    assert notes == ()
+    assert less.covariance[0, 0] == pytest.approx(1.0 + (GREASE * plant.value("D_v")) ** 2)
+    assert less.covariance_of(("C_vs",))[0, 0] == pytest.approx((FLOW["C_vs"].same * plant.value("C_vs")) ** 2)
+    assert "T_w" not in less.names
+
+
 def test_a_load_read_with_slightly_thicker_grease_has_a_wider_band_that_holds_it(calibrated, worn, recorded_by):
     thick = worn.replace({"D_v": (1.0 + 2.6 * GREASE) * worn.value("D_v")})
     log = position_only(recorded_by(thick, seconds=6.0, seed=6, name="cool", driven=1))

@@ -96,7 +96,8 @@ def fit_by(
     known, doubts = request.calibration, tuple[str, ...]()
     if known and here:
         free = {log.name: wider.free_in(log.name) for log in logs}
-        known, doubts = doubted(known, here, free, {name.partition("@")[0] for name in released}, actuator)
+        slow = any(len(plan.log) > len(log) for plan, log in zip(shot.plans, logs, strict=True))
+        known, doubts = doubted(known, here, free, {name.partition("@")[0] for name in released}, actuator, slow)
     result = estimator.summary(shot, known)
     if isinstance(result, Failure):
         return failed(shot, estimator.name, result.message)

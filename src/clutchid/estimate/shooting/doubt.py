@@ -22,7 +22,12 @@ WARMTH = 0.1
 
 
 def doubted(
-    calibration: Calibration, here: Score, free: Mapping[str, Set[str]], released: Set[str], actuator: Actuator
+    calibration: Calibration,
+    here: Score,
+    free: Mapping[str, Set[str]],
+    released: Set[str],
+    actuator: Actuator,
+    slow: bool = False,
 ) -> tuple[Calibration, tuple[str, ...]]:
     """`calibration`, less sure of what may have changed since, and a note on each kind that seems to have.
 
@@ -39,6 +44,9 @@ def doubted(
         two recordings tell them alike.
     actuator : Actuator
         As calibrated.
+    slow
+        Whether the pulses of a recording were put together. Their edges are not where they were at the calibration, so
+        again all of `CHANGES` are known only so well.
 
     Raises
     ------
@@ -53,7 +61,7 @@ def doubted(
                 if word not in most or move.far > most[word].far:
                     most[word] = move
     shifts = [dict(zip(move.names, move.shift.tolist(), strict=True)) for move in most.values()]
-    if released:
+    if released or slow:
         shifts += [{n: near.same} for kind in CHANGES.values() for n, near in kind.items() if n not in released]
     if "D_v" in released:
         shifts.append({"T_w": WARMTH})
