@@ -14,7 +14,7 @@ from clutchid.estimate.shooting.coordinates import Coordinate, smoothness
 from clutchid.estimate.shooting.elimination import Eliminated, eliminate
 from clutchid.estimate.shooting.links import first_rows, link_costs, link_rows, link_sigma
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.rows import View, view, window_rows
+from clutchid.estimate.shooting.rows import Layouts, View, view, window_rows
 from clutchid.estimate.shooting.threads import each
 from clutchid.estimate.shooting.told import Told
 from clutchid.estimate.shooting.windows import Track
@@ -59,6 +59,11 @@ class Shooting:
         """Standard deviations of the links of every track, see `link_sigma`."""
         return tuple(link_sigma(track, self.actuator, self.noise) for track in self.tracks)
 
+    @cached_property
+    def layouts(self) -> dict[str, Layouts]:
+        """What windows of each recording have asked of theta, which is the same wherever theta is."""
+        return {stem: {} for stem in self.stems}
+
     def si(self, x: FloatArray) -> FloatArray:
         """Values in SI."""
         return np.array([c.si(value) for c, value in zip(self.coordinates, x.tolist(), strict=True)])
@@ -92,7 +97,7 @@ class Shooting:
         """The view of the recording `stem` on x."""
         places = self.places(stem)
         bases = [self.coordinates[i].base for i in places]
-        return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size)
+        return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size, self.layouts[stem])
 
     def views(self, x: FloatArray) -> dict[str, View] | Failure:
         """The view of every recording on x, by stem; a `Failure` where values contradict each other."""
