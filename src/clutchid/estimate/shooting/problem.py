@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from clutchid.model.compiled import VARIANTS
 #: Standard deviations of its prior that a number stays within. Without, a calibration has sealed chamber B and made it
 #: twenty times as large: what no recording tells runs where the model is least itself.
 FARTHEST = 5.0
+
+#: So many points x are remembered with what does not depend on the states, which settle at one and the same x.
+FEW = 4
 
 #: How strongly a damped step holds each state, in standard deviations of a window's own information.
 HELD = {
@@ -101,10 +104,22 @@ class Shooting:
 
     def views(self, x: FloatArray) -> dict[str, View] | Failure:
         """The view of every recording on x, by stem; a `Failure` where values contradict each other."""
+        return self._views_at(x.tobytes())
+
+    @cached_property
+    def _views_at(self) -> Callable[[bytes], dict[str, View] | Failure]:
+        return lru_cache(maxsize=FEW)(self._views)
+
+    def _views(self, x: bytes) -> dict[str, View] | Failure:
         try:
-            return {stem: self.view(x, stem) for stem in self.stems}
+            return {stem: self.view(np.frombuffer(x), stem) for stem in self.stems}
         except ParameterError as error:
             return Failure(str(error))
+
+    @cached_property
+    def prior_at(self) -> Callable[[bytes], FloatArray]:
+        """`prior_rows` at the bytes of x."""
+        return lru_cache(maxsize=FEW)(lambda x: _prior(self, np.frombuffer(x)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,6 +243,10 @@ def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
     ------
     Nothing: numbers are checked where they enter.
     """
+    return task.prior_at(x.tobytes())
+
+
+def _prior(task: Shooting, x: FloatArray) -> FloatArray:
     rows = np.column_stack([np.eye(x.size), x])
     if task.actuator.load.basis != "b-spline" or not set(task.names) & set(task.actuator.load.names):
         return rows
