@@ -248,13 +248,14 @@ def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
 
 def _prior(task: Shooting, x: FloatArray) -> FloatArray:
     rows = np.column_stack([np.eye(x.size), x])
-    if task.actuator.load.basis != "b-spline" or not set(task.names) & set(task.actuator.load.names):
-        return rows
-    value = dict(zip(task.names, task.si(x).tolist(), strict=True))
-    actuator = task.actuator.replace({n: v for n, v in value.items() if n in task.actuator.load.names})
-    smooth = smoothness(actuator, task.names, task.reference, task.curvature)
-    smooth[:, :-1] *= task.slopes(x)
-    return np.vstack([rows, smooth])
+    if task.actuator.load.basis == "b-spline" and set(task.names) & set(task.actuator.load.names):
+        value = dict(zip(task.names, task.si(x).tolist(), strict=True))
+        actuator = task.actuator.replace({n: v for n, v in value.items() if n in task.actuator.load.names})
+        smooth = smoothness(actuator, task.names, task.reference, task.curvature)
+        smooth[:, :-1] *= task.slopes(x)
+        rows = np.vstack([rows, smooth])
+    rows.flags.writeable = False  # it is remembered
+    return rows
 
 
 def condense(
