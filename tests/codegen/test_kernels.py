@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.codegen.kernels import kernels_in
 
-LAG = "clutchid.estimate.lag_kernels"
+KERNELS = "clutchid.estimate.kernels"
 
 
 def test_a_process_that_runs_no_kernel_does_not_import_the_compiler():
@@ -17,9 +17,9 @@ def test_a_process_that_runs_no_kernel_does_not_import_the_compiler():
 
 
 def test_machine_code_of_a_module_lies_in_the_cache_folder():
-    module = kernels_in(LAG)
+    module = kernels_in(KERNELS)
     assert "estimate" not in Path(str(module.__file__)).parts
-    assert kernels_in(LAG) is module
+    assert kernels_in(KERNELS) is module
 
 
 def test_a_module_that_is_not_there_is_told_by_name():

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from clutchid.codegen.kernels import kernels_in
 from clutchid.log import FloatArray
 
 
@@ -49,8 +50,10 @@ Evaluate = Callable[[FloatArray], Linearisation | Failure]
 
 
 def triangular(matrix: FloatArray) -> FloatArray:
-    """Upper triangular factor R of `matrix` = Q R."""
-    factor: FloatArray = np.linalg.qr(matrix, mode="r")  # type: ignore[assignment]
+    """Upper triangular factor R of `matrix` = Q R, as many rows as it has."""
+    A = np.ascontiguousarray(matrix, dtype=np.float64)
+    factor = np.empty((min(A.shape), A.shape[1]))
+    kernels_in("clutchid.estimate.kernels").triangularise(A, factor)
     return factor
 
 

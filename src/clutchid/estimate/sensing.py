@@ -8,10 +8,7 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import Parameters
 
-#: A lag shorter than this part of a sample is taken as a shift in time.
-LEAST = 0.01
-
-_KERNELS = "clutchid.estimate.lag_kernels"
+_KERNELS = "clutchid.estimate.kernels"
 
 
 def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
@@ -41,13 +38,9 @@ def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
     >>> lagged(0.25 * np.arange(4.0), 2e-3, 1e-3)
     array([-0.5 , -0.25,  0.  ,  0.25])
     """
-    if x.shape[0] < 2:
-        return x
-    if tau < LEAST * step:
-        return x - tau * np.gradient(x, step, axis=0)
-    columns = np.ascontiguousarray(x.reshape(x.shape[0], -1), dtype=np.float64)
+    columns = np.ascontiguousarray(x if x.ndim == 2 else x[:, None], dtype=np.float64)
     shown = np.empty_like(columns)
-    kernels_in(_KERNELS).follow(columns, tau / step, _shares(tau, step), shown)
+    kernels_in(_KERNELS).follow(columns, tau / step, shown)
     return shown.reshape(x.shape)
 
 
@@ -58,27 +51,10 @@ def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> Floa
     ------
     Nothing: of a single sample the lag is not known.
     """
-    if x.shape[0] < 2:
-        return np.zeros_like(x)
-    if tau < LEAST * step:
-        return -np.gradient(x, step)
-    decay, *_ = _shares(tau, step)
-    q = tau / step
-    of_decay = decay / q**2
-    of_now = of_decay * q + decay - 1.0
-    slope: FloatArray = of_now * x
-    slope[1:] += of_decay * shown[:-1] - (of_now + of_decay) * x[:-1]
-    slope[0] = x[0] - x[1]
-    kernels_in(_KERNELS).decayed(slope, decay)
+    slope = np.empty(x.size)
+    columns = (np.ascontiguousarray(values, dtype=np.float64)[:, None] for values in (x, shown))
+    kernels_in(_KERNELS).follow_slope(*columns, tau / step, slope)
     return slope / step
-
-
-def _shares(tau: float, step: float) -> tuple[float, float, float]:
-    """Shares of the last value shown, the last sample and this sample in the value shown now."""
-    q = tau / step
-    decay = float(np.exp(-1.0 / q))
-    now = 1.0 - (1.0 - decay) * q
-    return decay, 1.0 - decay - now, now
 
 
 def seen(values: FloatArray, time: FloatArray, lag: float, offset: float) -> FloatArray:

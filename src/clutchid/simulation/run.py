@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +43,17 @@ class Columns:
 
 def columns(actuator: Actuator, names: Sequence[str]) -> Columns:
     """The layout of the sensitivities to `names`: parameters, load weights, `POSITION_START`, `PRESSURE_START`."""
-    weights = [(actuator.load.names.index(name), c) for c, name in enumerate(names) if name in actuator.load.names]
+    return _columns(actuator.model, actuator.load.names, tuple(names))
+
+
+@lru_cache(maxsize=1024)
+def _columns(model: str, load: tuple[str, ...], names: tuple[str, ...]) -> Columns:
+    weights = [(load.index(name), c) for c, name in enumerate(names) if name in load]
     position = {name: number for number, name in enumerate(Parameters.names())}
     column_of = {position[name]: c for c, name in enumerate(names) if name in position}
-    slots = kernels(actuator.model).SLOTS
-    fill = [(slot, row, column_of[q]) for slot, (row, q) in enumerate(slots) if q in column_of]
+    fill = [(slot, row, column_of[q]) for slot, (row, q) in enumerate(kernels(model).SLOTS) if q in column_of]
     table_basis, table_column = _integers(weights, 2)
-    return Columns(tuple(names), table_basis, table_column, *_integers(fill, 3))
+    return Columns(names, table_basis, table_column, *_integers(fill, 3))
 
 
 def _integers(rows: Sequence[tuple[int, ...]], width: int) -> list[IntArray]:
@@ -128,7 +133,11 @@ def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray,
 
 
 def run_with_sensitivities(
-    segment: Segment, numbers: Numbers, start: tuple[FloatArray, FloatArray], which: Columns, watched: Sequence[int]
+    segment: Segment,
+    numbers: Numbers,
+    start: tuple[FloatArray, FloatArray],
+    which: Columns,
+    watched: Sequence[int] | IntArray,
 ) -> tuple[FloatArray, FloatArray, int]:
     """As `run`, with the sensitivities of the states `watched`, shape (n, len(watched), n_columns).
 
@@ -139,7 +148,11 @@ def run_with_sensitivities(
 
 
 def run_to_end(
-    segment: Segment, numbers: Numbers, start: tuple[FloatArray, FloatArray], which: Columns, watched: Sequence[int]
+    segment: Segment,
+    numbers: Numbers,
+    start: tuple[FloatArray, FloatArray],
+    which: Columns,
+    watched: Sequence[int] | IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
     """As `run_with_sensitivities`, with the sensitivities of all states at the end, shape (n_states, n_columns).
 
@@ -157,7 +170,7 @@ def run_to_end(
         start[0].copy(), end, inputs_of(segment, numbers.model), numbers.parameters, segment.dt,
         segment.substeps, segment.jump, segment.measured, numbers.breakpoints, numbers.load, numbers.basis,
         which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,
-        np.array(watched, dtype=np.int64), out, sens,
+        np.asarray(watched, dtype=np.int64), out, sens,
     )  # fmt: skip
     if failed >= 0:
         out[failed + 1 :] = np.nan

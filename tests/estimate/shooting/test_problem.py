@@ -191,6 +191,19 @@ def test_prior_rows_hold_every_number_and_the_shape_of_a_free_load(task, plant):
     assert straight.shape == (x.size - 3, x.size - 2), "a load that is not free needs no shape"
 
 
+def test_what_is_remembered_of_a_point_is_that_of_its_values(task):
+    x = np.linspace(-1, 1, len(NAMES))
+    seen, rows = task.views(x), prior_rows(task, x)
+    assert task.views(x.copy()) is seen
+    assert prior_rows(task, x.copy()) is rows
+    before = seen["log"].actuator
+    x += 0.1
+    assert task.views(x)["log"].actuator == task.actuator_of(x, "log") != before
+    assert np.array_equal(prior_rows(task, x)[: x.size, -1], x)
+    with pytest.raises(ValueError, match="read-only"):
+        rows[0, 0] = 2.0
+
+
 def test_a_curvature_twice_as_wide_costs_a_quarter(task):
     x = np.zeros(len(NAMES))
     x[1] = 1.0

@@ -160,6 +160,20 @@ def test_missing_samples_are_left_out_element_by_element(task, busy, uncompresse
     assert np.array_equal(rows, np.delete(whole, [3, 40, n, n + 7, n + 50], axis=0))
 
 
+@pytest.mark.parametrize("told", [0.0, np.nan])
+def test_load_weights_that_the_measured_position_does_not_tell_of_are_carried_all_the_same(task, starts_of, told):
+    # with the sensor stuck where the piston is not, the simulated motion alone says what the piston meets
+    track, x, moved = task.tracks[0], np.zeros(len(NAMES)), 0.0
+    position = np.full(len(track.measured), told)
+    stuck = replace(track, measured=track.measured.with_columns(position=position))
+    for window, start in zip(track.windows, starts_of(task)[0], strict=True):
+        seen, unseen = (rows_at(task, (one, window, start), x, start) for one in (track, stuck))
+        assert unseen.to_theta == pytest.approx(seen.to_theta, rel=1e-9, abs=1e-15)
+        assert unseen.end == pytest.approx(seen.end, rel=1e-12)
+        moved = max(moved, abs(seen.end[0] - start[0]))
+    assert moved > 2e-3, "the piston must go where the sensor is not, or nothing is tested"
+
+
 def test_a_window_in_which_nothing_was_measured_has_an_end_and_costs_nothing(task, busy):
     track, window, start = busy
     nothing = np.full(len(track.measured), np.nan)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from clutchid.estimate.shooting.threads import each
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
@@ -156,8 +157,8 @@ def _contrast(log: Log, actuator: Actuator, period: float, length: int) -> tuple
     rate = np.diff(log["pressure_a"])
     fast = rate - _smooth(rate, length)
     phases = np.arange(PHASES) / PHASES
-    tried = (actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases)
-    shares = np.array([_explained(log, one, fast, length) for one in tried])
+    tried = [actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases]
+    shares = np.array(each(lambda one, _: _explained(log, one, fast, length), tried, phases))
     return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
 
 

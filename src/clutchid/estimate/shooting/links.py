@@ -37,7 +37,7 @@ def link_sigma(track: Track, actuator: Actuator, noise: Noise) -> FloatArray:
 
 def link_costs(ends: FloatArray, starts: FloatArray, sigma: FloatArray, outlier: float) -> FloatArray:
     """Cost of the steps from the end of each window to the start of the next; 0 for the last, which has none."""
-    return np.append(losses((starts[1:] - ends[:-1]) / sigma[:-1], outlier).sum(axis=1), 0.0)
+    return np.append(losses((starts[1:] - ends[:-1]) / sigma[:-1], outlier), 0.0)
 
 
 def link_rows(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from clutchid.estimate.shooting.coordinates import Coordinate, smoothness
 from clutchid.estimate.shooting.elimination import Eliminated, eliminate
 from clutchid.estimate.shooting.links import first_rows, link_costs, link_rows, link_sigma
 from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.rows import View, view, window_rows
+from clutchid.estimate.shooting.rows import Layouts, View, view, window_rows
 from clutchid.estimate.shooting.threads import each
 from clutchid.estimate.shooting.told import Told
 from clutchid.estimate.shooting.windows import Track
@@ -25,6 +25,9 @@ from clutchid.model.compiled import VARIANTS
 #: Standard deviations of its prior that a number stays within. Without, a calibration has sealed chamber B and made it
 #: twenty times as large: what no recording tells runs where the model is least itself.
 FARTHEST = 5.0
+
+#: So many points x are remembered with what does not depend on the states, which settle at one and the same x.
+FEW = 4
 
 #: How strongly a damped step holds each state, in standard deviations of a window's own information.
 HELD = {
@@ -59,6 +62,11 @@ class Shooting:
         """Standard deviations of the links of every track, see `link_sigma`."""
         return tuple(link_sigma(track, self.actuator, self.noise) for track in self.tracks)
 
+    @cached_property
+    def layouts(self) -> dict[str, Layouts]:
+        """What windows of each recording have asked of theta, which is the same wherever theta is."""
+        return {stem: {} for stem in self.stems}
+
     def si(self, x: FloatArray) -> FloatArray:
         """Values in SI."""
         return np.array([c.si(value) for c, value in zip(self.coordinates, x.tolist(), strict=True)])
@@ -92,14 +100,26 @@ class Shooting:
         """The view of the recording `stem` on x."""
         places = self.places(stem)
         bases = [self.coordinates[i].base for i in places]
-        return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size)
+        return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size, self.layouts[stem])
 
     def views(self, x: FloatArray) -> dict[str, View] | Failure:
         """The view of every recording on x, by stem; a `Failure` where values contradict each other."""
+        return self._views_at(x.tobytes())
+
+    @cached_property
+    def _views_at(self) -> Callable[[bytes], dict[str, View] | Failure]:
+        return lru_cache(maxsize=FEW)(self._views)
+
+    def _views(self, x: bytes) -> dict[str, View] | Failure:
         try:
-            return {stem: self.view(x, stem) for stem in self.stems}
+            return {stem: self.view(np.frombuffer(x), stem) for stem in self.stems}
         except ParameterError as error:
             return Failure(str(error))
+
+    @cached_property
+    def prior_at(self) -> Callable[[bytes], FloatArray]:
+        """`prior_rows` at the bytes of x."""
+        return lru_cache(maxsize=FEW)(lambda x: _prior(self, np.frombuffer(x)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,14 +243,19 @@ def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
     ------
     Nothing: numbers are checked where they enter.
     """
+    return task.prior_at(x.tobytes())
+
+
+def _prior(task: Shooting, x: FloatArray) -> FloatArray:
     rows = np.column_stack([np.eye(x.size), x])
-    if task.actuator.load.basis != "b-spline" or not set(task.names) & set(task.actuator.load.names):
-        return rows
-    value = dict(zip(task.names, task.si(x).tolist(), strict=True))
-    actuator = task.actuator.replace({n: v for n, v in value.items() if n in task.actuator.load.names})
-    smooth = smoothness(actuator, task.names, task.reference, task.curvature)
-    smooth[:, :-1] *= task.slopes(x)
-    return np.vstack([rows, smooth])
+    if task.actuator.load.basis == "b-spline" and set(task.names) & set(task.actuator.load.names):
+        value = dict(zip(task.names, task.si(x).tolist(), strict=True))
+        actuator = task.actuator.replace({n: v for n, v in value.items() if n in task.actuator.load.names})
+        smooth = smoothness(actuator, task.names, task.reference, task.curvature)
+        smooth[:, :-1] *= task.slopes(x)
+        rows = np.vstack([rows, smooth])
+    rows.flags.writeable = False  # it is remembered
+    return rows
 
 
 def condense(

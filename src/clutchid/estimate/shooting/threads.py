@@ -13,13 +13,19 @@ Second = TypeVar("Second")
 Answer = TypeVar("Answer")
 
 
+#: Each thread takes this many parts of the work one after another, of so many pieces at least: windows differ in what
+#: they cost, and to hand over a part takes as long as to simulate a window.
+PARTS, LEAST = 4, 4
+
+
 def each(work: Callable[[First, Second], Answer], first: Iterable[First], second: Iterable[Second]) -> list[Answer]:
     """``work(a, b)`` for each pair, in order, on as many threads as linear algebra may take (OMP_NUM_THREADS)."""
     pairs = list(zip(first, second, strict=True))
-    threads = min(_threads(), len(pairs))
-    if threads < 2:
+    threads, count = _threads(), len(pairs) // LEAST
+    if min(threads, count) < 2:
         return [work(a, b) for a, b in pairs]
-    parts = [pairs[len(pairs) * i // threads : len(pairs) * (i + 1) // threads] for i in range(threads)]
+    count = min(PARTS * threads, count)
+    parts = [pairs[len(pairs) * i // count : len(pairs) * (i + 1) // count] for i in range(count)]
     done = _pool(threads).map(lambda part: [work(a, b) for a, b in part], parts)
     return [answer for part in done for answer in part]
 
