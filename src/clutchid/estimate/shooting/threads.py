@@ -12,7 +12,6 @@ First = TypeVar("First")
 Second = TypeVar("Second")
 Answer = TypeVar("Answer")
 
-
 #: Each thread takes this many parts of the work one after another, of so many pieces at least: windows differ in what
 #: they cost, and to hand over a part takes as long as to simulate a window.
 PARTS, LEAST = 4, 4
