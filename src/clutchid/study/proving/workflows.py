@@ -91,6 +91,7 @@ def _answer(result: Fit, log: Log) -> Answer:
         "position_rms_m": result.errors.position_rms,
         "message": result.message,
         "warnings": list(result.warnings),
+        "notes": list(result.notes),
     }
     return Answer(curve.position, curve.force, curve.low, curve.high, pressure, kept)
 
