@@ -84,6 +84,16 @@ def test_a_column_of_zeros_stays_one_and_the_others_keep_their_information():
     assert np.allclose(R.T @ R, A.T @ A, rtol=0.0, atol=1e-10)
 
 
+@pytest.mark.parametrize("tiny", [1e-140, 1e-155, 1e-160, 1e-200, 1e-300, 1e160, 1e300])
+def test_columns_whose_squares_are_out_of_range_have_the_factor_of_numpy(tiny):
+    A = np.random.default_rng(7).standard_normal((200, 5))
+    A[:, 1] *= tiny
+    A[:100, 3] *= tiny
+    A[0, 4] = 0.0
+    size = np.linalg.norm(A / np.abs(A).max(axis=0), axis=0) * np.abs(A).max(axis=0)
+    assert np.abs(triangular(A)) / size == pytest.approx(np.abs(np.linalg.qr(A, mode="r")) / size, abs=1e-12)
+
+
 def test_no_rows_at_all_have_a_factor_without_rows():
     assert triangular(np.zeros((0, 4))).shape == (0, 4)
 

@@ -53,7 +53,7 @@ def triangular(matrix: FloatArray) -> FloatArray:
     """Upper triangular factor R of `matrix` = Q R, as many rows as it has."""
     A = np.ascontiguousarray(matrix, dtype=np.float64)
     factor = np.empty((min(A.shape), A.shape[1]))
-    kernels_in("clutchid.estimate.kernels").triangularise(A, factor)
+    kernels_in("clutchid.estimate.householder").triangularise(A, factor)
     return factor
 
 

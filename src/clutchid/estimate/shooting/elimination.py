@@ -15,7 +15,7 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.estimate.least_squares import triangular
 from clutchid.log import FloatArray
 
-_KERNELS = "clutchid.estimate.kernels"
+_KERNELS = "clutchid.estimate.householder"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

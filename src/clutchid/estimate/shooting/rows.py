@@ -170,6 +170,8 @@ def window_rows(
     rows = rows[: by.compare(out, sens[: measured.shape[1]], sensors, own, measured, slopes, rows)]
     cost = robust(rows, noise.outlier)
     small = triangular(rows)
+    if not np.isfinite(small).all():
+        return _failure(track, window, out, failed, seen)
     told, to_theta = np.empty((small.shape[0], n + seen.size + 1)), np.empty((n, seen.size))
     by.spread(small, layout.columns, told)
     by.spread(end[:, n:] * slopes[n : end.shape[1]], layout.carried, to_theta)

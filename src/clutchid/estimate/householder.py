@@ -1,0 +1,147 @@
+"""Triangular factors by reflections (Householder 1958): of a matrix, and of a chain of unknown states."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from clutchid.codegen.kernels import kernel
+from clutchid.log import FloatArray
+
+#: A column is scaled where the sum of its squares is not in this range: what a window has forgotten of its start is as
+#: small as 1e-160, whose square has hardly a digit left.
+LEAST, MOST = 1e-280, 1e280
+
+
+@kernel
+def largest(x: FloatArray) -> float:
+    """The largest magnitude of all x."""
+    found = 0.0
+    for value in x:
+        found = max(found, abs(value))
+    return found
+
+
+@kernel
+def reflect(T: FloatArray, pivots: int) -> None:
+    """Turn the rows of a matrix, in place, until its first columns are upper triangular (Householder).
+
+    Its columns stand in the rows of T, where they are contiguous; four at a time share what is read of the reflector.
+    All in one function, whose slices show the compiler that nothing overlaps.
+    """
+    width, height = T.shape
+    v = np.empty(height)
+    for j in range(min(pivots, height)):
+        n, square, top = height - j, 0.0, 1.0
+        for r in range(n):
+            v[r] = T[j, j + r]
+            square += v[r] * v[r]
+        if square <= LEAST or square >= MOST:
+            top = largest(v[:n])
+            if top == 0.0:
+                continue
+            square = 0.0
+            for r in range(n):
+                v[r] /= top
+                square += v[r] * v[r]
+        norm = -math.copysign(math.sqrt(square), v[0])
+        beta = 1.0 / (square - v[0] * norm)
+        v[0] -= norm
+        T[j, j:] = 0.0
+        T[j, j] = norm * top
+        c = j + 1
+        while c + 3 < width:
+            t0, t1, t2, t3 = T[c, j:], T[c + 1, j:], T[c + 2, j:], T[c + 3, j:]
+            d0, d1, d2, d3 = 0.0, 0.0, 0.0, 0.0
+            for r in range(n):
+                d0, d1, d2, d3 = d0 + v[r] * t0[r], d1 + v[r] * t1[r], d2 + v[r] * t2[r], d3 + v[r] * t3[r]
+            d0, d1, d2, d3 = beta * d0, beta * d1, beta * d2, beta * d3
+            for r in range(n):
+                t0[r], t1[r], t2[r], t3[r] = t0[r] - d0 * v[r], t1[r] - d1 * v[r], t2[r] - d2 * v[r], t3[r] - d3 * v[r]
+            c += 4
+        for one in range(c, width):
+            t0, d0 = T[one, j:], 0.0
+            for r in range(n):
+                d0 += v[r] * t0[r]
+            d0 *= beta
+            for r in range(n):
+                t0[r] -= d0 * v[r]
+
+
+@kernel
+def triangularise(A: FloatArray, R: FloatArray) -> None:
+    """Upper triangular factor of A, into as many rows of R as it has; in blocks, which the cache holds."""
+    height, width = A.shape
+    block, kept, start = max(8 * width, 256), 0, 0
+    while start < height:
+        count = min(block, height - start)
+        T = np.empty((width, kept + count))
+        for c in range(width):
+            for r in range(kept):
+                T[c, r] = R[r, c]
+            for r in range(count):
+                T[c, kept + r] = A[start + r, c]
+        reflect(T, width)
+        kept, start = min(width, kept + count), start + count
+        for c in range(width):
+            for r in range(kept):
+                R[r, c] = T[c, r]
+
+
+@kernel
+def eliminate(first: FloatArray, own: FloatArray, links: FloatArray, kept: FloatArray, left: FloatArray) -> None:
+    """Eliminate the states of a chain; shapes as in `elimination.eliminate`.
+
+    Parameters
+    ----------
+    kept : (windows, n, 2 n + k + 1)
+        Receives what tells each state once the next one and theta are known.
+    left : (windows, m + n, k + 1)
+        Receives the rows on theta alone that each elimination leaves, and zeros.
+    """
+    n, m, width = first.shape[0], own.shape[1], kept.shape[2]
+    carried = first.copy()
+    for i in range(own.shape[0]):
+        last = i == own.shape[0] - 1
+        height, pivots = (n + m, n) if last else (2 * n + m, 2 * n)
+        T = np.zeros((width, height))
+        for c in range(width - n):
+            column = c if c < n else n + c
+            _copy(carried[:, c], T[column, :n])
+            _copy(own[i, :, c], T[column, n : n + m])
+        for c in range(0 if last else width):
+            _copy(links[i, :, c], T[c, n + m :])
+        reflect(T, pivots)
+        for c in range(width):
+            _copy(T[c], kept[i, :, c])
+        for c in range(0 if last else width - n):
+            _copy(T[n + c, n:], carried[:, c])
+        left[i, height - pivots :] = 0.0
+        for c in range(width - 2 * n):
+            _copy(T[2 * n + c, pivots:], left[i, : height - pivots, c])
+
+
+@kernel
+def _copy(from_: FloatArray, to: FloatArray) -> None:
+    for r in range(to.size):
+        to[r] = from_[r]
+
+
+@kernel
+def substitute(own: FloatArray, found: FloatArray) -> bool:
+    """Solve for every state in place, from the last to the first; False where one is not determined."""
+    windows, n, m = found.shape
+    for i in range(windows - 1, -1, -1):
+        for r in range(n - 1, -1, -1):
+            if own[i, r, r] == 0.0:
+                return False
+            for k in range(m):
+                rest = found[i, r, k]
+                for c in range(r + 1, n):
+                    rest -= own[i, r, c] * found[i, c, k]
+                if i < windows - 1:
+                    for c in range(n):
+                        rest -= own[i, r, n + c] * found[i + 1, c, k]
+                found[i, r, k] = rest / own[i, r, r]
+    return True
