@@ -1,5 +1,6 @@
 """The search finds a load from position alone, keeps its bounds, and survives trial points that fail."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -107,6 +108,25 @@ def test_a_search_whose_every_trial_fails_stays_where_it_was(task, start, monkey
     assert answer.status == "stalled"
     assert np.array_equal(answer.x, start[0])
     assert all(np.array_equal(one, other) for one, other in zip(answer.X, start[1], strict=True))
+
+
+@pytest.mark.parametrize(("hoped", "status", "begun"), [(375.0, "stalled", 2), (1.0, "converged", 1)])
+def test_a_step_too_short_to_gain_is_the_end_only_where_little_is_hoped_for(
+    task, start, monkeypatch, hoped, status, begun
+):
+    begins, begin = [], projection._Way.begin
+
+    def counted(way, *at):
+        begins.append(at)
+        return begin(way, *at)
+
+    def shortened(_way, here, _longest):
+        return replace(here, cost=here.cost - 0.04), hoped, 1e-4
+
+    monkeypatch.setattr(projection._Way, "begin", counted)
+    monkeypatch.setattr(projection._Way, "step", shortened)
+    assert search(task, *start, (1.0,)).status == status
+    assert len(begins) == begun
 
 
 def test_a_start_that_cannot_be_simulated_is_a_failure_with_its_sentence(task, start):

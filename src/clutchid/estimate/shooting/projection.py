@@ -27,7 +27,8 @@ STEPS, SHORTER, SETTLED = 25, 4, 0.1
 #: step is too long to be believed, as that of a stop that the piston hits, does not hold up the others.
 LONGEST, PART = 3.0, 0.2
 
-#: Where no step gains although this much is hoped for, derivatives of points nearby may be to blame: all are renewed.
+#: Where a step gains less than `SETTLED` although this much is hoped for, derivatives of points nearby may be to blame:
+#: all are renewed.
 DOUBTED = 2.0
 
 
@@ -57,7 +58,8 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
     Returns
     -------
     found : Found
-        "converged" where a step gains, or would gain, less than `SETTLED`; "stalled" where no short one gains either.
+        "converged" where a step would gain less than `SETTLED`, or gains less where less than `DOUBTED` was hoped for;
+        "stalled" where more is hoped for and no short step gains it, even with derivatives renewed.
 
     Raises
     ------
@@ -82,7 +84,7 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
         gained, here = here.cost - there.cost, there
         if gained >= SETTLED:
             renewed = False
-        elif gained > 0.0 or hoped < SETTLED:
+        elif hoped < (DOUBTED if gained > 0.0 else SETTLED):
             return end("converged")
         elif renewed or hoped < DOUBTED:
             return end("stalled")
