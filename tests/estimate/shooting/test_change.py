@@ -13,8 +13,8 @@ from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.shooting.change import (
     CHANGED,
     CHANGES,
+    SINGLE_CHANGED,
     SUPPLY,
-    SUPPLY_CHANGED,
     changes_told,
     distance,
     mean_score,
@@ -136,8 +136,8 @@ def test_a_number_that_the_user_sets_free_is_not_asked(calibrated, cold_log):
 def test_what_moves_on_the_calibration_recording_as_well_has_not_changed(plant):
     wanted = Wanted(plant.load.names, ("position",))
     assert with_changes(wanted, scored("worn", D_v=10.0), scored(D_v=10.0), plant) is wanted
-    assert with_changes(wanted, scored("worn", D_v=CHANGED - 0.1), scored(), plant) is wanted
-    wider = with_changes(wanted, scored("worn", D_v=CHANGED + 0.1), scored(), plant)
+    assert with_changes(wanted, scored("worn", D_v=SINGLE_CHANGED - 0.1), scored(), plant) is wanted
+    wider = with_changes(wanted, scored("worn", D_v=SINGLE_CHANGED + 0.1), scored(), plant)
     assert wider.names == (*wanted.names, "D_v@worn")
     assert wider.priors == {"D_v@worn": Prior(plant.value("D_v"), 0.5 * plant.value("D_v"))}
 
@@ -145,6 +145,8 @@ def test_what_moves_on_the_calibration_recording_as_well_has_not_changed(plant):
 def test_numbers_of_one_kind_are_set_free_together_and_others_stay(plant):
     wanted = Wanted(("theta_1",), ("position",))
     assert with_changes(wanted, scored("w", C_ve=-5.0), scored(), plant).names == ("theta_1", "C_vs@w", "C_ve@w")
+    # root mean square of two
+    assert with_changes(wanted, scored("w", C_ve=1.4 * (CHANGED - 0.1)), scored(), plant) is wanted
     timing = with_changes(wanted, scored("w", R_0vs=9.0), scored(), plant)
     assert timing.names[1:] == ("R_0vs@w", "R_0ve@w", "a_0vs@w", "a_0ve@w")
     assert timing.priors["R_0vs@w"] == Prior(plant.value("R_0vs"), 0.02)
@@ -154,16 +156,16 @@ def test_the_supply_is_asked_where_nothing_else_has_changed(plant):
     wanted = Wanted(("theta_1",), ("position",))
     assert with_changes(wanted, scored("w", P_S=5.0), scored(), plant).names == ("theta_1", "P_S@w")
     assert with_changes(wanted, scored("w", P_S=5.0, D_v=5.0), scored(), plant).names == ("theta_1", "D_v@w")
-    assert with_changes(wanted, scored("w", P_S=SUPPLY_CHANGED - 0.1), scored(), plant) is wanted
+    assert with_changes(wanted, scored("w", P_S=SINGLE_CHANGED - 0.1), scored(), plant) is wanted
 
 
 def test_the_supply_stays_where_another_kind_alone_explains_more(plant):
     wanted = Wanted(("theta_1",), ("position",))
     # only the friction has moved, less than tells a change; the supply alone would explain nearly as much
-    names, shift = ("D_v@w", "P_S@w"), np.array([0.06, 0.0])
+    names, shift = ("D_v@w", "P_S@w"), np.array([0.04, 0.0])
     here = Score(names, shift, np.array([[1e-4, -0.9e-4], [-0.9e-4, 1e-4]]))
     before = Score(("D_v", "P_S"), np.zeros(2), here.covariance)
-    assert here.of(["P_S@w"]).shift[0] == pytest.approx(0.054), "alone the supply seems to have changed"
+    assert here.of(["P_S@w"]).shift[0] == pytest.approx(0.036), "alone the supply seems to have changed"
     assert with_changes(wanted, here, before, plant) is wanted
 
 

@@ -48,10 +48,9 @@ class Move:
     far: float
 
 
-#: What may change, and the numbers that tell: those of one kind are set free together. `same` is such that two of 480
-#: recordings of unchanged trucks are taken for changed; docs/methods.md.
+#: What may change, and the numbers that tell: those of one kind are set free together; docs/methods.md.
 CHANGES: Mapping[str, Mapping[str, Range]] = {
-    "viscous friction": {"D_v": Range(0.5, 0.022)},
+    "viscous friction": {"D_v": Range(0.5, 0.015)},
     "flow of the valves": {"C_vs": Range(0.1, 0.0225), "C_ve": Range(0.1, 0.009)},
     "timing of the valves": {
         "R_0vs": Range(0.02, 0.002),
@@ -66,9 +65,9 @@ SUPPLY: Mapping[str, Mapping[str, Range]] = {"supply pressure": {"P_S": Range(0.
 
 _ALL = {**CHANGES, **SUPPLY}
 
-#: Root mean square of the shifts of one kind, in standard deviations, from which on it has changed. A supply that is
-#: set free in vain costs little.
-CHANGED, SUPPLY_CHANGED = 3.0, 2.5
+#: Root mean square of the shifts of one kind, in standard deviations, from which on it has changed: of several numbers,
+#: and of a single one, which costs little where it is set free in vain.
+CHANGED, SINGLE_CHANGED = 3.0, 2.5
 
 
 def score(shot: Shot[Found]) -> Score | Failure:
@@ -139,7 +138,7 @@ def with_changes(wanted: Wanted, here: Score, before: Score, actuator: Actuator)
 
 def _changed(here: Score, before: Score, stem: str, free: Set[str]) -> tuple[float, dict[str, Range]]:
     """How far the kind moved that has changed most in the recording `stem`, and all numbers that have changed."""
-    changed = {word: move for word, move in moves(here, before, stem, free).items() if move.far > CHANGED}
+    changed = {word: move for word, move in moves(here, before, stem, free).items() if move.far > _least(CHANGES[word])}
     found = {name: CHANGES[word][name] for word, move in changed.items() for name in move.names}
     return max((move.far for move in changed.values()), default=0.0), found
 
@@ -160,7 +159,12 @@ def _supply_changed(here: Score, before: Score, stem: str, free: Set[str]) -> tu
         return 0.0, {}
     names, now, then = held[word]
     far = distance(now, then, names, stem)
-    return (far, dict(kind)) if far > SUPPLY_CHANGED else (0.0, {})
+    return (far, dict(kind)) if far > _least(kind) else (0.0, {})
+
+
+def _least(kind: Mapping[str, Range]) -> float:
+    """How far a kind must have moved to be taken for changed, in standard deviations."""
+    return SINGLE_CHANGED if len(kind) == 1 else CHANGED
 
 
 def _known(here: Score, before: Score, kind: Mapping[str, Range], stem: str) -> list[str]:
@@ -220,7 +224,8 @@ def changes_told(released: Sequence[str], before: Actuator, after: Fit) -> tuple
         for word, kind in _ALL.items():
             names = [name for name in kind if f"{name}@{stem}" in released]
             values = [
-                f"{name} {before.value(name):.4g} -> {after.parameters[f'{name}@{stem}'].value:.4g} {before.unit(name)}"
+                f"{name} {before.value(name):.4g} -> {after.parameters[f'{name}@{stem}'].value:.4g}"
+                + before.unit_behind(name)
                 for name in names
             ]
             if values:
