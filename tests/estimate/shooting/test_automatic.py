@@ -25,6 +25,7 @@ from clutchid.estimate.shooting.summary import position_only
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS
 from clutchid.simulation import simulate
+from clutchid.truck import drive, truck
 
 FREED = {
     "isothermal": {*PAPER, *SHAPES},
@@ -53,6 +54,15 @@ def test_the_load_starts_as_near_as_splines_come_to_the_one_given(drive_log):
     begin, free, _ = automatic([drive_log], Actuator(load=own))
     assert begin.load == own, "splines that are given stay"
     assert free[:5] == own.names
+
+
+def test_a_recording_that_starts_in_a_stroke_reads_the_ambient_pressure_off_its_later_rests():
+    log = drive(truck(4), seconds=20, seed=5, name="log").log
+    inside = int(np.argmax(log["position"] > 8e-3))
+    whole, cut = (automatic([part], Actuator())[0].parameters.P_0 for part in (log, log.slice(inside, len(log))))
+    # the sensor has steps of 500 Pa; the lowest hundredth of its samples lies some kilopascals below
+    assert cut == pytest.approx(whole, abs=1000.0)
+    assert np.percentile(log["pressure_a"], 1.0) < whole - 2000.0
 
 
 def test_whatever_may_be_freed_has_a_spread():

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.errors import DataError
+from clutchid.estimate.excitation import runs
 from clutchid.estimate.shooting.carrier import centred, duty_grid, find_carrier, grid_phase, on_off
 from clutchid.estimate.shooting.coordinates import Prior, far_stop
 from clutchid.log import Log
@@ -35,6 +36,9 @@ LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 
 #: The chamber vents when its pressure falls this near to the ambient, in Pa, which on land is in this range.
 VENTED, AMBIENT = 2e4, (0.5e5, 1.2e5)
+
+#: Samples of a rest, at least, that tell its pressure.
+RESTING = 20
 
 #: Standard deviation of the ambient pressure that a vented rest of some hundred samples tells, in Pa.
 VENTED_STD = 100.0
@@ -103,13 +107,14 @@ def _check(logs: Sequence[Log], actuator: Actuator) -> None:
 
 
 def _vented_pressure(log: Log) -> float:
-    """Pressure of the vented chamber: at the rest before the first stroke, else among the lowest."""
-    pressure, moved = log["pressure_a"], np.abs(np.nan_to_num(log["position"])) > VENTED_POSITION
-    driven = moved | (np.nan_to_num(log["duty_supply"]) > 0.0)
-    rest = pressure[: int(np.argmax(driven)) if driven.any() else pressure.size]
-    rest = rest[np.isfinite(rest)]
-    known = pressure[np.isfinite(pressure)]
-    lowest = float(np.percentile(known, 1.0))
-    if rest.size >= 20 and float(np.median(rest)) < lowest + VENTED:
-        return float(np.median(rest))
-    return lowest
+    """Pressure of the vented chamber: at the rest before the first stroke, else at the end of a later, else the lowest.
+
+    The chamber empties after the piston has come back, so only the second half of a later rest counts.
+    """
+    pressure, known = log["pressure_a"], np.isfinite(log["pressure_a"])
+    lowest = float(np.percentile(pressure[known], 1.0))
+    idle = (np.abs(np.nan_to_num(log["position"])) <= VENTED_POSITION) & ~(log["duty_supply"] > 0.0)
+    spans = [(a if a == 0 else (a + b) // 2, b) for a, b in runs(idle)]
+    rests = {a: float(np.median(pressure[a:b][known[a:b]])) for a, b in spans if known[a:b].sum() >= RESTING}
+    vented = {a: found for a, found in rests.items() if found < lowest + VENTED}
+    return vented.get(0, min(vented.values(), default=lowest))
