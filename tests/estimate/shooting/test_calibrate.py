@@ -46,6 +46,17 @@ def test_a_calibration_leaves_the_covariance_of_its_numbers_without_the_load(cal
     assert set(kept.data) == {"log"}
 
 
+def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log):
+    request = Request(("position",), ("load",), calibration=calibrated.calibration)
+    once = fit_by(SHOOTING, [worn_log], calibrated.actuator, request)
+    assert once.calibration is calibrated.calibration
+    again = fit_by(SHOOTING, [worn_log], once.actuator, replace(request, calibration=once.calibration))
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    first, second = once.actuator.load.force(y), again.actuator.load.force(y)
+    # its load is now what the curvature is compared with
+    assert second == pytest.approx(first, abs=0.005 * first.max())
+
+
 def test_the_bias_is_what_position_alone_misses_on_the_calibration_recording(calibrated, drive_log):
     bias = np.array(calibrated.calibration.bias)
     blind = replace(calibrated.calibration, bias=())
@@ -65,7 +76,6 @@ def test_a_worn_load_is_read_from_position_alone(adapted, worn):
     miss = adapted.actuator.load.force(y) - true
     assert np.sqrt(np.mean(miss**2)) < 0.008 * true.max(), "the load was 8 % off"
     assert adapted.errors.pressure_a_rms is None
-    assert adapted.calibration is None, "a fit without pressure calibrates nothing"
     assert set(adapted.parameters) == {*worn.load.names, "F_C@worn", "V_0A@worn", "y_max@worn"}, (
         "seals and rest wear too"
     )

@@ -107,7 +107,7 @@ def fit_by(
         result = estimator.check(result, shot, known, request.profile, request.bootstrap)
     free_load = set(wanted.names) >= set(actuator.load.names)
     if "pressure_a" not in wanted.measure or not free_load:
-        return result
+        return replace(result, calibration=request.calibration)
     kept = calibration_of(result, actuator)
     return replace(result, calibration=with_missed(estimator, logs, result.actuator, kept, progress))
 
