@@ -202,6 +202,13 @@ def test_a_region_with_a_large_error_and_colour_are_told_in_words():
     told = " ".join(remarks(diagnose(wrong, simulated)))
     assert "at 8 to 12 mm: " in told
     assert "is coloured: 100 % of the lags" in told
+    assert "its 20000 samples are worth " in told
+
+
+def test_colour_that_costs_no_samples_is_told_without_their_number():
+    measured, simulated = recorded(1e-4 * (-1.0) ** np.arange(20_000))
+    (told,) = (s for s in remarks(diagnose(measured, simulated)) if "is coloured" in s)
+    assert "worth" not in told
 
 
 def test_other_times_and_nothing_to_compare_are_refused():

@@ -106,6 +106,27 @@ def test_a_band_that_is_not_there_takes_the_trust(fitted):
     assert "no interval" in reasons(lost)
 
 
+def test_a_band_without_an_end_inside_the_reach_is_a_reason_and_its_load_no_peak(fitted):
+    curve = fitted.load_curve
+    at = int(np.flatnonzero(curve.position <= reach(fitted))[-1])
+    force, high = curve.force.copy(), curve.high.copy()
+    force[at], high[at] = 10.0 * force.max(), np.inf
+    lost = replace(fitted, load_curve=LoadCurve(curve.position, force, curve.low, high))
+    assert verdict(lost).trust == "with care"
+    assert "infinite in part" in reasons(lost)
+    assert lost.load_curve.peak(reach(fitted)) == curve.peak(curve.position[at - 1])
+    assert curve.peak(-1.0) == 0
+
+
+def test_numbers_that_are_told_in_combination_only_are_a_reason(fitted):
+    weights = np.array([1.0, 2.0, -1.0]) / np.sqrt(6.0)
+    std = np.sqrt(np.diag(fitted.covariance))
+    # one direction of the three is a million times less known than the others
+    mixed = (np.eye(3) + 1e8 * np.outer(weights, weights)) * np.outer(std, std) * 1e-8
+    assert "of 3 numbers, theta_1 to theta_3, only combinations" in reasons(replace(fitted, covariance=mixed))
+    assert reasons(replace(fitted, covariance=mixed, method="shooting")) == ""
+
+
 def test_a_recording_that_does_not_reach_the_engaging_clutch_is_a_reason(fitted):
     (one,) = fitted.recordings.values()
     # the position in other units: what is asked is only how far it went

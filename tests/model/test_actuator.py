@@ -84,6 +84,7 @@ def test_an_actuator_knows_its_numbers_and_units_by_name():
     assert actuator.names == (*Parameters.names(), "theta_1", "theta_2", "theta_3")
     assert [actuator.value(name) for name in ("theta_2", "M", "P_S")] == [2.0, 10.0, 9e5]
     assert [actuator.unit(name) for name in ("theta_2", "M", "P_S")] == ["N/m", "kg", "Pa"]
+    assert [actuator.unit_behind(name) for name in ("M", "R_0vs")] == [" kg", ""]
 
 
 def test_an_actuator_is_replaced_in_parameters_and_weights_at_once_and_checked():

@@ -36,6 +36,9 @@ BEYOND = 3.724 / 2.576
 #: A smaller correlation with an input explains less than 1 % of the whitened residual at either rate.
 WORTH_TELLING = 0.1
 
+#: Colour is worth a number where it takes at least a tenth of the samples away.
+WORTH_LESS = 0.9
+
 #: A region is told when its error is this many times that of the whole, over at least this part of the samples.
 WORSE, LEAST_SHARE = 1.5, 0.01
 
@@ -240,11 +243,11 @@ def _of_colour(column: ColumnDiagnosis, who: str) -> list[str]:
     worst = max((column.fast, column.slow), key=lambda found: np.nan_to_num(found.share_outside))
     if not worst.share_outside > MOST_OUTSIDE:
         return []
-    return [
-        f"{who} is coloured: {100 * worst.share_outside:.0f} % of the lags up to {worst.lag[-1] * 1e3:.0f} ms lie "
-        f"outside the 99 % bounds, its {column.samples} samples are worth {column.effective_samples:.0f} independent "
-        "ones."
-    ]
+    text = f"{who} is coloured: {100 * worst.share_outside:.0f} % of the lags up to {worst.lag[-1] * 1e3:.0f} ms lie "
+    text += "outside the 99 % bounds"
+    if column.effective_samples < WORTH_LESS * column.samples:
+        text += f", its {column.samples} samples are worth {column.effective_samples:.0f} independent ones"
+    return [f"{text}."]
 
 
 def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:

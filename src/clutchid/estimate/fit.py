@@ -34,6 +34,9 @@ from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
 Method = Literal["simulation", "shooting", "prediction-error"]
 METHODS: tuple[str, ...] = get_args(Method)
 
+#: Of fewer draws a bootstrap tells no spread.
+FEWEST_DRAWS = 10
+
 
 def fit(
     logs: Log | Sequence[Log],
@@ -165,8 +168,10 @@ def _chosen(method: str | None, request: Request, partition: Partition | None) -
         raise ParameterError(unknown_name(chosen, METHODS, "method"))
     if checks and chosen != "shooting":
         raise ParameterError(f"a profile and a bootstrap belong to the method 'shooting', not to '{chosen}'.")
-    if request.bootstrap < 0:
-        raise ParameterError(f"bootstrap = {request.bootstrap}: 0 for none, or a number of draws such as 200.")
+    if request.bootstrap < 0 or 0 < request.bootstrap < FEWEST_DRAWS:
+        raise ParameterError(
+            f"bootstrap = {request.bootstrap}: 0 for none, or at least {FEWEST_DRAWS} draws; 200 are usual."
+        )
     if chosen != "simulation" and partition is not None:
         why = "shooting has windows of its own" if chosen == "shooting" else "a filter goes on from sample to sample"
         raise ParameterError(f"a partition belongs to the method 'simulation'; {why}.")

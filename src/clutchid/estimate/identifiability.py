@@ -53,15 +53,20 @@ def cannot_tell(
 
 def _together(R: FloatArray, names: Sequence[str]) -> list[str]:
     """Warnings about three or more parameters of which only a combination is told."""
-    _, s, Vt = np.linalg.svd(R / np.sqrt(np.sum(R**2, axis=0)))
-    members = [i for row in np.flatnonzero(s < SINGULAR) for i in np.flatnonzero(np.abs(Vt[row]) > 0.1)]
-    group = [names[int(i)] for i in sorted(set(members)) if names[int(i)]]
+    group = [names[i] for i in entangled(R) if names[i]]
     if len(group) < 3:
         return []
     return [
         f"of {listed(group)} only combinations are told by this recording: one change of them together leaves the "
         "simulation as it is; fix some of them, their single values and intervals mean nothing."
     ]
+
+
+def entangled(R: FloatArray) -> list[int]:
+    """Which dimensionless numbers are told in combination only, from the factor R of the Jacobian; no column is 0."""
+    _, s, Vt = np.linalg.svd(R / np.sqrt(np.sum(R**2, axis=0)))
+    members = {int(i) for row in np.flatnonzero(s < SINGULAR) for i in np.flatnonzero(np.abs(Vt[row]) > 0.1)}
+    return sorted(members)
 
 
 def heard(R: FloatArray) -> NDArray[np.bool_]:

@@ -155,9 +155,7 @@ def _at_bounds(task: Problem, x: FloatArray) -> list[str]:
     for i, name in enumerate(task.names):
         for bound, word in ((task.low[i], "lower"), (task.high[i], "upper")):
             if x[i] == bound:
-                unit = task.actuator.unit(name)
-                value = bound * task.unit[i]
-                shown = f"{value:g}{'' if unit == '1' else ' ' + unit}"
+                shown = f"{bound * task.unit[i]:g}{task.actuator.unit_behind(name)}"
                 fixed = "" if name in task.actuator.load.names else "; the others' intervals take it as fixed there"
                 warnings.append(f"{name} lies at its {word} bound {shown}{fixed}.")
     return warnings

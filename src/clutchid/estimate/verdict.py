@@ -8,8 +8,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from clutchid.estimate.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis, remarks
-from clutchid.estimate.evidence import HORIZON, Evidence, evidence, reach, spectrum
-from clutchid.estimate.identifiability import listed
+from clutchid.estimate.evidence import HORIZON, Evidence, evidence, information, reach, spectrum
+from clutchid.estimate.identifiability import entangled, listed
 from clutchid.estimate.residual_colour import CrossCorrelation
 from clutchid.estimate.result import Fit
 from clutchid.parameters import Parameters
@@ -81,7 +81,7 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
         return Verdict("none", (f"the fit failed: {fit.message}".rstrip(".") + ".",))
     found = evidence(fit) if found is None else found
     reasons = [
-        *_unsettled(fit), *_at_bounds(fit), *_rounding(fit), *_wide(fit), *_motion(found),
+        *_unsettled(fit), *_at_bounds(fit), *_rounding(fit), *_wide(fit), *_entangled(fit), *_motion(found),
         *_beyond_the_band(fit, found), *_band(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"
@@ -195,6 +195,20 @@ def _wide(fit: Fit) -> list[_Reason]:
     return [_Reason(f"{what.format(listed(wide))} as large as the value: the recordings do not tell it; fix it.")]
 
 
+def _entangled(fit: Fit) -> list[_Reason]:
+    """Three or more estimates of which only combinations are told, where no prior holds them."""
+    R = None if fit.follows else information(fit)
+    if R is None:
+        return []
+    known = np.flatnonzero(np.any(R != 0.0, axis=0))
+    names = [name for name in fit.parameters if "@" not in name]
+    group = [names[known[i]] for i in entangled(R[:, known])]
+    if len(group) < 3:
+        return []
+    text = f"of {len(group)} numbers, {group[0]} to {group[-1]}, only combinations are told: "
+    return [_Reason(f"{text}fix some, or calibrate with pressure and start from that.")]
+
+
 def _motion(found: Evidence) -> list[_Reason]:
     return [
         _Reason(
@@ -240,16 +254,17 @@ def _band(fit: Fit) -> list[_Reason]:
     """A band that is not there, or broad beside the peak."""
     curve, furthest = fit.load_curve, reach(fit)
     inside = curve.position <= furthest
-    half, peak = ((curve.high - curve.low) / 2)[inside], float(np.max(curve.force[inside]))
+    half = ((curve.high - curve.low) / 2)[inside]
+    known, peak = np.isfinite(half), float(curve.force[curve.peak(furthest)])
     if not set(fit.parameters) & set(fit.actuator.load.names):
         return []
-    if not np.isfinite(half).any() or peak <= 0.0:
+    if not known.any() or peak <= 0.0:
         return [_Reason("the recordings give the load no interval: they say nothing about it.", True)]
     broad = ~(half <= BROAD * peak)
-    if np.mean(broad) <= BROAD_SHARE:
+    if known.all() and np.mean(broad) <= BROAD_SHARE:
         return []
     at = curve.position[inside][broad] * 1e3
-    widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if np.isfinite(half).all() else "infinite in part"
+    widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if known.all() else "infinite in part"
     return [
         _Reason(
             f"the band of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, where ± {100 * BROAD:.0f} % is "

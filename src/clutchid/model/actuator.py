@@ -229,6 +229,11 @@ class Actuator:
         """Unit of a parameter or load weight."""
         return self.load.unit if name in self.load.names else Parameters.row(name).unit
 
+    def unit_behind(self, name: str) -> str:
+        """Unit of a parameter or load weight as it stands behind its value, with a space; empty where it has none."""
+        unit = self.unit(name)
+        return "" if unit == "1" else f" {unit}"
+
     def replace(self, changes: dict[str, float]) -> Actuator:
         """A copy with other parameter values or load weights, checked again.
 

@@ -117,8 +117,7 @@ _LOAD_CAPTION = {
 def _sentence(fit: Fit) -> str:
     """The load in one paragraph: peak, half-load position, and what it is where the clutch engages."""
     curve, furthest = fit.load_curve, reach(fit)
-    inside = curve.position <= furthest
-    at = int(np.argmax(np.where(inside, curve.force, -np.inf)))
+    at = curve.peak(furthest)
     low, high = (float(np.interp(y, curve.position, curve.force)) for y in ENGAGING)
     text = (
         f"Within the {furthest / MM:.1f} mm that were driven the load is greatest at {curve.position[at] / MM:.1f} "
@@ -201,7 +200,9 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidenc
     fitted = use == "fitted"
     pressure = "pressure not measured" if rms is None else f"{rms / BAR:.3f} bar rms in pressure"
     caption = f"{escape(name)}, {use}: {e.position_rms / MM:.3f} mm rms in position, {pressure}."
-    alone = not (fitted and "pressure_a" in fit.scales)
+    alone = fitted and "pressure_a" not in fit.scales
+    if not fitted:
+        caption += " Nothing is fitted here: position and pressure are simulated from the duty cycles."
     if alone:
         caption += (
             " The pressure is read from the position alone; on the grey ground it is not held: before the first or "

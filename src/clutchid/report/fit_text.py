@@ -70,9 +70,10 @@ def fit_text(result: Fit, found: Evidence) -> str:
         for name, recording in recordings.items():
             pressure_error = recording.errors.pressure_a_rms
             text = "" if pressure_error is None else f", pressure {pressure_error / 1e3:.1f} kPa rms"
-            lines.append(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}")
+            how = ", simulated from its duty cycles" if title == "verified" else ""
+            lines.append(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}{how}")
     judged = verdict(result, found)
-    reasons = "".join(f"; {reason}" for reason in judged.reasons)
+    reasons = "".join(f"; {reason.rstrip('.')}" for reason in judged.reasons)
     return "\n".join([*lines, *result.notes, f"trust: {judged.trust}{reasons}"])
 
 
@@ -83,7 +84,6 @@ def _peak(result: Fit) -> str:
     measured = [recording.measured["position"] for recording in result.recordings.values()]
     reach = max((float(np.nanmax(y)) for y in measured if np.isfinite(y).any()), default=0.0)
     curve = result.load_curve
-    inside = curve.position <= max(reach, float(curve.position[0]))
-    peak = int(np.argmax(curve.force[inside]))
+    peak = curve.peak(reach)
     where = f"{curve.position[peak] * 1e3:.2f} mm"
     return f"peak load {curve.force[peak]:.0f} N at {where}, within the {reach * 1e3:.1f} mm that were driven"

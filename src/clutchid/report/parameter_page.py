@@ -51,10 +51,9 @@ def _meaning(name: str) -> str:
 
 def _fixed(fit: Fit) -> str:
     free = {name.partition("@")[0] for name in fit.parameters}
-    fixed = []
-    for name in fit.actuator.names:
-        if name not in free:
-            unit = fit.actuator.unit(name)
-            value = scientific(fit.actuator.value(name), 0)
-            fixed.append(f"{name} = {value}" + ("" if unit == "1" else f" {unit}"))
+    fixed = [
+        f"{name} = {scientific(fit.actuator.value(name), 0)}{fit.actuator.unit_behind(name)}"
+        for name in fit.actuator.names
+        if name not in free
+    ]
     return "Held fixed: " + escape("; ".join(fixed)) + "."

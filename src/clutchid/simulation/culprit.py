@@ -80,7 +80,5 @@ def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterato
 def _made_of(actuator: Actuator, term: _Term, known: Mapping[str, float]) -> str:
     """The states, terms and parameters that stand in a term, with their values."""
     shown = [f"{name} = {known[name]:.3g}" for name in term.made_of]
-    for name in term.parameters:
-        unit = actuator.unit(name)
-        shown.append(f"{name} = {actuator.value(name):g}{'' if unit == '1' else ' ' + unit}")
+    shown += [f"{name} = {actuator.value(name):g}{actuator.unit_behind(name)}" for name in term.parameters]
     return f"; in it stand {', '.join(shown)}" if shown else ""

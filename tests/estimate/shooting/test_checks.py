@@ -87,6 +87,7 @@ def test_from_the_front_door_both_are_asked_for_by_name(plant, worn_log):
         ({"profile": ("theta_1",), "method": "prediction-error"}, "belong to the method 'shooting'"),
         ({"bootstrap": 10, "method": "simulation"}, "belong to the method 'shooting'"),
         ({"bootstrap": -1, "method": "shooting"}, "bootstrap = -1: 0 for none"),
+        ({"bootstrap": 9}, "bootstrap = 9: 0 for none, or at least 10 draws"),
     ],
 )
 def test_what_cannot_be_checked_is_refused_before_any_work(plant, worn_log, options, sentence):

@@ -73,7 +73,8 @@ def doubted(
 
 def _told(stem: str, word: str, move: Move, actuator: Actuator) -> str:
     values = [
-        f"{name} {(at := actuator.value(name)):.4g} -> {at + in_si(actuator, name, share):.4g} {actuator.unit(name)}"
+        f"{name} {(at := actuator.value(name)):.4g} -> {at + in_si(actuator, name, share):.4g}"
+        + actuator.unit_behind(name)
         for name, share in zip(move.names, move.shift.tolist(), strict=True)
     ]
     told = f"{word} may have changed since the calibration ({', '.join(values)}), {move.far:.1f} standard deviations"

@@ -166,7 +166,8 @@ def at_bounds(task: Shooting, x: FloatArray) -> list[str]:
     for i, c in enumerate(task.coordinates):
         for bound, word in ((low[i], "lower"), (high[i], "upper")):
             if np.isfinite(bound) and abs(x[i] - bound) < 1e-9:
-                warnings.append(f"{c.name} lies at its {word} bound {c.si(float(x[i])):g}.")
+                shown = f"{c.si(float(x[i])):g}{task.actuator.unit_behind(c.base)}"
+                warnings.append(f"{c.name} lies at its {word} bound {shown}.")
     return warnings
 
 
