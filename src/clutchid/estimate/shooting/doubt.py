@@ -1,7 +1,7 @@
 """What may have changed in an actuator since its calibration, though not surely enough to be set free.
 
 It is held, and the band counts it: one that does not is right for an actuator that has not changed, and says nothing of
-the one at hand. Grease that is 5 K warmer moves the load by 4 % of its peak, and no score test can be sure of it.
+the one at hand. Grease that is 3 K warmer moves the load by 3 % of its peak, and no score test can be sure of it.
 """
 
 from __future__ import annotations
