@@ -150,7 +150,7 @@ def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, wo
     wanted = Wanted(plant.load.names, ("position",), bounds={"theta_9": (0.0, most)})
     bounded = summary(shoot([worn_log], plant, wanted, known), known)
     assert bounded.status == "warning"
-    assert bounded.warnings == (f"theta_9 lies at its upper bound {most:g}.",)
+    assert bounded.warnings == (f"theta_9 lies at its upper bound {most:g} N.",)
     assert bounded.bounds["theta_9"] == (0.0, most)
 
 
