@@ -223,15 +223,21 @@ def changes_told(released: Sequence[str], before: Actuator, after: Fit) -> tuple
     for stem in dict.fromkeys(name.partition("@")[2] for name in released):
         for word, kind in _ALL.items():
             names = [name for name in kind if f"{name}@{stem}" in released]
-            values = [
-                f"{name} {before.value(name):.4g} -> {after.parameters[f'{name}@{stem}'].value:.4g}"
-                + before.unit_behind(name)
-                for name in names
-            ]
+            values = [from_to(before, name, after.parameters[f"{name}@{stem}"].value) for name in names]
             if values:
                 told = f"{word} has changed since the calibration and was fitted with the load"
                 notes.append(f"{stem}: {told} ({', '.join(values)}).")
     return tuple(notes)
+
+
+def from_to(before: Actuator, name: str, value: float) -> str:
+    """In words: a number of the actuator `before` that goes to another `value`.
+
+    Raises
+    ------
+    Nothing: names are checked where a request is made.
+    """
+    return f"{name} {before.value(name):.4g} -> {value:.4g}{before.unit_behind(name)}"
 
 
 def in_si(actuator: Actuator, name: str, share: float) -> float:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Set
 import numpy as np
 
 from clutchid.estimate.calibration import Calibration, Score
-from clutchid.estimate.shooting.change import CHANGES, Move, in_si, moves
+from clutchid.estimate.shooting.change import CHANGES, Move, from_to, in_si, moves
 from clutchid.model.actuator import Actuator
 
 #: Root mean square of the shifts of one kind, in standard deviations, from which on it may have changed.
@@ -73,8 +73,7 @@ def doubted(
 
 def _told(stem: str, word: str, move: Move, actuator: Actuator) -> str:
     values = [
-        f"{name} {(at := actuator.value(name)):.4g} -> {at + in_si(actuator, name, share):.4g}"
-        + actuator.unit_behind(name)
+        from_to(actuator, name, actuator.value(name) + in_si(actuator, name, share))
         for name, share in zip(move.names, move.shift.tolist(), strict=True)
     ]
     told = f"{word} may have changed since the calibration ({', '.join(values)}), {move.far:.1f} standard deviations"
