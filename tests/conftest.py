@@ -11,7 +11,7 @@ from hypothesis import settings
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS, kernels, system
+from clutchid.model.compiled import VARIANTS, compile_ahead, kernels, system
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -23,9 +23,15 @@ settings.load_profile("clutchid")
 THETA = (9.0e5, -0.3e5, 0.6e5)
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels once, before workers start that would all do it; no test compiles for itself."""
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        compile_ahead()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _compiled() -> None:
-    """Load the kernels of every variant from the user's cache once; no test compiles for itself."""
+    """Load the kernels of every variant from the user's cache once."""
     for variant in VARIANTS:
         kernels(variant)
 
