@@ -12,7 +12,7 @@ import time
 from dataclasses import replace
 
 from clutchid import Actuator, Fit, fit
-from clutchid.estimate.shooting.automatic import BALANCE, PAPER, STRIBECK
+from clutchid.estimate.automatic import BALANCE, PAPER, STRIBECK
 from clutchid.truck import drive, truck
 
 TWENTY_FIVE = ("load", *(name for name in (*PAPER, *BALANCE, *STRIBECK) if name not in ("K_z", "D_zdot", "v_S")))

@@ -12,6 +12,19 @@ from hypothesis import settings
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS, kernels, system
+from fixtures.model_recordings import (  # noqa: F401, fixtures of several packages
+    adapted,
+    calibrated,
+    cost_at,
+    drive_log,
+    duties_of,
+    plant,
+    recorded_by,
+    starts_of,
+    task_of,
+    worn,
+    worn_log,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 

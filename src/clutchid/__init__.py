@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from clutchid.estimate import Fit, fit
     from clutchid.estimate.calibration import Calibration
     from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
-    from clutchid.estimate.shooting.coordinates import Prior
     from clutchid.io import read, read_pieces, write
     from clutchid.io.look import look
     from clutchid.log import Log
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from clutchid.parameters import Parameters
     from clutchid.simulation import Partition, Simulation, simulate
     from clutchid.study import bundled_recording
+    from clutchid.uncertainty.coordinates import Prior
 
 _HOME = {
     "Actuator": "clutchid.model",
@@ -40,7 +40,7 @@ _HOME = {
     "ParameterError": "clutchid.errors",
     "Parameters": "clutchid.parameters",
     "Partition": "clutchid.simulation",
-    "Prior": "clutchid.estimate.shooting.coordinates",
+    "Prior": "clutchid.uncertainty.coordinates",
     "Simulation": "clutchid.simulation",
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import clutchid
+from clutchid.assess import evidence, verdict
 from clutchid.cli import main
 from clutchid.cli.common import guarded
-from clutchid.estimate import evidence, verdict
 
 KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
 EXAMPLE = Path(clutchid.__file__).parent / "recordings" / "truck1_calibration.csv"

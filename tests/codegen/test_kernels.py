@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.codegen.kernels import kernels_in
 
-KERNELS = "clutchid.estimate.kernels"
+KERNELS = "clutchid.simulation.comparison"
 
 
 def test_a_process_that_runs_no_kernel_does_not_import_the_compiler():

@@ -83,7 +83,7 @@ def sampled(values: FloatArray) -> list[float]:
 
 def of_fit(result: Fit) -> Numbers:
     """The JSON object of a fit, its parameter file (with the covariance) and its simulations."""
-    from clutchid.estimate.evidence import evidence
+    from clutchid.assess.evidence import evidence
     from clutchid.report.fit_text import fit_json
 
     with tempfile.TemporaryDirectory() as folder:

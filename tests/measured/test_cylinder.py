@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from clutchid import Fit, Log, Partition, fit, simulate
+from clutchid.assess.diagnostics import fit_percent
 from clutchid.cli import main
-from clutchid.estimate.diagnostics import fit_percent
 from clutchid.io import read
 
 ROOT = Path(__file__).resolve().parents[2]

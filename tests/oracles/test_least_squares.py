@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from clutchid.estimate.least_squares import Failure, Linearisation, compress, minimise
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Linearisation, compress, minimise
 
 
 def linearised(residuals, jacobian):

@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from clutchid.estimate.covariance import sandwich
-from clutchid.estimate.least_squares import compress
+from clutchid.numerics.least_squares import compress
+from clutchid.uncertainty.covariance import sandwich
 
 
 def factor_of(J: np.ndarray) -> np.ndarray:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.evidence import diagnosed, evidence
-from clutchid.estimate.verdict import Verdict
+from clutchid.assess.evidence import diagnosed, evidence
+from clutchid.assess.verdict import Verdict
 from clutchid.log import Log
 from clutchid.report.diagnosis_figures import colour_figure, region_figure
 from clutchid.report.diagnosis_page import diagnosis_table, residual_blocks, told_blocks, verdict_blocks, worst_first

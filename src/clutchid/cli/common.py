@@ -19,10 +19,10 @@ from clutchid.units import UNITS, known_units
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
-    from clutchid.estimate.shooting.coordinates import Prior
     from clutchid.model.actuator import Actuator
     from clutchid.model.equipment import Equipment
     from clutchid.simulation import Partition
+    from clutchid.uncertainty.coordinates import Prior
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
@@ -190,7 +190,7 @@ def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 def priors(items: Sequence[str]) -> dict[str, Prior]:
     """``NAME=VALUE±STD`` options."""
-    from clutchid.estimate.shooting.coordinates import Prior
+    from clutchid.uncertainty.coordinates import Prior
 
     result = {}
     for item in items:

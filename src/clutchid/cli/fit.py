@@ -31,9 +31,9 @@ from clutchid.cli.common import (
 from clutchid.errors import ParameterError
 
 if TYPE_CHECKING:
+    from clutchid.assess.evidence import Evidence
     from clutchid.estimate import Fit
     from clutchid.estimate.calibration import Calibration
-    from clutchid.estimate.evidence import Evidence
     from clutchid.model.actuator import Actuator
 
 
@@ -159,7 +159,7 @@ class _Asked:
 def _work(files: _Files, asked: _Asked, json: bool) -> int:
     _check(files.logs, files.verify, (*asked.bounds, *asked.priors))
     _check_files(files)
-    from clutchid.estimate.evidence import evidence
+    from clutchid.assess.evidence import evidence
 
     result = _fitted(files, asked)
     found = evidence(result)
@@ -225,7 +225,7 @@ def _start(
     start: Path | None, model: str | None, automatic: bool, calibrated: bool
 ) -> tuple[Actuator, Calibration | None]:
     """The actuator to start from, and what a calibration left beside it, where that is wanted."""
-    from clutchid.estimate.shooting.automatic import AUTOMATIC
+    from clutchid.estimate.automatic import AUTOMATIC
     from clutchid.model.actuator import Actuator
 
     if start is None:

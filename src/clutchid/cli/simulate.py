@@ -98,8 +98,8 @@ def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, P
 def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition: Partition | None) -> Log:
     """`simulated` with a band of its pressure from the recordings `others`, simulated in the same way."""
     from clutchid.estimate.fit import starts_of
-    from clutchid.estimate.switching_band import switching_band
     from clutchid.simulation import simulate as simulate_log
+    from clutchid.uncertainty.switching_band import switching_band
 
     known = []
     for other in others:

@@ -10,25 +10,27 @@ from typing import Literal, get_args
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError, SolveError
+from clutchid.estimate.automatic import AUTOMATIC
+from clutchid.estimate.calibrate import SHOOTING, Request, fit_by
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.free import bounds_of, free_names
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR
-from clutchid.estimate.problem import MEASURED, Problem, problem
 from clutchid.estimate.result import Fit, Recording
-from clutchid.estimate.search import Progress, two_stages
-from clutchid.estimate.shooting.automatic import AUTOMATIC
-from clutchid.estimate.shooting.calibrate import SHOOTING, Request, fit_by
-from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.pulses import Pulsed, as_sensed, unsensed
-from clutchid.estimate.summary import failed, plan_warnings, summary
+from clutchid.estimate.simulation_error.problem import MEASURED, Problem, problem
+from clutchid.estimate.simulation_error.search import two_stages
+from clutchid.estimate.simulation_error.summary import failed, plan_warnings, summary
+from clutchid.estimate.verification import as_sensed
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
 from clutchid.parameters import unknown_name
+from clutchid.preparation.pulses import Pulsed, unsensed
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import outside_stroke, plan
 from clutchid.simulation.stiffness import stiffness, stiffness_over, top_speed
+from clutchid.uncertainty.coordinates import Prior
 
 #: Methods by name: the paper's simulation error, ballistic or partitioned, multiple shooting, and prediction error.
 Method = Literal["simulation", "shooting", "prediction-error"]
@@ -86,7 +88,7 @@ def fit(
         By default the calibration's; without one shooting where 'auto', priors or numbers of single recordings ask for
         it, else simulation.
     priors : {name: Prior}, optional
-        What is known before the data, in SI; by default `clutchid.estimate.shooting.coordinates` says.
+        What is known before the data, in SI; by default `clutchid.uncertainty.coordinates` says.
     calibration : Calibration, optional
         ``fit.calibration`` of a fit with pressure, by the same method, whose actuator this one is.
     profile : names

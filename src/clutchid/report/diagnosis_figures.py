@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.estimate.diagnostics import ColumnDiagnosis, Diagnosis
+from clutchid.assess.diagnostics import ColumnDiagnosis, Diagnosis
 from clutchid.log import FloatArray
 from clutchid.report.figures import label, legend, new_figure
 from clutchid.report.style import MM, STYLE

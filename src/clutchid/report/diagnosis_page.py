@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
+from clutchid.assess.diagnostics import Diagnosis, remarks
+from clutchid.assess.evidence import HORIZON, Evidence, information
+from clutchid.assess.verdict import Verdict
 from clutchid.errors import ClutchidError
 from clutchid.estimate import Fit
-from clutchid.estimate.diagnostics import Diagnosis, remarks
-from clutchid.estimate.evidence import HORIZON, Evidence, information
-from clutchid.estimate.verdict import Verdict
 from clutchid.report.diagnosis_figures import SHOWN, colour_figure, region_figure
 from clutchid.report.figures import png
 from clutchid.report.html import Block, Bullets, Details, Notice, Picture, Text, escape
@@ -43,7 +43,7 @@ def told_blocks(fit: Fit, found: Evidence) -> list[Block]:
 
 def _proposal(fit: Fit) -> str:
     """The manoeuvre that tells most about the load; nothing where none can be simulated."""
-    from clutchid.estimate.manoeuvre_choice import best_manoeuvre
+    from clutchid.assess.manoeuvre_choice import best_manoeuvre
 
     names = [name for name in fit.parameters if "@" not in name]
     weights = [name for name in names if name in fit.actuator.load.names]

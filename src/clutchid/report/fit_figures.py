@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.assess.evidence import reach
+from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
-from clutchid.estimate.evidence import reach
 from clutchid.estimate.result import Recording
-from clutchid.estimate.verdict import ENGAGING
 from clutchid.log import FloatArray, Log
 from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
 from clutchid.report.half_load import half_load_band

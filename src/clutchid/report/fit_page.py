@@ -9,10 +9,10 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.assess.evidence import Evidence, as_recorded, evidence, reach
+from clutchid.assess.verdict import ENGAGING, verdict
 from clutchid.estimate import Fit
-from clutchid.estimate.evidence import Evidence, as_recorded, evidence, reach
 from clutchid.estimate.result import Errors, Recording
-from clutchid.estimate.verdict import ENGAGING, verdict
 from clutchid.report.diagnosis_page import diagnosis_table, residual_blocks, told_blocks, verdict_blocks, worst_first
 from clutchid.report.figures import png
 from clutchid.report.files import write_text
@@ -50,7 +50,7 @@ def fit_page(fit: Fit, command: str, path: str | PathLike[str], found: Evidence 
     path
         The file; an older one is replaced in one step.
     found : Evidence, optional
-        ``clutchid.estimate.evidence.evidence(fit)``, where it is at hand.
+        ``clutchid.assess.evidence.evidence(fit)``, where it is at hand.
 
     Raises
     ------

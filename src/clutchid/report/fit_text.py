@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from clutchid.assess.evidence import Evidence
     from clutchid.estimate import Fit
-    from clutchid.estimate.evidence import Evidence
 
 
 def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
@@ -16,7 +16,7 @@ def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
     ------
     Nothing: what is not finite is left so.
     """
-    from clutchid.estimate.verdict import verdict_json
+    from clutchid.assess.verdict import verdict_json
 
     curve = result.load_curve
     return {
@@ -59,7 +59,7 @@ def fit_text(result: Fit, found: Evidence) -> str:
     ------
     Nothing: what is not known is shown as nan.
     """
-    from clutchid.estimate.verdict import verdict
+    from clutchid.assess.verdict import verdict
 
     width = max([9, *(len(name) for name in result.parameters)])
     lines = [f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from clutchid.assess.evidence import reach
 from clutchid.estimate import Fit
-from clutchid.estimate.evidence import reach
 from clutchid.parameters import Parameters
 from clutchid.report.half_load import load_table
 from clutchid.report.html import Block, Details, Text, escape

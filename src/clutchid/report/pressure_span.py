@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.estimate.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, runs, velocity
 from clutchid.log import Log
 from clutchid.parameters import Parameters
-from clutchid.simulation.plan import VENTED_POSITION
+from clutchid.signals.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
+from clutchid.signals.runs import runs
+from clutchid.signals.velocity import velocity
 
 
 def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:

@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.estimate.excitation import runs, velocity
 from clutchid.log import HOLE, FloatArray, Log
 from clutchid.rig.compiled import NAMES, kernels
+from clutchid.signals.runs import runs
+from clutchid.signals.velocity import velocity
 
 #: Parameters that the deflection itself depends on; the others stand in the force only.
 _IN_RATE = ("F_C", "K_z")

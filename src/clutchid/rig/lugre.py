@@ -9,17 +9,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.assess.diagnostics import fit_percent
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.covariance import Covariance, sandwich
-from clutchid.estimate.diagnostics import fit_percent
-from clutchid.estimate.least_squares import Solution, minimise
-from clutchid.estimate.residual_colour import effective_samples
 from clutchid.estimate.result import Estimate
 from clutchid.log import FloatArray, Log
+from clutchid.numerics.least_squares import Solution, minimise
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import Piece, free_run, pieces
 from clutchid.rig.lugre_task import FREE, Task, linearised, residuals, starts, task_of
+from clutchid.signals.residual_colour import effective_samples
+from clutchid.uncertainty.covariance import Covariance, sandwich
 
 #: Half window in s over which the velocity is taken; quantisation and noise of a position sensor average out.
 WINDOW = 0.02

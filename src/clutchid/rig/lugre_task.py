@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.estimate.least_squares import Linearisation, compress
 from clutchid.log import FloatArray, Log
+from clutchid.numerics.least_squares import Linearisation, compress
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import Piece, free_run, pieces
 

@@ -7,8 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from clutchid.estimate.excitation import runs, velocity
 from clutchid.log import HOLE, FloatArray, Log
+from clutchid.signals.runs import runs
+from clutchid.signals.velocity import velocity
 
 #: Part of the reach over which a stroke is averaged: beyond pre-sliding and the turn at its ends.
 BAND = (0.3, 0.8)

@@ -12,6 +12,7 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import Parameters
+from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 
@@ -24,9 +25,9 @@ OUTSIDE = 2e-4
 #: Further outside than this part of the stroke, a position has another unit, sign or zero.
 ALIEN = 0.2
 
-#: A recording starts vented and at rest when it stays this near to zero, in m, and this still, for `REST_TIME` s or
-#: until the supply valve opens. The rest before that, up to `REST_WINDOW` s, tells the position at the start.
-VENTED_POSITION, REST_RANGE, REST_TIME, REST_WINDOW = 5e-4, 3e-4, 0.02, 0.5
+#: A recording starts vented and at rest when it stays within `VENTED_POSITION` of zero, and this still, for `REST_TIME`
+#: s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, tells the position at the start.
+REST_RANGE, REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
 
 _JUMPS = {("p", False): 1, ("q", False): 2, ("p", True): 3, ("q", True): 4}
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.estimate.calibrate import Request, fit_by, with_missed
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.prediction_error import fit as module
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR, predict
-from clutchid.estimate.shooting.calibrate import Request, fit_by, with_missed
 from clutchid.estimate.shooting.fit import Wanted, problem_of
 from clutchid.estimate.shooting.summary import position_only
+from clutchid.numerics.failure import Failure
 
 EXACT = Calibration((), np.zeros((0, 0)))
 Y = np.linspace(0.5e-3, 20e-3, 40)

@@ -8,17 +8,17 @@ import pytest
 from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate import fit
+from clutchid.estimate.calibrate import Request, fit_by
 from clutchid.estimate.fit import verification
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
-from clutchid.estimate.prediction_error import filtering
 from clutchid.estimate.prediction_error import fit as module
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR
-from clutchid.estimate.shooting.calibrate import Request, fit_by
-from clutchid.estimate.shooting.noise import Noise
 from clutchid.estimate.shooting.summary import position_only
+from clutchid.filter import filtering
 from clutchid.model import Actuator
+from clutchid.numerics.failure import Failure
 from clutchid.simulation import Partition
+from clutchid.uncertainty.noise import Noise
 
 BOTH = ("position", "pressure_a")
 METHOD = "prediction-error"

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.prediction_error import problem as module
 from clutchid.estimate.prediction_error.problem import Prediction, predict_errors
+from clutchid.numerics.failure import Failure
 
 NAMES = ("theta_4", "theta_9", "C_vs", "F_C")
 ZERO = np.zeros(len(NAMES))

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.least_squares import triangular
 from clutchid.estimate.shooting.bootstrap import FEWEST, bootstrap, ratio, steps, strokes
-from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Chain, Linear, Passage, condense, linearise
-from clutchid.estimate.shooting.projection import SETTLED, Found
-from clutchid.estimate.shooting.search import FROM_NEAR, search
-from clutchid.estimate.shooting.told import Told
 from clutchid.log import Log
+from clutchid.numerics.least_squares import triangular
+from clutchid.smoother.linearised_windows import Told
+from clutchid.smoother.problem import Chain, Linear, Passage, condense, linearise
+from clutchid.smoother.projection import SETTLED, Found
+from clutchid.smoother.search import FROM_NEAR, search
+from clutchid.uncertainty.noise import Noise
 
 STATES = 10
 

@@ -7,8 +7,8 @@ import pytest
 
 from clutchid import fit
 from clutchid.errors import ParameterError
+from clutchid.estimate.calibrate import Request, wanted_of
 from clutchid.estimate.shooting import checks as module
-from clutchid.estimate.shooting.calibrate import Request, wanted_of
 from clutchid.estimate.shooting.checks import checked
 from clutchid.estimate.shooting.fit import shoot
 from clutchid.estimate.shooting.summary import summary

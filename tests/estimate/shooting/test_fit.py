@@ -5,15 +5,16 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting import fit as module
-from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.fit import MEMORY, Wanted, prepared, shoot
-from clutchid.estimate.shooting.pulses import pulsed
-from clutchid.estimate.shooting.search import Found
+from clutchid.estimate.shooting.fit import MEMORY, Wanted, shoot
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
+from clutchid.numerics.failure import Failure
+from clutchid.preparation.prepare import prepared
+from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.stiffness import stiffness
+from clutchid.smoother.search import Found
+from clutchid.uncertainty.coordinates import Prior
 
 EXACT = Calibration((), np.zeros((0, 0)))
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting import profile as module
-from clutchid.estimate.shooting.coordinates import Prior
-from clutchid.estimate.shooting.problem import condense
 from clutchid.estimate.shooting.profile import BENT, EVALUATIONS, NEAR, WIDEST, bent, profile_interval
-from clutchid.estimate.shooting.projection import project
-from clutchid.estimate.shooting.search import FROM_NEAR, search
 from clutchid.estimate.shooting.summary import QUANTILE, estimates_of
 from clutchid.estimate.shooting.uncertainty import COLOUR, SCALE, spread
+from clutchid.numerics.failure import Failure
+from clutchid.smoother.problem import condense
+from clutchid.smoother.projection import project
+from clutchid.smoother.search import FROM_NEAR, search
+from clutchid.uncertainty.coordinates import Prior
 
 #: Friction, a sensor's lag and the gas's temperature are told; the far stop, which the piston does not meet, is not.
 NAMES = ("F_C", "tau_y", "T_w", "K_stop")

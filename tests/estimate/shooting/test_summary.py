@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting.fit import Wanted, shoot
 from clutchid.estimate.shooting.summary import QUANTILE, corrected, failed, position_only, summary
 from clutchid.estimate.shooting.uncertainty import scale
+from clutchid.numerics.failure import Failure
 
 NAMES = ("C_vs", "P_S", "F_C")
 STD = np.array([2e-10, 5e3, 20.0])

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.shooting import uncertainty as module
-from clutchid.estimate.shooting.problem import linearise
-from clutchid.estimate.shooting.projection import SETTLED, Found
-from clutchid.estimate.shooting.search import FROM_NEAR, search
 from clutchid.estimate.shooting.uncertainty import (
     COLOUR,
     DRIFT,
@@ -21,6 +17,10 @@ from clutchid.estimate.shooting.uncertainty import (
     pressure_spread,
     spread,
 )
+from clutchid.numerics.failure import Failure
+from clutchid.smoother.problem import linearise
+from clutchid.smoother.projection import SETTLED, Found
+from clutchid.smoother.search import FROM_NEAR, search
 
 NAMES = ("C_vs", "P_S", "F_C")
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from clutchid.estimate.calibrate import Estimator
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure, Linearisation, Solution, minimise
 from clutchid.estimate.prediction_error.innovations import noise_scales
 from clutchid.estimate.prediction_error.problem import Predicted, Prediction, predict_errors
 from clutchid.estimate.prediction_error.summary import summary
-from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.calibrate import Estimator
 from clutchid.estimate.shooting.fit import Shot, Wanted, problem_of
-from clutchid.estimate.shooting.problem import Shooting
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise
+from clutchid.smoother.problem import Shooting
 
 #: A round ends when the cost falls by less than this share of it.
 TOLERANCE = 1e-5

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clutchid.estimate.prediction_error.filtering import SENSORS
 from clutchid.estimate.prediction_error.problem import Prediction
-from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.trajectory import LEAST, MOST
+from clutchid.filter.filtering import SENSORS
 from clutchid.log import FloatArray
+from clutchid.smoother.problem import Shooting
+from clutchid.smoother.trajectory import LEAST, MOST
 
 #: Errors this many samples apart are taken as independent when their colour is counted.
 FAR = 200

@@ -7,10 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from clutchid.estimate.least_squares import Failure, Linearisation, triangular
-from clutchid.estimate.prediction_error.filtering import Filtered, filtered
-from clutchid.estimate.shooting.problem import Shooting, prior_rows
+from clutchid.filter.filtering import Filtered, filtered
 from clutchid.log import FloatArray
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Linearisation, triangular
+from clutchid.smoother.problem import Shooting, prior_rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,7 +23,7 @@ class Prediction:
     cost: float
 
     def linearisation(self) -> Linearisation:
-        """The problem as `clutchid.estimate.least_squares` takes it."""
+        """The problem as `clutchid.numerics.least_squares` takes it."""
         k = self.prior.shape[1] - 1
         factor = triangular(np.vstack([self.prior, *(segment.rows for segment in self.segments)]))
         count = self.prior.shape[0] + sum(np.isfinite(s.errors[:, :, 0]).sum() for s in self.segments)
@@ -39,7 +40,7 @@ def predict_errors(task: Shooting, x: FloatArray, held: Prediction | None = None
     task : Shooting
         Free numbers, recordings and noise, as for a fit by shooting; its windows do not matter.
     x : 1
-        Free numbers as coordinates, see `clutchid.estimate.shooting.coordinates`.
+        Free numbers as coordinates, see `clutchid.uncertainty.coordinates`.
     held : Prediction, optional
         Take its gains and variances: the errors are then a smooth function of x with these derivatives.
 

@@ -8,18 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure, triangular
-from clutchid.estimate.prediction_error.filtering import SENSORS
 from clutchid.estimate.prediction_error.innovations import innovations
 from clutchid.estimate.prediction_error.problem import Predicted, predict_errors
 from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.shooting.fit import Shot
-from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.summary import QUANTILE, described
 from clutchid.estimate.shooting.uncertainty import SCALE, considered
+from clutchid.filter.filtering import SENSORS
 from clutchid.log import FloatArray, Log
 from clutchid.model.compiled import VARIANTS
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.simulation import simulated_log
+from clutchid.smoother.problem import Shooting
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.estimate.least_squares import triangular
-from clutchid.estimate.shooting.elimination import eliminate
-from clutchid.estimate.shooting.problem import Linear, Shooting
-from clutchid.estimate.shooting.projection import Found
-from clutchid.estimate.shooting.windows import Track
 from clutchid.log import FloatArray
+from clutchid.numerics.least_squares import triangular
+from clutchid.simulation.windows import Track
+from clutchid.smoother.elimination import eliminate
+from clutchid.smoother.problem import Linear, Shooting
+from clutchid.smoother.projection import Found
 
 #: Below this share of its stroke the piston rests.
 REST = 0.1

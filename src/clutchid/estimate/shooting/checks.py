@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.result import Fit
 from clutchid.estimate.shooting.bootstrap import bootstrap, ratio, strokes
 from clutchid.estimate.shooting.fit import Shot
-from clutchid.estimate.shooting.problem import Shooting
 from clutchid.estimate.shooting.profile import bent, profile_interval
-from clutchid.estimate.shooting.projection import Found
 from clutchid.estimate.shooting.uncertainty import Spread, spread
+from clutchid.numerics.failure import Failure
+from clutchid.smoother.problem import Shooting
+from clutchid.smoother.projection import Found
 
 #: Bands are too narrow where the bootstrap scatters so many times as far: eight strokes know a deviation to a quarter.
 TOO_NARROW = 1.5

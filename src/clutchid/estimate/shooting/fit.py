@@ -9,33 +9,28 @@ from typing import Generic, Literal, Protocol, TypeVar
 import numpy as np
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.search import Progress
-from clutchid.estimate.shooting.coordinates import Prior, coordinates, far_stop
-from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.pace import paced
-from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.projection import Found
-from clutchid.estimate.shooting.pulses import Pulsed, pulsed
-from clutchid.estimate.shooting.search import FROM_AFAR, FROM_NEAR, search
-from clutchid.estimate.shooting.trajectory import noise_scales
 from clutchid.estimate.shooting.uncertainty import deviation
-from clutchid.estimate.shooting.windows import GUESS, first_guess, tracks
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.simulation import Partition
-from clutchid.simulation.plan import Plan, plan
-from clutchid.simulation.stiffness import stiffness
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+from clutchid.preparation.pace import paced
+from clutchid.preparation.prepare import CALIBRATED_MARGIN, MARGIN, prepared
+from clutchid.preparation.pulses import Pulsed, pulsed
+from clutchid.simulation.plan import Plan
+from clutchid.simulation.windows import first_guess, tracks
+from clutchid.smoother.problem import Shooting
+from clutchid.smoother.projection import Found
+from clutchid.smoother.search import FROM_AFAR, FROM_NEAR, search
+from clutchid.smoother.trajectory import noise_scales
+from clutchid.uncertainty.coordinates import Prior, coordinates, far_stop
+from clutchid.uncertainty.noise import Noise
 
 #: Curvature of a load, as a standard deviation in N/m²: a clutch of 5 kN turns within 4 mm.
 CURVATURE = 3e8
 
 #: What wears beside the clutch: the friction of the seals, and the dead volume at the engaged rest, which moves.
 WEARING = ("F_C", "V_0A")
-
-#: The steps of the integration follow this many times the stiffness at the start, for values that make it stiffer; from
-#: calibrated values, which hardly move, so many times.
-MARGIN, CALIBRATED_MARGIN = 1.3, 1.05
 
 #: What the model gets wrong of a position lasts so long in s. A load that is read from position alone was nearer to the
 #: truth with one sample in ten counted, at 1 kHz: docs/methods.md.
@@ -186,16 +181,3 @@ def _wearing(
         for name, prior in {**known, "y_max": far_stop(actuator, [log])}.items()
         if name not in taken
     }
-
-
-def prepared(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
-    """The plan of a recording, with the resets of the first guess.
-
-    Raises
-    ------
-    DataError
-        If the recording lacks a duty cycle.
-    """
-    step = float(np.median(np.diff(log.time))) if len(log) > 1 else GUESS
-    every = Partition(every=max(2, round(GUESS / step)))
-    return plan(log, actuator, MARGIN * stiffness(actuator), every, "pressure_a" in measure)

@@ -13,11 +13,11 @@ from functools import partial
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.shooting.problem import Shooting, condense
-from clutchid.estimate.shooting.projection import SETTLED, Found, project
 from clutchid.estimate.shooting.summary import QUANTILE
 from clutchid.estimate.shooting.uncertainty import Spread
+from clutchid.numerics.failure import Failure
+from clutchid.smoother.problem import Shooting, condense
+from clutchid.smoother.projection import SETTLED, Found, project
 
 #: Most evaluations a side, how near to `QUANTILE` as a share is near enough, and how many half widths of the covariance
 #: an end may lie away.

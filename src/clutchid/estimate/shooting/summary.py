@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.identifiability import listed
-from clutchid.estimate.least_squares import Failure
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
 from clutchid.estimate.shooting.fit import EndT, Shot
-from clutchid.estimate.shooting.problem import Shooting
-from clutchid.estimate.shooting.projection import Found
-from clutchid.estimate.shooting.trajectory import recorded, trajectory
 from clutchid.estimate.shooting.uncertainty import Spread, pressure_spread, scale, spread
-from clutchid.estimate.summary import plan_warnings
+from clutchid.estimate.simulation_error.summary import plan_warnings
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS
+from clutchid.numerics.failure import Failure
 from clutchid.simulation.simulation import simulated_log
+from clutchid.smoother.problem import Shooting
+from clutchid.smoother.projection import Found
+from clutchid.smoother.trajectory import recorded, trajectory
+from clutchid.uncertainty.identifiability import listed
 
 #: Standard deviations of a 95 % interval.
 QUANTILE = 1.96

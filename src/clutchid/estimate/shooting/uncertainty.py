@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.least_squares import Failure
-from clutchid.estimate.shooting.coordinates import Coordinate
-from clutchid.estimate.shooting.elimination import Eliminated, recover
-from clutchid.estimate.shooting.noise import Noise
-from clutchid.estimate.shooting.problem import Chain, Shooting, condense, linearise
-from clutchid.estimate.shooting.projection import Found
-from clutchid.estimate.shooting.windows import units
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS
+from clutchid.numerics.failure import Failure
 from clutchid.parameters import Parameters
+from clutchid.simulation.windows import units
+from clutchid.smoother.elimination import Eliminated, recover
+from clutchid.smoother.problem import Chain, Shooting, condense, linearise
+from clutchid.smoother.projection import Found
+from clutchid.uncertainty.coordinates import Coordinate
+from clutchid.uncertainty.noise import Noise
 
 #: How much a number that is taken as known may differ between two recordings of one actuator, as a share of its value
 #: or, where it may be 0, in its own unit.

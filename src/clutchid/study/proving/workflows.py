@@ -9,8 +9,8 @@ from functools import partial
 
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate import Fit, fit
+from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.fit import Method
-from clutchid.estimate.shooting.automatic import AUTOMATIC
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import unknown_name

@@ -1,0 +1,283 @@
+"""Residuals of a simulated recording: fit in %, whiteness, correlation with the inputs, and error by stroke region."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.signals.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, region_of
+from clutchid.signals.residual_colour import FEWEST, LAGS, Colour, block_means, colour, effective_samples
+from clutchid.signals.velocity import velocity
+
+#: Interval in s at which slow colour is looked for: the lags then reach half a second.
+SLOW_INTERVAL = 0.02
+
+Direction = Literal["opening", "closing", "hold", "all"]
+_DIRECTIONS: tuple[Direction, ...] = ("opening", "closing", "hold")
+
+#: Of 25 lags of white noise, more than 2 leave the 99 % bounds in 1 of 500 recordings only.
+MOST_OUTSIDE = 2.5 / 25
+
+#: The largest of 51 correlations leaves this many of its 99 % bounds in 1 of 100 recordings only (Bonferroni).
+BEYOND = 3.724 / 2.576
+
+#: A smaller correlation with an input explains less than 1 % of the whitened residual at either rate.
+WORTH_TELLING = 0.1
+
+#: Colour is worth a number where it takes at least a tenth of the samples away.
+WORTH_LESS = 0.9
+
+#: A region is told when its error is this many times that of the whole, over at least this part of the samples.
+WORSE, LEAST_SHARE = 1.5, 0.01
+
+_UNITS = {"position": (1e3, "mm"), "pressure_a": (1e-3, "kPa")}
+
+
+@dataclass(frozen=True, slots=True)
+class RegionError:
+    """Error where the measured position is from `low` to `high` m and moves in `direction`; rms and mean in SI."""
+
+    low: float
+    high: float
+    direction: Direction
+    samples: int
+    rms: float
+    mean: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ColumnDiagnosis:
+    """Residual, measured less simulated, of one column; in SI.
+
+    `fit_percent` is 100 where the simulation is exact and 0 where it is as good as the mean. `effective_samples` is
+    the number of independent samples that the coloured `samples` are worth. `fast` is the colour at the rate of the
+    column, `slow` at 20 ms or more.
+    """
+
+    samples: int
+    fit_percent: float
+    rms: float
+    mean: float
+    effective_samples: float
+    fast: Colour
+    slow: Colour
+    regions: tuple[RegionError, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnosis:
+    """Residuals of the recording `name`, by measured column: position and, where there is one, pressure_a."""
+
+    name: str
+    columns: Mapping[str, ColumnDiagnosis]
+
+
+def diagnose(measured: Log, simulated: Log) -> Diagnosis:
+    """What the residuals of a simulated recording show.
+
+    Parameters
+    ----------
+    measured : Log
+        Position in m, where measured pressure_a in Pa, and the duty cycles.
+    simulated : Log
+        The same columns at the same times. NaN in either is left out, element by element.
+
+    Returns
+    -------
+    diagnosis : Diagnosis
+
+    Raises
+    ------
+    DataError
+        If the times differ, or no position can be compared.
+
+    Examples
+    --------
+    A simulation that is 0.1 mm too low over a stroke of 10 mm:
+
+    >>> t = np.arange(0.0, 1.0, 1e-3)
+    >>> stroke = Log(t, {"position": 0.01 * t})
+    >>> found = diagnose(stroke, stroke.with_columns(position=stroke["position"] - 1e-4)).columns["position"]
+    >>> f"{found.fit_percent:.1f} %, {found.mean * 1e3:+.1f} mm"
+    '96.5 %, +0.1 mm'
+    """
+    if simulated.time.shape != measured.time.shape or not np.allclose(simulated.time, measured.time, rtol=0, atol=1e-6):
+        raise DataError(
+            f"{measured.name}: recorded and simulated times differ ({len(measured)} and {len(simulated)} samples); "
+            "simulate this recording."
+        )
+    columns = {}
+    for name in _UNITS:
+        if name in measured and name in simulated:
+            known = np.isfinite(measured[name]) & np.isfinite(simulated[name])
+            if known.any():
+                columns[name] = _diagnosed(measured, np.where(known, measured[name] - simulated[name], np.nan), name)
+    if "position" not in columns:
+        raise DataError(
+            f"{measured.name}: no sample has both a measured and a simulated position; check the recording."
+        )
+    return Diagnosis(measured.name, columns)
+
+
+def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
+    r"""Fit of a simulation in %, by the formula of MATLAB's `compare`.
+
+    .. math:: 100 \, (1 - |y - \hat y| / |y - \bar y|)
+
+    Parameters
+    ----------
+    measured, simulated : any unit
+        NaN in either is left out.
+
+    Returns
+    -------
+    fit : %
+        100 where they agree, 0 where the mean does as well, negative where it does better; NaN for a constant.
+
+    Raises
+    ------
+    Nothing.
+
+    Examples
+    --------
+    >>> fit_percent(np.array([0.0, 2.0, 4.0]), np.array([0.0, 2.0, 3.0]))
+    64.64466094067262
+    """
+    known = np.isfinite(measured) & np.isfinite(simulated)
+    y, error = measured[known], (measured - simulated)[known]
+    if y.size == 0 or not np.ptp(y) > 0.0:
+        return float("nan")
+    return float(100 * (1 - np.sqrt(np.sum(error**2) / np.sum((y - y.mean()) ** 2))))
+
+
+def _diagnosed(log: Log, residual: FloatArray, name: str) -> ColumnDiagnosis:
+    known = np.isfinite(residual)
+    error = residual[known]
+    block, interval, even, inputs = _evenly(log, residual, known)
+    slow_inputs = {key: block_means(values, block) for key, values in inputs.items()}
+    fast = colour(even, inputs, interval)
+    slow = colour(block_means(even, block), slow_inputs, block * interval) if block > 1 else fast
+    return ColumnDiagnosis(
+        error.size,
+        fit_percent(log[name], log[name] - residual),
+        float(np.sqrt(np.mean(error**2))),
+        float(error.mean()),
+        effective_samples(even, block),
+        fast,
+        slow,
+        _regions(log, residual),
+    )
+
+
+def _evenly(
+    log: Log, residual: FloatArray, known: NDArray[np.bool_]
+) -> tuple[int, float, FloatArray, dict[str, FloatArray]]:
+    """Samples in a slow interval, the interval in s, and residual and inputs on an even time axis of that interval.
+
+    The interval is the usual one of the samples that can be compared, so a column with a lower rate keeps its rate. A
+    hole is NaN, cut short so that an hour with holes stays an hour's memory.
+    """
+    time = log.time[known]
+    steps = np.diff(time)
+    interval = float(np.median(steps)) if steps.size else 1.0
+    block = max(1, round(SLOW_INTERVAL / interval))
+    longest = min((LAGS + 1) * block, 1 + 4 * time.size // max(1, int(np.sum(steps > HOLE * interval))))
+    place = np.concatenate([[0], np.cumsum(np.clip(np.rint(steps / interval), 1, longest).astype(np.int64))])
+
+    def spread(values: FloatArray) -> FloatArray:
+        even = np.full(int(place[-1]) + 1, np.nan)
+        even[place] = values[known]
+        return even
+
+    return block, interval, spread(residual), {key: spread(log[key]) for key in INPUTS if key in log}
+
+
+def _regions(log: Log, residual: FloatArray) -> tuple[RegionError, ...]:
+    """Errors by stroke region, in each direction and in all; regions without samples are left out."""
+    speed = velocity(log.time, log["position"], SLOW_WINDOW)
+    known = np.isfinite(residual) & np.isfinite(log["position"]) & np.isfinite(speed)
+    way = np.where(speed[known] > HOLD_SPEED, 0, np.where(speed[known] < -HOLD_SPEED, 1, 2))
+    cell, error = region_of(log["position"][known]) * 3 + way, residual[known]
+    shape = (len(REGION_EDGES) - 1, 3)
+    size = shape[0] * shape[1]
+    count, total, squares = (
+        np.bincount(cell, weights, size).reshape(shape) for weights in (np.ones_like(error), error, error**2)
+    )
+    found = []
+    for i in range(shape[0]):
+        for direction, at in (*((d, [j]) for j, d in enumerate(_DIRECTIONS)), ("all", [0, 1, 2])):
+            n = float(count[i, at].sum())
+            if n > 0:
+                rms, mean = float(np.sqrt(squares[i, at].sum() / n)), float(total[i, at].sum() / n)
+                found.append(RegionError(REGION_EDGES[i], REGION_EDGES[i + 1], direction, int(n), rms, mean))
+    return tuple(found)
+
+
+def remarks(diagnosis: Diagnosis) -> list[str]:
+    """What is to be said of the residuals, one sentence each; empty where they look like noise.
+
+    Raises
+    ------
+    Nothing.
+    """
+    sentences = []
+    for name, column in diagnosis.columns.items():
+        who = f"{diagnosis.name}: the residual of {name}"
+        sentences += _of_colour(column, who) + _of_inputs(column, who) + _of_regions(column, name, who)
+    return sentences
+
+
+def _of_colour(column: ColumnDiagnosis, who: str) -> list[str]:
+    worst = max((column.fast, column.slow), key=lambda found: np.nan_to_num(found.share_outside))
+    if not worst.share_outside > MOST_OUTSIDE:
+        return []
+    text = f"{who} is coloured: {100 * worst.share_outside:.0f} % of the lags up to {worst.lag[-1] * 1e3:.0f} ms lie "
+    text += "outside the 99 % bounds"
+    if column.effective_samples < WORTH_LESS * column.samples:
+        text += f", its {column.samples} samples are worth {column.effective_samples:.0f} independent ones"
+    return [f"{text}."]
+
+
+def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
+    sentences = []
+    for name in INPUTS:
+        rates = [rate.inputs[name] for rate in (column.fast, column.slow) if name in rate.inputs]
+        certain = [rate for rate in rates if abs(rate.strongest) > BEYOND * rate.strongest_bound]
+        found = max(certain, key=lambda rate: abs(rate.strongest), default=None)
+        if found is not None and abs(found.strongest) > WORTH_TELLING:
+            # the fast rate tells the lag better where both rates mean the same one
+            lags = [rate.strongest_lag for rate in certain]
+            lag = 1e3 * next(at for at in lags if abs(at - found.strongest_lag) <= column.slow.interval)
+            how = f"follows {name} after {lag:.0f} ms" if lag > 0 else f"moves with {name}"
+            if lag < 0:
+                how = f"is followed by {name} after {-lag:.0f} ms"
+            what = "the position loop answers to it" if lag < 0 else "not all that this valve does is in the simulation"
+            sentences.append(
+                f"{who} {how} (correlation {found.strongest:+.2f}, 99 % bound {found.strongest_bound:.2f}): {what}."
+            )
+    return sentences
+
+
+def _of_regions(column: ColumnDiagnosis, name: str, who: str) -> list[str]:
+    least = max(FEWEST, LEAST_SHARE * column.samples)
+    candidates = [region for region in column.regions if region.direction != "all" and region.samples >= least]
+    worst = max(candidates, key=lambda region: region.rms, default=None)
+    if worst is None or worst.rms < WORSE * column.rms:
+        return []
+    factor, unit = _UNITS[name]
+    ends = (
+        f"{worst.low * 1e3:.0f} to {worst.high * 1e3:.0f} mm"
+        if np.isfinite(worst.high)
+        else f"{worst.low * 1e3:.0f} mm and more"
+    )
+    doing = "in hold" if worst.direction == "hold" else worst.direction
+    return [
+        f"{who} is largest {doing} at {ends}: {worst.rms * factor:.2g} {unit} rms, {column.rms * factor:.2g} {unit} "
+        "in all."
+    ]

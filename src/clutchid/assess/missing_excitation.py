@@ -1,0 +1,183 @@
+"""What a recording lacks, in the user's words; computed from the recording and from the information that it carries."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.signals.excitation import SHORTEST_REST, STROKE, VENTED_POSITION, Excitation
+from clutchid.uncertainty.identifiability import CORRELATION, correlations, heard, listed
+
+#: A load weight acts where its basis function has more than this part of its largest value.
+ACTS = 0.01
+
+#: Of correlated pairs, the most that are told.
+MOST_PAIRS = 3
+
+_SUPPLY = ("R_0vs", "R_1vs", "B_vs", "b_vs", "m_vs", "C_vs")
+_EXHAUST = ("R_0ve", "R_1ve", "B_ve", "b_ve", "m_ve", "C_ve")
+_STOP = ("y_max", "K_stop", "D_stop", "d_stop", "V_0B")
+
+
+def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R: FloatArray | None = None) -> list[str]:
+    """What is missing in a recording to tell load and parameters, one sentence each; empty where nothing is.
+
+    Parameters
+    ----------
+    found : Excitation
+        What the recording excites, or several together.
+    actuator : Actuator
+        The fitted one: its stroke, its valves and the basis of its load.
+    names : names
+        Free parameters and load weights.
+    R : (k, k), optional
+        Factor of the Jacobian to dimensionless numbers, the first of which are `names`. Without it only what the
+        motion itself shows is told.
+
+    Returns
+    -------
+    sentences : list of str
+
+    Raises
+    ------
+    Nothing: what does not move lacks everything, and is told so.
+
+    Examples
+    --------
+    >>> from clutchid.signals.excitation import excitation
+    >>> from clutchid.log import Log
+    >>> t = np.arange(0.0, 2.0, 1e-3)
+    >>> y = np.interp(t, [0.0, 1.0, 2.0], [0.004, 0.008, 0.004])
+    >>> missing(excitation(Log(t, {"position": y})), Actuator())[0]
+    'this log reaches 8.0 mm of 25.0 mm and tells nothing of the load beyond: reach 20.0 mm or more.'
+    """
+    who = "this log" if found.recordings == 1 else f"these {found.recordings} logs"
+    verb = ("reaches", "passes", "tells") if found.recordings == 1 else ("reach", "pass", "tell")
+    reaching = f"{who} {verb[0]} {found.reach * 1e3:.1f} mm"
+    sentences: list[str] = []
+    if R is not None and names:
+        sentences += _silent_weights(R, names, actuator, found, reaching)
+        sentences += _alike(R, names, actuator, found, reaching)
+        sentences += _silent_others(R, names, actuator, found, who)
+    y_max = actuator.parameters.y_max
+    if found.reach < STROKE[1] * y_max and not any(reaching in sentence for sentence in sentences):
+        sentences.append(
+            f"{reaching} of {y_max * 1e3:.1f} mm and {verb[2]} nothing of the load beyond: "
+            f"reach {STROKE[1] * y_max * 1e3:.1f} mm or more."
+        )
+    return sentences + _one_way(found, f"{who} {verb[1]}") + _never_vents(found, who)
+
+
+def _silent_weights(
+    R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, reaching: str
+) -> list[str]:
+    """Load weights that are not told, because their part of the load lies beyond the reach."""
+    silent = [name for name, told in zip(names, heard(R), strict=False) if not told and name in actuator.load.names]
+    spans = {name: _span(name, actuator) for name in silent}
+    beyond = {name: span for name, span in spans.items() if span[1] > found.reach}
+    if not beyond:
+        return []
+    begin, wanted = min(span[0] for span in beyond.values()), max(span[1] for span in beyond.values())
+    says, act = "says" if found.recordings == 1 else "say", "acts" if len(beyond) == 1 else "act"
+    return [
+        f"{reaching} and {says} nothing about {listed(list(beyond))}, which {act} from {begin * 1e3:.1f} mm on: "
+        f"reach {wanted * 1e3:.1f} mm or more."
+    ]
+
+
+def _span(name: str, actuator: Actuator) -> tuple[float, float]:
+    """Where a load weight begins to act and where it is at its largest, at most the last knot, in m."""
+    load = actuator.load
+    y = np.linspace(0.0, actuator.parameters.y_max, 501)
+    phi = np.abs(load.phi(y)[:, load.names.index(name)])
+    top = int(np.argmax(phi))
+    return float(y[np.argmax(phi > ACTS * phi[top])]), min(float(y[top]), load.knots[-1])
+
+
+def _alike(R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
+    """Pairs of load weights that correlate because the reach ends before the further one is at its largest."""
+    told = np.flatnonzero(heard(R))
+    if told.size < 2:
+        return []
+    matrix = correlations(R[:, told])
+    weights = [(k, names[i]) for k, i in enumerate(told.tolist()) if i < len(names) and names[i] in actuator.load.names]
+    pairs = [
+        (float(matrix[k, j]), one, other)
+        for n, (j, one) in enumerate(weights)
+        for k, other in weights[n + 1 :]
+        if abs(matrix[k, j]) > CORRELATION
+    ]
+    sentences = []
+    for correlation, one, other in sorted(pairs, key=lambda pair: -abs(pair[0])):
+        wanted = max(_span(one, actuator)[1], _span(other, actuator)[1])
+        if found.reach < wanted:
+            sentences.append(
+                f"{reaching}, {one} and {other} correlate at {correlation:+.2f}: reach {wanted * 1e3:.1f} mm or more."
+            )
+    return sentences[:MOST_PAIRS]
+
+
+def _silent_others(R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, who: str) -> list[str]:
+    """Parameters that are not told, where the motion shows why."""
+    p = actuator.parameters
+    silent = [name for name, told in zip(names, heard(R), strict=False) if not told]
+    does = "says" if found.recordings == 1 else "say"
+    reasons = (
+        (_SUPPLY, found.highest_supply < p.R_1vs, _stays("duty_supply", found.highest_supply, p.R_1vs)),
+        (_EXHAUST, found.highest_exhaust < p.R_1ve, _stays("duty_exhaust", found.highest_exhaust, p.R_1ve)),
+        (
+            _STOP,
+            found.reach < p.y_max,
+            f"the piston turns at {found.reach * 1e3:.1f} mm, {(p.y_max - found.reach) * 1e3:.1f} mm before the end of "
+            "its stroke; go nearer to it.",
+        ),
+    )
+    sentences = []
+    for group, holds, why in reasons:
+        members = [name for name in silent if name in group]
+        if members and holds:
+            sentences.append(f"{who} {does} nothing about {listed(members)}: {why}")
+    return sentences
+
+
+def _stays(duty: str, highest: float, full: float) -> str:
+    return f"{duty} stays at {highest:.2f} or below, the valve is fully open from {full:.2f} on; open it further."
+
+
+def _one_way(found: Excitation, passing: str) -> list[str]:
+    """Regions passed in one direction only: there the friction cannot be told from the load."""
+    sentences = []
+    for visit in found.regions:
+        ways = (("opening", visit.opening, "closing"), ("closing", visit.closing, "opening"))
+        times = [(way, number, other) for way, number, other in ways if number]
+        if len(times) == 1:
+            way, number, other = times[0]
+            ends = f"from {visit.low * 1e3:.0f} mm on" if np.isinf(visit.high) else _between(visit.low, visit.high)
+            sentences.append(
+                f"{passing} {ends} {number} {'time' if number == 1 else 'times'}, only {way}: friction there looks "
+                f"like load; pass it {other}, too."
+            )
+    return sentences
+
+
+def _between(low: float, high: float) -> str:
+    return f"{low * 1e3:.0f} to {high * 1e3:.0f} mm"
+
+
+def _never_vents(found: Excitation, who: str) -> list[str]:
+    if found.vented_rests:
+        return []
+    why = (
+        f"its lowest position is {found.lowest * 1e3:.1f} mm"
+        if found.lowest > VENTED_POSITION
+        else f"it has no rest of {SHORTEST_REST:g} s at the engaged end with the chamber vented"
+    )
+    if found.recordings > 1:
+        why = why.replace("its", "their").replace("it has", "they have")
+    return [
+        f"{who} never {'vents' if found.recordings == 1 else 'vent'}: {why}, so the pressure is nowhere known without "
+        "a sensor; add a rest of a second in the engaged clutch."
+    ]

@@ -1,0 +1,1 @@
+"""Fits by simulation error, the paper's method: ballistic or partitioned."""

@@ -1,0 +1,225 @@
+"""A fit as a problem: which numbers are free, which samples are compared, residuals and their exact Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Linearisation, compress, triangular
+from clutchid.simulation.plan import Plan, Segment
+from clutchid.simulation.run import (
+    POSITION_START,
+    PRESSURE_START,
+    Numbers,
+    columns,
+    guessed_pressure,
+    run,
+    run_with_sensitivities,
+    start_sensitivities,
+    start_state,
+)
+from clutchid.simulation.simulation import failure_message
+
+IntArray = NDArray[np.int64]
+
+#: State that a measured column is compared with.
+MEASURED = {"position": "y", "pressure_a": "p_A"}
+
+#: A recording whose position stays within this many m does not move.
+REST = 5e-4
+
+#: Natural size of a load weight by its unit, and of the start of a segment in m and Pa.
+WEIGHT_UNITS = {"N/m": 1e5, "N": 1e3}
+_START_UNITS = {POSITION_START: 1e-3, PRESSURE_START: 1e5}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """One segment of one recording in the problem; `start` is the place of its free start in x, if it has one."""
+
+    log: int
+    segment: Segment
+    start: tuple[int, ...]
+    start_names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """Free numbers ``x`` = shared parameters `names`, then the free starts of segments, each divided by its `unit`.
+
+    `measure` names the measured columns that are compared; `low` and `high` bound x. The units make all of x of order
+    one, so that thresholds do not depend on whether a number is a conductance or a pressure.
+    """
+
+    actuator: Actuator
+    plans: tuple[Plan, ...]
+    names: tuple[str, ...]
+    measure: tuple[str, ...]
+    parts: tuple[Part, ...]
+    unit: FloatArray
+    x0: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def moves(self) -> bool:
+        """Whether the piston moves in any recording; where it rests, nothing is told about the actuator."""
+        spans = [p.log["position"][np.isfinite(p.log["position"])] for p in self.plans]
+        return any(span.size > 0 and float(np.ptp(span)) > REST for span in spans)
+
+    def si(self, x: FloatArray) -> FloatArray:
+        """`x` in SI units."""
+        return x * self.unit
+
+    def actuator_at(self, x: FloatArray) -> Actuator:
+        """The actuator with the free parameters of `x`; ParameterError where they contradict each other."""
+        return self.actuator.replace(dict(zip(self.names, self.si(x).tolist(), strict=False)))
+
+    def starts_at(self, x: FloatArray, log: int, actuator: Actuator) -> list[tuple[float, float]]:
+        """Position and pressure at the start of every segment of a recording."""
+        return [self.start_of(part, x, actuator) for part in self.parts if part.log == log]
+
+    def start_of(self, part: Part, x: FloatArray, actuator: Actuator) -> tuple[float, float]:
+        """Position and pressure at the start of one segment."""
+        values = dict(zip(part.start_names, (float(self.si(x)[i]) for i in part.start), strict=True))
+        position = values.get(POSITION_START, part.segment.position_start)
+        return position, values.get(PRESSURE_START, guessed_pressure(part.segment, actuator))
+
+
+def problem(
+    actuator: Actuator,
+    plans: Sequence[Plan],
+    names: Sequence[str],
+    measure: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]],
+) -> Problem:
+    """Set up a fit of `names` to the recordings `plans`, starting at the values of `actuator`."""
+    x0 = [actuator.value(name) for name in names]
+    unit = [_unit(name, actuator) for name in names]
+    low, high = [bounds[name][0] for name in names], [bounds[name][1] for name in names]
+    parts = []
+    for number, prepared in enumerate(plans):
+        for segment in prepared.segments:
+            free = _free_start(segment, actuator)
+            place = tuple(range(len(x0), len(x0) + len(free)))
+            parts.append(Part(number, segment, place, tuple(name for name, *_ in free)))
+            for name, value, lowest, highest in free:
+                x0.append(value)
+                unit.append(_START_UNITS[name])
+                low.append(lowest)
+                high.append(highest)
+    scale = np.array(unit)
+    return Problem(
+        actuator, tuple(plans), tuple(names), tuple(measure), tuple(parts), scale,
+        np.clip(np.array(x0), low, high) / scale, np.array(low) / scale, np.array(high) / scale,
+    )  # fmt: skip
+
+
+def _unit(name: str, actuator: Actuator) -> float:
+    return WEIGHT_UNITS[actuator.load.unit] if name in actuator.load.names else abs(actuator.value(name)) or 1.0
+
+
+def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, float, float]]:
+    """Name, value and bounds of the unknown start of a segment; nothing where Eq. (24) holds."""
+    if segment.vented:
+        return []
+    p, y = actuator.parameters, segment.position_start
+    free = [(POSITION_START, y, y - 2e-3, y + 2e-3)]
+    if not np.isfinite(segment.pressure_start):
+        free.append((PRESSURE_START, guessed_pressure(segment, actuator), 0.5 * p.P_0, max(2 * p.P_S, 2 * p.P_0)))
+    return free
+
+
+def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Linearisation | Failure:
+    """Compressed residuals and Jacobian at `x`; a failed simulation or contradicting parameters are an answer."""
+    width = x.size
+    factor = np.zeros((0, width + 1))
+    count, cost = 0, 0.0
+    for answer in residuals(task, x, scales):
+        if isinstance(answer, Failure):
+            return answer
+        part, r, J, _ = answer
+        count += r.size
+        with np.errstate(over="ignore", invalid="ignore"):
+            local = compress(J, r)
+            cost += 0.5 * float(np.sum(local[:, -1] ** 2))
+        if not (np.isfinite(local).all() and np.isfinite(cost)):
+            return Failure(f"{task.plans[part.log].log.name}: the simulation grows beyond all bounds")
+        rows = np.zeros((local.shape[0], width + 1))
+        rows[:, [*range(len(task.names)), *part.start, width]] = local
+        factor = np.vstack([factor, rows])
+    if count == 0:
+        return Failure("no measured sample can be compared with the simulation")
+    R = np.zeros((width + 1, width + 1))
+    reduced = triangular(factor)
+    R[: reduced.shape[0]] = reduced
+    return Linearisation(R[:width, :width], R[:width, width], cost, count)
+
+
+def residuals(
+    task: Problem, x: FloatArray, scales: Mapping[str, float]
+) -> Iterator[tuple[Part, FloatArray, FloatArray, IntArray] | Failure]:
+    """For each segment: scaled residuals (m,), their Jacobian to x (m, k_local), and the sample of each residual.
+
+    Missing samples are left out, element by element.
+    """
+    try:
+        actuator = task.actuator_at(x)
+    except ParameterError as error:
+        yield Failure(str(error))
+        return
+    numbers = Numbers.of(actuator)
+    states_of = VARIANTS[actuator.model]
+    watched = [states_of.index(MEASURED[name]) for name in task.measure]
+    for part in task.parts:
+        log, segment = task.plans[part.log].log, part.segment
+        which = columns(actuator, [*task.names, *part.start_names])
+        x0 = start_state(segment, actuator, task.start_of(part, x, actuator))
+        start = x0, start_sensitivities(segment, actuator, which, estimated=bool(part.start))
+        states, sens, failed = run_with_sensitivities(segment, numbers, start, which, watched)
+        if failed >= 0:
+            yield Failure(failure_message(log, segment, states, failed, states_of, actuator))
+            return
+        unit = task.unit[[*range(len(task.names)), *part.start]]
+        yield part, *_compared(task, part, states, sens * unit, scales)
+
+
+def _compared(
+    task: Problem, part: Part, states: FloatArray, sens: FloatArray, scales: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    log, segment = task.plans[part.log].log, part.segment
+    r_parts, J_parts, at_parts = [], [], []
+    names = VARIANTS[task.actuator.model]
+    for i, name in enumerate(task.measure):
+        difference = states[:, names.index(MEASURED[name])] - log[name][segment.start : segment.stop]
+        known = np.isfinite(difference)
+        at_parts.append(np.flatnonzero(known))
+        if known.all():
+            r_parts.append(difference / scales[name])
+            J_parts.append(sens[:, i] / scales[name])
+        else:
+            r_parts.append(difference[known] / scales[name])
+            J_parts.append(sens[known, i] / scales[name])
+    if len(r_parts) == 1:
+        return r_parts[0], J_parts[0], at_parts[0]
+    return np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
+
+
+def simulated_states(task: Problem, x: FloatArray, log: int) -> FloatArray:
+    """States of recording `log` at `x`, shape (n, n_states); NaN outside segments and after a failure."""
+    actuator = task.actuator_at(x)
+    numbers = Numbers.of(actuator)
+    states = np.full((len(task.plans[log].log), len(VARIANTS[actuator.model])), np.nan)
+    for part in task.parts:
+        if part.log == log:
+            x0 = start_state(part.segment, actuator, task.start_of(part, x, actuator))
+            states[part.segment.start : part.segment.stop] = run(part.segment, numbers, x0)[0]
+    return states

@@ -1,0 +1,192 @@
+"""A segment of a recording, filtered: errors of prediction, and their derivatives to the free numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.codegen.kernels import kernels_in
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import triangular
+from clutchid.simulation.parameter_map import View
+from clutchid.simulation.process_noise import process_noise
+from clutchid.simulation.run import Columns, columns, inputs_of, start_sensitivities, start_state
+from clutchid.simulation.simulation import failure_message
+from clutchid.simulation.windows import Track
+from clutchid.uncertainty.noise import START, UNKNOWN_START, Noise
+
+if TYPE_CHECKING:
+    from clutchid.filter.recursion import Told
+
+_KERNELS = "clutchid.filter.recursion"
+
+#: Samples whose rows are compressed together.
+BLOCK = 2048
+
+#: Measured columns in the order of the filter, with lag and offset of their sensors.
+SENSORS = {"position": ("tau_y", "e_y"), "pressure_a": ("tau_p", "e_p")}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Filtered:
+    """A filtered segment of n samples.
+
+    `rows` are ``[theta | r]``, compressed to as many as they have columns, and `cost` the sum of losses. `errors`
+    (n, 2, 2) are the errors of prediction of position and pressure in SI with their variances, `states` the states that
+    the filter ends each sample with, `pressures` (n, size + 1) the derivatives of the pressure in chamber A to theta
+    and its standard deviation; `gains` (n, 2, n_states + 1) how far each error of prediction moves the state, and its
+    variance.
+    """
+
+    rows: FloatArray
+    cost: float
+    errors: FloatArray
+    states: FloatArray
+    pressures: FloatArray
+    gains: FloatArray
+
+
+def filtered(
+    track: Track, seen: View, measure: Sequence[str], noise: Noise, held: FloatArray | None = None
+) -> Filtered | Failure:
+    """Filter a segment with the numbers of one recording.
+
+    Parameters
+    ----------
+    track : Track
+        The segment; its windows do not matter.
+    seen : View
+        The actuator of the recording, and where the derivatives belong in theta.
+    measure : 'position', 'pressure_a'
+        Measured columns that the filter takes in.
+    noise : Noise
+        Of the sensors and of the model, in SI.
+    held : (n, 2, n_states + 1), optional
+        Gains and variances of another filter to take over. Then the derivatives are exact, and nothing is said of the
+        spread of the states.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
+    states = VARIANTS[seen.actuator.model]
+    n, k, length = len(states), len(seen.bases), len(track.segment)
+    errors, passed, pressures = np.empty((length, 2, 2)), np.full((length, n), np.nan), np.empty((length, k + 1))
+    filter_ = _Filter.of(track, seen, measure, noise, held)
+    factor, cost = np.zeros((0, k + 1)), 0.0
+    for begin in range(0, length, BLOCK):
+        at = slice(begin, min(begin + BLOCK, length))
+        told = (np.empty((at.stop - begin, 2, k + 1)), errors[at], passed[at], pressures[at])
+        failed = filter_.follow(at, told)
+        if failed >= 0:
+            return Failure(failure_message(track.measured, track.segment, passed, failed, states, seen.actuator))
+        rows = told[0].reshape(-1, k + 1)
+        cost += _loss(rows[:, -1], noise.outlier)
+        factor = triangular(np.vstack([factor, rows]))
+    return Filtered(_spread(factor, seen), cost, errors, passed, _spread(pressures, seen), filter_.gains)
+
+
+def _loss(r: FloatArray, outlier: float) -> float:
+    """Sum of Huber's losses of rows that were scaled for it: beyond `outlier` a scaled one is sqrt(outlier |r|)."""
+    size = np.abs(r)
+    far = size > outlier
+    return float(np.sum(r**2) + np.sum(r[far] ** 2 - outlier**2))
+
+
+def _spread(rows: FloatArray, seen: View) -> FloatArray:
+    """Rows on the numbers of one recording in SI, as rows on theta."""
+    wide = np.zeros((rows.shape[0], seen.size + 1))
+    wide[:, list(seen.places)] = rows[:, :-1] * seen.slopes
+    wide[:, -1] = rows[:, -1]
+    return wide
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Filter:
+    """A filter on its way through a segment: x, S and `before` go with it, see `recursion`."""
+
+    track: Track
+    seen: View
+    which: Columns
+    now: tuple[FloatArray, FloatArray, FloatArray]
+    measured: FloatArray
+    noise: FloatArray
+    sensors: FloatArray
+    own: NDArray[np.int64]
+    gains: FloatArray
+    held: bool
+
+    @classmethod
+    def of(cls, track: Track, seen: View, measure: Sequence[str], noise: Noise, held: FloatArray | None) -> _Filter:
+        """The filter at the start of a segment."""
+        segment, p, k = track.segment, seen.actuator.parameters, len(seen.bases)
+        n, inside = len(VARIANTS[seen.actuator.model]), slice(segment.start, segment.stop)
+        inputs_of(segment, seen.actuator.model)
+        which = columns(seen.actuator, seen.bases)
+        S = start_sensitivities(segment, seen.actuator, which, estimated=False)
+        L = np.diag(start_deviations(track, seen.actuator, "pressure_a" in measure, noise))
+        S = np.column_stack([S[:, :k], L]) if held is None else np.ascontiguousarray(S[:, :k])
+        measured = np.full((len(segment), 2), np.nan)
+        for column, name in enumerate(SENSORS):
+            if name in measure:
+                values = track.measured[name][inside]
+                measured[:, column] = np.where(np.isfinite(values), values, np.nan)
+        names = [pair[i] for i in (0, 1) for pair in SENSORS.values()]
+        sigma = [noise.measured.get(name, np.inf) for name in SENSORS]
+        return cls(
+            track=track,
+            seen=seen,
+            which=which,
+            now=(start_state(segment, seen.actuator), S, np.zeros(1 + S.shape[1])),
+            measured=measured,
+            noise=np.vstack([np.zeros(n), process_noise(segment, seen.actuator, noise)]),
+            sensors=np.array([*(getattr(p, name) for name in names), *sigma, noise.outlier]),
+            own=np.array([seen.bases.index(name) if name in seen.bases else -1 for name in names]),
+            gains=np.zeros((len(segment), 2, n + 1)) if held is None else held,
+            held=held is not None,
+        )
+
+    def follow(self, at: slice, told: Told) -> int:
+        """Go on through the samples `at`; the first that is not finite, or -1."""
+        segment, numbers, which = self.track.segment, self.seen.numbers, self.which
+        module, update = kernels(numbers.model), kernels_in(_KERNELS).update
+        move = module.run_all if which.needs_parameters else module.run_table
+        x, S, _ = self.now
+        jump, taken, watched = np.zeros(2, np.uint8), np.zeros((2, 2)), np.zeros(0, np.int64)
+        out, sens = np.empty((2, x.size)), np.empty((2, 0, S.shape[1]))
+        u, dt, substeps, p = segment.inputs, segment.dt, segment.substeps, numbers.parameters
+        tables = numbers.breakpoints, numbers.load, numbers.basis
+        free = which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column
+        measured, noise, gains = self.measured[at], self.noise[at], self.gains[at]
+        for i in range(at.start, at.stop):
+            if i > 0:
+                last = slice(i - 1, i)
+                failed = move(
+                    x, S, u[i - 1 : i + 1], p, dt[last], substeps[last], jump, taken, *tables, *free, watched, out, sens
+                )
+                if failed >= 0:
+                    return i
+            steps = 1.0 / dt[i - 1] if i > 0 else 0.0
+            update(i - at.start, steps, self.now, measured, noise, self.sensors, self.own, gains, told, self.held)
+        return -1 if np.isfinite(S).all() else at.stop - 1
+
+
+def start_deviations(track: Track, actuator: Actuator, with_pressure: bool, noise: Noise) -> FloatArray:
+    """Standard deviations of the first state of a segment, in SI.
+
+    Raises
+    ------
+    Nothing: numbers are checked where they enter.
+    """
+    segment = track.segment
+    spread = dict(START if segment.vented else UNKNOWN_START)
+    if with_pressure and np.isfinite(segment.pressure_start):
+        spread["p_A"] = max(spread["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
+    return np.array([spread[name] for name in VARIANTS[actuator.model]])

@@ -1,0 +1,1 @@
+"""Numerical linear algebra and optimisation that know no actuator."""

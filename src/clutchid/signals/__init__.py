@@ -1,0 +1,1 @@
+"""What sampled signals show: runs, velocity, excitation, and the colour of residuals."""

@@ -1,0 +1,38 @@
+"""Velocity of a measured position."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchid.log import FloatArray
+
+
+def velocity(time: FloatArray, position: FloatArray, window: float) -> FloatArray:
+    """Velocity in m/s: difference of the mean positions over `window` s after and before each sample.
+
+    Missing positions are left out; NaN where a window has none.
+
+    Raises
+    ------
+    Nothing: any two columns of the same length will do.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 1.0, 0.01)
+    >>> velocity(t, 0.02 * t, 0.05).round(6)[[0, 50, 99]].tolist()
+    [0.02, 0.02, 0.02]
+    """
+    n = time.size
+    if n < 2:
+        return np.full(n, np.nan)
+    width = max(1, round(window / float(np.median(np.diff(time)))))
+    known = np.isfinite(position)
+    number = np.concatenate([[0], np.cumsum(known)])
+    sums = [np.concatenate([[0.0], np.cumsum(np.where(known, x, 0.0))]) for x in (position, time - time[0])]
+    here = np.arange(n)
+    first, last = np.maximum(here - width, 0), np.minimum(here + width + 1, n)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        after, before = number[last] - number[here], number[here + 1] - number[first]
+        moved, passed = ((s[last] - s[here]) / after - (s[here + 1] - s[first]) / before for s in sums)
+        result: FloatArray = moved / passed
+    return result

@@ -1,0 +1,110 @@
+"""How the free numbers of a fit look from one recording: which parameters of its actuator they are."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
+from clutchid.simulation.run import Columns, IntArray, Numbers, columns
+from clutchid.simulation.windows import units
+
+#: Numbers of the sensors, which the equations of the actuator do not hold.
+SENSORS = ("tau_y", "e_y", "tau_p", "e_p")
+
+#: Of each measured column the place of its state, and the lag and offset of its sensor.
+COLUMN = {"position": (0, "tau_y", "e_y"), "pressure_a": (2, "tau_p", "e_p")}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """What a window that is simulated needs to know of theta: which of it matters there, and where it stands.
+
+    The simulation carries the columns `which` from `start`; the rows of the window go on with numbers of sensors, which
+    stand in `own`, as `kernels.compare` wants them. `theta` are all their places among the parameters of the view;
+    `columns` those in `Rows.own`, with the columns of the start and of the residual; `carried` those in
+    `Rows.to_theta`.
+    """
+
+    which: Columns
+    start: FloatArray
+    own: Mapping[str, tuple[int, int]]
+    theta: IntArray
+    columns: IntArray
+    carried: IntArray
+
+
+#: Layouts by the first and the last part of the load's table that a window meets.
+Layouts = dict[tuple[int, int], Layout]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """How theta looks from one recording: its actuator, and the parameters `bases` at its `places`.
+
+    `slopes` are dSI/dtheta, `sensors` lag and offset of the sensor of each measured column;
+    `layouts` keeps what windows have asked for.
+    """
+
+    actuator: Actuator
+    numbers: Numbers
+    bases: tuple[str, ...]
+    places: tuple[int, ...]
+    slopes: FloatArray
+    size: int
+    sensors: Mapping[str, tuple[float, float]]
+    layouts: Layouts
+
+    def held(self) -> View:
+        """The same with theta held: no parameters, their values in the actuator only."""
+        return View(self.actuator, self.numbers, (), (), np.zeros(0), 0, self.sensors, {})
+
+    def met(self, low: float, high: float) -> tuple[int, int]:
+        """First and last part of the load's table between two positions in m."""
+        return bisect_right(self.numbers.breakpoints, low), bisect_right(self.numbers.breakpoints, high)
+
+    def layout(self, met: tuple[int, int]) -> Layout:
+        """The layout of a window that meets these parts of the load's table.
+
+        A load weight matters to the states where its basis function is not zero, a number of a sensor nowhere.
+        """
+        if met not in self.layouts:
+            touched = np.any(self.numbers.basis[:, met[0] : met[1] + 1] != 0.0, axis=(1, 2))
+            idle = {name for name, meets in zip(self.actuator.load.names, touched.tolist(), strict=True) if not meets}
+            active = [i for i, name in enumerate(self.bases) if name not in idle and name not in SENSORS]
+            self.layouts[met] = self._layout(active)
+        return self.layouts[met]
+
+    def _layout(self, active: Sequence[int]) -> Layout:
+        states, unit = VARIANTS[self.actuator.model], units(self.actuator)
+        n, theta = len(states), [*active, *(i for i, name in enumerate(self.bases) if name in SENSORS)]
+        which = columns(self.actuator, [*(f"start of {name}" for name in states), *(self.bases[i] for i in active)])
+        start = np.zeros((n, n + len(active)))
+        start[:, :n] = np.diag(unit)
+        column = {self.bases[i]: n + number for number, i in enumerate(theta) if self.bases[i] in SENSORS}
+        own = {name: (column.get(lag, -1), column.get(offset, -1)) for name, (_, lag, offset) in COLUMN.items()}
+        carried = np.array([self.places[i] for i in theta], dtype=np.int64)
+        placed = np.concatenate([np.arange(n), n + carried, [n + self.size]])
+        return Layout(which, start, own, np.array(theta, dtype=np.int64), placed, carried[: len(active)])
+
+
+def view(
+    actuator: Actuator,
+    bases: Sequence[str],
+    places: Sequence[int],
+    slopes: FloatArray,
+    size: int,
+    layouts: Layouts | None = None,
+) -> View:
+    """The view of a recording in which theta's `places` are the parameters `bases`, with dSI/dtheta `slopes`.
+
+    `layouts` may be those of another view, which differs in values only.
+    """
+    sensors = {name: (actuator.value(lag), actuator.value(offset)) for name, (_, lag, offset) in COLUMN.items()}
+    known = {} if layouts is None else layouts
+    return View(actuator, Numbers.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, known)

@@ -1,0 +1,117 @@
+"""Windows of a recording, and a first guess of the states at their starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import VARIANTS
+from clutchid.numerics.failure import Failure
+from clutchid.simulation.plan import Plan, Segment
+from clutchid.simulation.run import Numbers, run, start_state
+from clutchid.simulation.simulation import failure_message
+
+#: Length of a window in s, and time after which the first guess of the states takes the measured position again.
+WINDOW, GUESS = 0.1, 0.02
+
+#: Natural size of each state, in SI.
+UNITS: Mapping[str, float] = {
+    "y": 1e-3, "v": 0.1, "p_A": 1e5, "p_B": 1e4, "z": 1e-4, "T_A": 10.0, "T_B": 10.0, "p_S": 1e5, "p_G": 1e5,
+    "z_h": 1e-4,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """One segment of a recording, cut into windows that share their border samples.
+
+    `log` is its number in the fit, `spacing` the time between measured positions in s.
+    """
+
+    log: int
+    measured: Log
+    segment: Segment
+    windows: tuple[Segment, ...]
+    spacing: float
+
+
+def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
+    """All segments of all recordings, cut into windows.
+
+    Raises
+    ------
+    Nothing: a recording is checked where it is planned.
+    """
+    return tuple(
+        Track(number, prepared.log, segment, tuple(_windows(segment)), _spacing(prepared.log))
+        for number, prepared in enumerate(plans)
+        for segment in prepared.segments
+        if len(segment) > 1
+    )
+
+
+def _spacing(log: Log) -> float:
+    known = log.time[np.isfinite(log["position"])]
+    return float(np.median(np.diff(known))) if known.size > 1 else WINDOW
+
+
+def _windows(segment: Segment) -> list[Segment]:
+    length = samples(segment, WINDOW)
+    edges = [*range(0, len(segment) - 1, length), len(segment) - 1]
+    if len(edges) > 2 and edges[-1] - edges[-2] < length // 2:
+        edges.pop(-2)
+    return [_window(segment, a, b) for a, b in pairwise(edges)]
+
+
+def samples(segment: Segment, seconds: float) -> int:
+    """Number of samples of `segment` in `seconds`, at least 2."""
+    return max(2, round(seconds / float(np.median(segment.dt))))
+
+
+def _window(segment: Segment, a: int, b: int) -> Segment:
+    return replace(
+        segment,
+        start=segment.start + a,
+        stop=segment.start + b + 1,
+        inputs=np.ascontiguousarray(segment.inputs[a : b + 1]),
+        dt=np.ascontiguousarray(segment.dt[a:b]),
+        substeps=np.ascontiguousarray(segment.substeps[a:b]),
+        jump=np.zeros(b + 1 - a, dtype=np.uint8),
+        measured=np.zeros((b + 1 - a, 2)),
+    )
+
+
+def units(actuator: Actuator) -> FloatArray:
+    """Natural sizes of the states of the actuator's model."""
+    return np.array([UNITS[name] for name in VARIANTS[actuator.model]])
+
+
+def first_guess(track: Track, actuator: Actuator, with_pressure: bool) -> FloatArray | Failure:
+    """States at the start of every window, shape (n, n_states): simulated, with what is measured taken again often.
+
+    Raises
+    ------
+    Nothing: a simulation that fails is a `Failure`.
+    """
+    states, failed = run(track.segment, Numbers.of(actuator), start_state(track.segment, actuator))
+    if failed >= 0:
+        return Failure(failure_message(track.measured, track.segment, states, failed, VARIANTS[actuator.model]))
+    at = np.array([window.start for window in track.windows])
+    guess: FloatArray = states[at - track.segment.start]
+    time, position = track.measured.time, track.measured["position"]
+    reach = samples(track.segment, 0.016) // 2
+    for i, sample in enumerate(at):
+        near = slice(max(track.segment.start, sample - reach), min(track.segment.stop, sample + reach + 1))
+        known = np.isfinite(position[near])
+        if known.sum() > 2:
+            guess[i, 0] = np.median(position[near][known])
+            t = time[near][known] - time[sample]
+            guess[i, 1] = np.polyfit(t, position[near][known], 1)[0]
+        if with_pressure and np.isfinite(track.measured["pressure_a"][near]).any():
+            guess[i, 2] = np.nanmedian(track.measured["pressure_a"][near])
+    return guess

@@ -1,0 +1,202 @@
+"""The verdict: each reason against a result that was made to have it, and none where all is well."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.assess.evidence import actuator_of, as_recorded, evidence, information, predicted_fit, reach
+from clutchid.assess.verdict import verdict, verdict_json
+from clutchid.estimate import Estimate, LoadCurve, fit
+from clutchid.log import Log
+from clutchid.simulation.sensors import lagged
+
+
+@pytest.fixture(scope="module")
+def fitted(drive, with_noise):
+    """A fit of 4 s by the model that made them."""
+    noisy = with_noise(drive, 1).slice(0, 4000)
+    return fit(noisy, measure=("position", "pressure_a"))
+
+
+def reasons(result):
+    return " ".join(verdict(result).reasons)
+
+
+def shifted(result, column, by):
+    """`result` whose measured column lies above the simulation by `by`."""
+    name, one = next(iter(result.recordings.items()))
+    measured = one.measured.with_columns(**{column: one.simulated[column] + by})
+    return replace(result, recordings={name: replace(one, measured=measured)})
+
+
+def test_a_fit_by_the_true_model_is_good(fitted):
+    assert verdict(fitted) == verdict(fitted, evidence(fitted))
+    assert verdict(fitted).trust == "good"
+    assert verdict(fitted).reasons == ()
+
+
+def test_a_failed_fit_is_not_to_be_trusted(fitted):
+    failed = replace(fitted, status="failed", message="no step is finite", recordings={})
+    assert verdict(failed).trust == "none"
+    assert verdict(failed).reasons == ("the fit failed: no step is finite.",)
+    assert verdict_json(failed)["diagnostics"] == {}
+
+
+def test_a_search_that_did_not_settle_is_a_reason(fitted):
+    assert fitted.settled
+    told = replace(fitted, settled=False)
+    assert verdict(told).trust == "with care"
+    assert "did not settle" in reasons(told)
+
+
+def test_a_bound_that_is_hit_is_a_reason_and_an_infinite_one_is_none(fitted):
+    value = fitted.parameters["theta_1"].value
+    held = replace(fitted, bounds={**fitted.bounds, "theta_1": (0.0, value)})
+    assert "theta_1 (upper) lies at its bound" in reasons(held)
+    free = replace(fitted, bounds=dict.fromkeys(fitted.bounds, (-np.inf, np.inf)))
+    assert verdict(free).trust == "good"
+
+
+def test_a_covariance_at_its_rounding_is_a_reason(fitted):
+    std = np.array([1e4, 1e4, 1e4])
+    singular = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) * np.outer(std, std)
+    lost = replace(fitted, covariance=singular)
+    assert "rounding in the direction of theta_1 and theta_2" in reasons(lost)
+    assert verdict(lost).trust == "none"  # load weights among them
+
+
+def test_a_standard_error_as_large_as_the_value_is_a_reason(fitted):
+    wide = {**fitted.parameters, "P_S": Estimate(9e5, "Pa", 1e6, -1e6, 2.8e6)}
+    covariance = np.diag([*np.diag(fitted.covariance), 1e12])
+    assert "the standard error of P_S is as large" in reasons(replace(fitted, parameters=wide, covariance=covariance))
+
+
+def test_a_motion_that_another_actuator_made_is_a_reason(fitted):
+    # twice the load over the whole stroke: the piston does not get there
+    other = fitted.actuator.replace({name: 2 * fitted.actuator.value(name) for name in fitted.actuator.load.names})
+    assert "of the motion" in reasons(replace(fitted, actuator=other))
+
+
+def test_a_residual_that_follows_a_valve_and_is_more_than_the_band_is_a_reason(fitted):
+    duty = fitted.recordings["drive"].measured["duty_supply"]
+    slow = np.convolve(duty, np.ones(20) / 20)[: duty.size]
+    width = float(np.median(fitted.load_curve.high - fitted.load_curve.low))
+    area = fitted.actuator.parameters.A_A
+    rms = float(np.sqrt(np.mean(slow**2)))
+    assert "the residual of pressure_a is coloured" in reasons(
+        shifted(fitted, "pressure_a", slow * 3 * width / area / rms)
+    )
+    assert "pressure_a" not in reasons(shifted(fitted, "pressure_a", slow * 0.3 * width / area / rms))
+
+
+def test_a_band_broader_than_a_tenth_of_the_peak_is_a_reason(fitted):
+    curve = fitted.load_curve
+    for part, trust in ((0.05, "good"), (0.2, "with care"), (2.0, "none")):
+        half = part * curve.force[curve.position <= reach(fitted)].max()
+        broad = LoadCurve(curve.position, curve.force, curve.force - half, curve.force + half)
+        assert verdict(replace(fitted, load_curve=broad)).trust == trust
+
+
+def test_a_band_that_is_not_there_takes_the_trust(fitted):
+    curve, infinite = fitted.load_curve, np.full(101, np.inf)
+    lost = replace(fitted, load_curve=LoadCurve(curve.position, curve.force, -infinite, infinite))
+    assert verdict(lost).trust == "none"
+    assert "no interval" in reasons(lost)
+
+
+def test_a_band_without_an_end_inside_the_reach_is_a_reason_and_its_load_no_peak(fitted):
+    curve = fitted.load_curve
+    at = int(np.flatnonzero(curve.position <= reach(fitted))[-1])
+    force, high = curve.force.copy(), curve.high.copy()
+    force[at], high[at] = 10.0 * force.max(), np.inf
+    lost = replace(fitted, load_curve=LoadCurve(curve.position, force, curve.low, high))
+    assert verdict(lost).trust == "with care"
+    assert "infinite in part" in reasons(lost)
+    assert lost.load_curve.peak(reach(fitted)) == curve.peak(curve.position[at - 1])
+    assert curve.peak(-1.0) == 0
+
+
+def test_numbers_that_are_told_in_combination_only_are_a_reason(fitted):
+    weights = np.array([1.0, 2.0, -1.0]) / np.sqrt(6.0)
+    std = np.sqrt(np.diag(fitted.covariance))
+    # one direction of the three is a million times less known than the others
+    mixed = (np.eye(3) + 1e8 * np.outer(weights, weights)) * np.outer(std, std) * 1e-8
+    assert "of 3 numbers, theta_1 to theta_3, only combinations" in reasons(replace(fitted, covariance=mixed))
+    assert reasons(replace(fitted, covariance=mixed, method="shooting")) == ""
+
+
+def test_a_recording_that_does_not_reach_the_engaging_clutch_is_a_reason(fitted):
+    (one,) = fitted.recordings.values()
+    # the position in other units: what is asked is only how far it went
+    for part, grave in ((0.4, False), (0.2, True)):
+        low = one.measured.with_columns(position=part * one.measured["position"])
+        told = verdict(replace(fitted, recordings={"drive": replace(one, measured=low)}))
+        assert any("so the load there is not known" in reason for reason in told.reasons)
+        assert not grave or told.trust == "none"
+
+
+@pytest.mark.parametrize(
+    ("method", "said"),
+    [("shooting", "by shooting the position"), ("prediction-error", "by prediction error the position")],
+)
+def test_where_the_position_follows_it_cannot_judge_and_the_verdict_says_so(fitted, method, said):
+    shot = replace(fitted, method=method)
+    (sentence,) = verdict(shot).unseen
+    assert sentence.startswith(said)
+    assert "follows the measurement" in sentence
+    assert "the pressure where it is measured" in sentence
+    assert verdict(fitted).unseen == ()
+
+
+def test_the_simulation_over_a_second_is_exact_where_the_model_is_the_truth(fitted, truth):
+    exact = replace(fitted, actuator=truth)
+    # what is left is noise of 0.05 mm on a motion of some 5 mm rms, once as it is and once at each start
+    assert 97.0 < predicted_fit(exact, "drive") < 100.0
+
+
+def test_numbers_of_one_recording_belong_to_it_alone(fitted):
+    own = {**fitted.parameters, "P_S@drive": Estimate(8e5, "Pa", 1.0, 8e5, 8e5)}
+    several = replace(fitted, parameters=own)
+    assert actuator_of(several, "drive").parameters.P_S == 8e5
+    assert actuator_of(several, "other").parameters.P_S == 9e5
+
+
+def test_what_the_sensors_record_lags_and_is_offset(fitted):
+    one = fitted.recordings["drive"].simulated
+    shot = replace(fitted, method="shooting", actuator=fitted.actuator.replace({"tau_y": 2e-3, "e_y": 1e-4}))
+    seen = as_recorded(shot, "drive", one)
+    np.testing.assert_allclose(seen["position"], lagged(one["position"], 2e-3, 1e-3) + 1e-4, atol=1e-15)
+    assert as_recorded(fitted, "drive", one) is one
+
+
+def test_the_information_is_the_inverse_of_the_covariance(fitted):
+    root = information(fitted)
+    unit = 1e5  # N/m, the natural size of a load weight
+    np.testing.assert_allclose(root.T @ root, np.linalg.inv(fitted.covariance) * unit**2, rtol=1e-6)
+
+
+def test_what_has_an_infinite_variance_has_no_information(fitted):
+    covariance = fitted.covariance.copy()
+    covariance[2] = covariance[:, 2] = 0.0
+    covariance[2, 2] = np.inf
+    root = information(replace(fitted, covariance=covariance))
+    assert np.all(root[:, 2] == 0.0)
+    assert np.any(root[:, :2] != 0.0)
+
+
+def test_the_verdict_as_json_has_plain_values_only(fitted):
+    text = json.dumps(verdict_json(fitted), allow_nan=False)
+    found = json.loads(text)
+    assert found["trust"] == "good"
+    assert set(found) >= {"trust", "reasons", "diagnostics", "missing"}
+    assert found["diagnostics"]["drive"]["position"]["fit_percent"] > 97.0
+    assert found["diagnostics"]["drive"]["pressure_a"]["rms"] == pytest.approx(2e3, rel=0.1)
+
+
+def test_a_recording_without_a_moment_to_compare_is_left_out(fitted):
+    (one,) = fitted.recordings.values()
+    blank = Log(one.measured.time, {**one.measured.columns, "position": np.full(len(one.measured), np.nan)}, "blank")
+    both = replace(fitted, recordings={**fitted.recordings, "blank": replace(one, measured=blank)})
+    assert set(evidence(both).diagnoses) == {"drive"}

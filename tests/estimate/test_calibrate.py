@@ -1,0 +1,168 @@
+"""A whole fit: what is free, what a calibration leaves, and what is refused before the search."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.estimate.calibrate import SHOOTING, Request, fit_by
+from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.shooting import fit as module
+from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.shooting.uncertainty import drift
+from clutchid.numerics.failure import Failure
+from clutchid.uncertainty.coordinates import Prior
+
+BOTH = ("position", "pressure_a")
+
+
+@pytest.fixture(scope="module")
+def short(drive_log):
+    return drive_log.slice(0, 2500)
+
+
+def test_a_calibration_finds_what_the_recording_tells(calibrated, plant):
+    assert calibrated.status == "ok"
+    for name in ("C_ve", "V_0A", "tau_y", "R_0vs", "F_C", "T_w"):
+        # six numbers of one recording: three standard deviations
+        estimate = calibrated.parameters[name]
+        assert abs(estimate.value - plant.value(name)) < 3.0 * estimate.std, name
+    # what the sensor remembers at the start of a window is guessed, which costs a part of a lag of a sample and a half
+    assert calibrated.parameters["tau_p"].value == pytest.approx(plant.value("tau_p"), rel=0.2)
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    peak = plant.load.force(y).max()
+    assert calibrated.actuator.load.force(y) == pytest.approx(plant.load.force(y), abs=0.005 * peak)
+
+
+def test_a_calibration_leaves_the_covariance_of_its_numbers_without_the_load(calibrated):
+    kept = calibrated.calibration
+    names = [name for name in calibrated.parameters if not name.startswith("theta_")]
+    assert kept.names == tuple(names)
+    at = [list(calibrated.parameters).index(name) for name in names]
+    assert np.array_equal(kept.covariance, calibrated.covariance[np.ix_(at, at)])
+    assert kept.covariance_of(("C_vs", "nothing"))[0, 0] == pytest.approx(calibrated.parameters["C_vs"].std ** 2)
+    assert kept.covariance_of(("C_vs", "nothing"))[1, 1] == 0.0
+    assert set(kept.data) == {"log"}
+
+
+def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log):
+    request = Request(("position",), ("load",), calibration=calibrated.calibration)
+    once = fit_by(SHOOTING, [worn_log], calibrated.actuator, request)
+    assert once.calibration is calibrated.calibration
+    again = fit_by(SHOOTING, [worn_log], once.actuator, replace(request, calibration=once.calibration))
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    first, second = once.actuator.load.force(y), again.actuator.load.force(y)
+    # its load is now what the curvature is compared with
+    assert second == pytest.approx(first, abs=0.005 * first.max())
+
+
+def test_the_bias_is_what_position_alone_misses_on_the_calibration_recording(calibrated, drive_log):
+    bias = np.array(calibrated.calibration.bias)
+    blind = replace(calibrated.calibration, bias=())
+    request = Request(("position",), ("load",), calibration=blind)
+    again = fit_by(SHOOTING, [position_only(drive_log)], calibrated.actuator, request)
+    missed = np.asarray(again.actuator.load.theta) - np.asarray(calibrated.actuator.load.theta)
+    assert bias == pytest.approx(missed, abs=1e-6 * np.abs(calibrated.actuator.load.theta).max())
+    corrected = fit_by(
+        SHOOTING, [position_only(drive_log)], calibrated.actuator, replace(request, calibration=calibrated.calibration)
+    )
+    assert corrected.actuator.load.theta == pytest.approx(calibrated.actuator.load.theta, abs=0.01)
+
+
+def test_a_worn_load_is_read_from_position_alone(adapted, worn):
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    true = worn.load.force(y)
+    miss = adapted.actuator.load.force(y) - true
+    assert np.sqrt(np.mean(miss**2)) < 0.008 * true.max(), "the load was 8 % off"
+    assert adapted.errors.pressure_a_rms is None
+    assert set(adapted.parameters) == {*worn.load.names, "F_C@worn", "V_0A@worn", "y_max@worn"}, (
+        "seals and rest wear too"
+    )
+
+
+def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated, worn_log):
+    request = Request(("position",), ("P_S",), calibration=calibrated.calibration)
+    fit = fit_by(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
+    variance = calibrated.parameters["P_S"].std ** 2 + drift(calibrated.actuator, "P_S") ** 2
+    own = Request(
+        ("position",), ("P_S",), priors={"P_S": Prior(calibrated.actuator.value("P_S"), np.sqrt(variance))},
+        calibration=calibrated.calibration,
+    )  # fmt: skip
+    one, other = (
+        fit.parameters["P_S"],
+        fit_by(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own).parameters["P_S"],
+    )
+    assert (one.value, one.std) == pytest.approx((other.value, other.std), rel=1e-6)
+
+
+def test_an_anchor_of_the_user_wins_over_the_calibration(calibrated, worn_log):
+    anchor = {"P_S": Prior(8.7e5, 10.0)}
+    request = Request(("position",), ("P_S",), priors=anchor, calibration=calibrated.calibration)
+    fit = fit_by(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
+    assert fit.parameters["P_S"].value == pytest.approx(8.7e5, abs=100.0)
+
+
+def test_auto_and_more_are_freed_together_and_each_once(plant, short):
+    fit = fit_by(SHOOTING, [short], plant, Request(BOTH, ("auto", "e_y", "C_vs")))
+    assert "e_y" in fit.parameters
+    assert list(fit.parameters).count("C_vs") == 1
+
+
+def test_an_own_number_of_every_recording_takes_the_place_of_the_shared_one(plant, short):
+    logs = [short, replace(short, name="again")]
+    fit = fit_by(SHOOTING, logs, plant, Request(BOTH, ("C_vs", "P_S", "P_S@EACH")))
+    assert list(fit.parameters) == ["C_vs", "P_S@log", "P_S@again"]
+    assert fit.calibration is None, "the load was not free"
+
+
+def test_own_numbers_are_not_left_to_other_recordings(plant, short):
+    fit = fit_by(SHOOTING, [short], plant, Request(BOTH, ("load", "C_vs", "P_S@EACH")))
+    assert fit.calibration.names == ("C_vs",)
+
+
+def test_auto_without_pressure_in_use_is_one_sentence(plant, short):
+    with pytest.raises(
+        DataError, match=r"^'auto' needs a recording with pressure, and --measure position,pressure_a\."
+    ):
+        fit_by(SHOOTING, [short], plant, Request(("position",), ("auto",)))
+
+
+def test_a_prior_for_what_is_not_free_is_one_sentence_with_what_is(plant, short):
+    request = Request(("position",), ("load",), priors={"P_S": Prior(9e5, 1e3)})
+    with pytest.raises(ParameterError, match=r"^prior for P_S, which is not free; free are theta_1, theta_2"):
+        fit_by(SHOOTING, [short], plant, request)
+
+
+def test_crossed_bounds_are_one_sentence(plant, short):
+    request = Request(("position",), ("C_vs",), bounds={"C_vs": (2e-8, 1e-8)})
+    with pytest.raises(ParameterError, match=r"^C_vs: lower bound 2e-08 is not below upper bound 1e-08\.$"):
+        fit_by(SHOOTING, [short], plant, request)
+
+
+def test_too_many_numbers_for_a_short_recording_are_refused_with_both_counts(plant, short):
+    with pytest.raises(DataError, match=r"^log: 100 measured samples for 22 free numbers; at least ten for each"):
+        fit_by(SHOOTING, [short.slice(0, 100)], plant, Request(("position",), ("load",)))
+
+
+def test_nothing_free_is_refused(plant, short):
+    with pytest.raises(ParameterError, match=r"^nothing is free"):
+        fit_by(SHOOTING, [short], plant, Request(("position",), ()))
+
+
+def test_a_start_that_cannot_be_simulated_is_a_result_that_says_so(plant, short, monkeypatch):
+    monkeypatch.setattr(module, "first_guess", lambda *_: Failure("v is not finite at 0.2 s."))
+    result = fit_by(SHOOTING, [short], plant, Request(("position",), ("load",)))
+    assert result.status == "failed"
+    assert result.message == "the start values cannot be simulated. v is not finite at 0.2 s."
+
+
+def test_a_fit_without_its_calibration_says_less_than_one_with_it(calibrated, adapted, worn_log):
+    certain = Calibration((), np.zeros((0, 0)), calibrated.calibration.bias)
+    request = Request(("position",), ("load",), calibration=certain)
+    sure = fit_by(SHOOTING, [worn_log], calibrated.actuator, request)
+    reached = slice(4, 80)
+    assert np.all(
+        (adapted.load_curve.high - adapted.load_curve.low)[reached]
+        > (sure.load_curve.high - sure.load_curve.low)[reached]
+    )

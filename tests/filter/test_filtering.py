@@ -1,0 +1,196 @@
+"""The filter over a recording: against a textbook filter, and its derivatives against differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.filter import filtering as module
+from clutchid.filter.filtering import filtered, start_deviations
+from clutchid.model.compiled import VARIANTS
+from clutchid.numerics.failure import Failure
+from clutchid.simulation.process_noise import process_noise
+from clutchid.simulation.run import columns, run_to_end, start_state
+from clutchid.uncertainty.noise import START, UNKNOWN_START, Noise
+
+BOTH = ("position", "pressure_a")
+NAMES = ("theta_4", "theta_9", "C_vs", "P_S", "V_0A", "F_C", "T_w", "tau_y", "tau_p", "e_y", "e_p")
+#: Nothing counts as an outlier.
+ALL_IN = replace(Noise(), outlier=1e9)
+SECONDS = 1.5
+
+
+@pytest.fixture(scope="module")
+def task(plant, recorded_by, task_of):
+    return task_of(recorded_by(plant, SECONDS), plant, NAMES)
+
+
+@pytest.fixture
+def uncompressed(monkeypatch):
+    monkeypatch.setattr(module, "triangular", lambda rows: rows)
+
+
+def followed(task, x=None, noise=ALL_IN, held=None):
+    return filtered(task.tracks[0], task.view(np.zeros(len(NAMES)) if x is None else x, "log"), BOTH, noise, held)
+
+
+def textbook(task, actuator, length):
+    """Errors with variances, and states, of an extended Kalman filter that multiplies covariances out."""
+    track, p = task.tracks[0], actuator.parameters
+    segment, n = track.segment, len(VARIANTS[actuator.model])
+    seen = task.view(np.zeros(len(NAMES)), "log")
+    which = columns(actuator, [*seen.bases, *(f"start of {name}" for name in VARIANTS[actuator.model])])
+    Q = np.vstack([np.zeros(n), process_noise(segment, actuator, ALL_IN)]) ** 2
+    x, P = start_state(segment, actuator), np.diag(start_deviations(track, actuator, True, ALL_IN) ** 2)
+    C = np.zeros((2, n))
+    C[0, :2], C[1, 2] = [1.0, -p.tau_y], 1.0
+    found, states = [], []
+    for i in range(length):
+        old_x, Phi = x, np.eye(n)
+        if i > 0:
+            one = one_interval(segment, i - 1)
+            S = np.column_stack([np.zeros((n, len(seen.bases))), np.eye(n)])
+            out, _, end, _ = run_to_end(one, seen.numbers, (x, S), which, (0,))
+            x, Phi = out[-1], end[:, len(seen.bases) :]
+        rate = (x[2] - old_x[2]) / segment.dt[i - 1] if i > 0 else 0.0
+        # the pressure sensor lags: it also sees the state of the sample before
+        part = p.tau_p / segment.dt[i - 1] if i > 0 else 0.0
+        now = C @ Phi
+        now[1] += part * (np.eye(n)[2] - Phi[2])
+        S2 = now @ P @ now.T + C @ np.diag(Q[i]) @ C.T
+        cross = Phi @ P @ now.T + np.diag(Q[i]) @ C.T
+        P = Phi @ P @ Phi.T + np.diag(Q[i])
+        h = np.array([x[0] - p.tau_y * x[1] + p.e_y, x[2] - p.tau_p * rate + p.e_p])
+        z = [track.measured[name][segment.start + i] for name in BOTH]
+        sigma = [ALL_IN.measured[name] for name in BOTH]
+        row = np.empty((2, 2))
+        for j in (1, 0):  # one after the other, with what the first changes of the second
+            s = S2[j, j] + sigma[j] ** 2
+            e = z[j] - h[j]
+            row[j] = e, s
+            gain, own = cross[:, j] / s, S2[:, j] / s
+            x, h = x + gain * e, h + own * e
+            P = P - np.outer(gain, gain) * s
+            cross, S2 = cross - np.outer(gain, S2[j]), S2 - np.outer(own, S2[j])
+        found.append(row)
+        states.append(x)
+    return np.array(found), np.array(states)
+
+
+def one_interval(segment, i):
+    return replace(
+        segment,
+        start=i,
+        stop=i + 2,
+        inputs=np.ascontiguousarray(segment.inputs[i : i + 2]),
+        dt=segment.dt[i : i + 1],
+        substeps=segment.substeps[i : i + 1],
+        jump=np.zeros(2, np.uint8),
+        measured=np.zeros((2, 2)),
+    )
+
+
+def test_the_filter_is_the_textbook_filter(task, plant):
+    length = 900
+    errors, states = textbook(task, plant, length)
+    found = followed(task)
+    moved = np.ptp(states[:, 0])
+    assert moved > 5e-3, "the piston must move, or little is tested"
+    # the textbook loses half the digits of a covariance whose states differ by 14 orders
+    size = np.array([ALL_IN.measured[name] for name in BOTH])
+    assert found.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
+    assert found.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)
+    assert found.states[:length] == pytest.approx(states, rel=1e-4, abs=1e-8)
+
+
+def test_a_pass_with_the_gains_of_another_at_the_same_numbers_is_that_pass(task):
+    free = followed(task)
+    held = followed(task, held=free.gains)
+    assert held.cost == pytest.approx(free.cost, rel=1e-9)
+    assert np.abs(held.rows[:, :-1]) == pytest.approx(np.abs(free.rows[:, :-1]), abs=1e-6 * np.abs(free.rows).max())
+    assert held.errors[:, :, 0] == pytest.approx(free.errors[:, :, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rows_have_the_derivatives_that_differences_have_while_the_gains_are_held(task, uncompressed, name):
+    here = followed(task)
+    place, h = NAMES.index(name), 1e-4
+    e = h * np.eye(len(NAMES))[place]
+    up, down = (followed(task, step, held=here.gains).rows[:, -1] for step in (e, -e))
+    differences = (up - down) / (2 * h)
+    assert np.abs(differences).max() > 0.01, "the recording must tell this number, or nothing is tested"
+    error = np.linalg.norm(here.rows[:, place] - differences)
+    # the model has kinks: a sample in which one moves is off by the step
+    assert error < 2e-3 * np.linalg.norm(differences)
+
+
+def test_rows_and_cost_count_what_lies_beyond_the_bound_linearly(task, uncompressed):
+    noise = replace(Noise(), outlier=1.0)
+    found = followed(task, noise=noise)
+    nu = np.abs(found.errors[:, :, 0] / np.sqrt(found.errors[:, :, 1])).ravel()
+    assert 0.1 < np.mean(nu > 1.0) < 0.9
+    assert found.cost == pytest.approx(np.sum(np.where(nu > 1.0, 2 * nu - 1.0, nu**2)))
+    assert np.abs(found.rows[:, -1]) == pytest.approx(np.where(nu > 1.0, np.sqrt(nu), nu))
+
+
+def test_blocks_do_not_change_what_is_found(task, monkeypatch):
+    whole = followed(task)
+    monkeypatch.setattr(module, "BLOCK", 100)
+    cut = followed(task)
+    assert cut.cost == pytest.approx(whole.cost, rel=1e-12)
+    assert cut.rows.T @ cut.rows == pytest.approx(whole.rows.T @ whole.rows, rel=1e-9, abs=1e-6)
+    assert np.array_equal(cut.states, whole.states)
+
+
+def test_missing_samples_are_left_out_one_by_one(task):
+    track = task.tracks[0]
+    holes = track.measured["position"].copy()
+    holes[500:520] = np.nan
+    holes[600] = np.inf
+    torn = replace(track, measured=track.measured.with_columns(position=holes))
+    found = filtered(torn, task.view(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
+    missing = np.isnan(found.errors[:, 0, 0])
+    assert np.flatnonzero(missing).tolist() == [*range(500, 520), 600]
+    assert not np.isnan(found.errors[:, 1]).any()
+    assert found.errors[519, 1, 1] > 0
+    assert np.isfinite(found.rows).all()
+
+
+def test_without_pressure_in_use_only_the_position_counts(task):
+    found = filtered(task.tracks[0], task.view(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    assert np.isnan(found.errors[:, 1]).all()
+    assert np.isfinite(found.errors[:, 0]).all()
+    assert found.rows[:, NAMES.index("e_p")] == pytest.approx(0.0)
+
+
+def test_what_the_filter_says_of_the_pressure_holds_the_truth(plant, recorded_by, task_of):
+    log = recorded_by(plant, 3.0)
+    task = task_of(log, plant, NAMES, ("position",))
+    found = filtered(task.tracks[0], task.view(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    truth = recorded_by(plant.replace({"tau_p": 0.0}), 3.0, seed=None)["pressure_a"]
+    off = (found.states[:, 2] - truth) / found.pressures[:, -1]
+    # the model made the recording without process noise: the filter is surer than it says
+    assert np.sqrt(np.mean(off**2)) < 1.0
+
+
+def test_a_start_that_does_not_rest_is_known_less_well(task, plant):
+    track, names = task.tracks[0], VARIANTS[plant.model]
+    moving = replace(track, segment=replace(track.segment, vented=False, pressure_start=np.nan))
+    assert start_deviations(track, plant, False, ALL_IN) == pytest.approx([START[name] for name in names])
+    assert start_deviations(moving, plant, False, ALL_IN) == pytest.approx([UNKNOWN_START[name] for name in names])
+    known = replace(track, segment=replace(track.segment, vented=False, pressure_start=2e5))
+    assert start_deviations(known, plant, True, ALL_IN)[names.index("p_A")] == ALL_IN.measured["pressure_a"]
+
+
+def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_time_and_state(task):
+    track = task.tracks[0]
+    broken = track.segment.inputs.copy()
+    broken[700:, 0] = np.nan
+    found = filtered(
+        replace(track, segment=replace(track.segment, inputs=broken)),
+        task.view(np.zeros(len(NAMES)), "log"),
+        BOTH,
+        ALL_IN,
+    )
+    assert isinstance(found, Failure)
+    assert "0.7" in found.message

@@ -1,0 +1,205 @@
+"""The carrier of the valves is found where there is one, and only there."""
+
+import numpy as np
+import pytest
+
+from clutchid import truck as virtual
+from clutchid.errors import DataError
+from clutchid.estimate.automatic import AUTOMATIC
+from clutchid.estimate.shooting.summary import position_only
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.preparation.carrier import CHANGES, PERIODS, centred, duty_grid, find_carrier, grid_phase, on_off, shows
+from clutchid.preparation.pulses import find_phase, pulsed
+from clutchid.study.proving.ground import proof
+
+PERIOD, PHASE = 0.01, 0.3
+
+
+@pytest.fixture(scope="module")
+def switched(plant):
+    """The plant with valves that a carrier of 10 ms switches, at 0.3 of its period, and a prompt pressure sensor."""
+    return plant.replace({"T_pwm": PERIOD, "s_pwm": PHASE, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0})
+
+
+@pytest.fixture(scope="module")
+def log(switched, recorded_by):
+    return recorded_by(switched, seconds=6.0, name="switched")
+
+
+def apart(one, other):
+    """Distance of two phases on the circle, rounded: the phases that are tried are twentieths."""
+    return round(abs(centred(one - other)), 9)
+
+
+def test_period_and_phase_are_found_in_a_recording_with_pressure(plant, log):
+    period, phase = find_carrier(log, plant)
+    assert period == PERIOD
+    assert apart(phase, PHASE) <= 0.05
+
+
+@pytest.mark.parametrize("phase", [0.0, -0.42])
+def test_any_phase_is_found(plant, switched, recorded_by, phase):
+    log = recorded_by(switched.replace({"s_pwm": phase}), seconds=4.0)
+    assert apart(find_carrier(log, plant, (PERIOD,))[1], phase) <= 0.05
+
+
+def test_another_period_is_told_from_its_neighbours(plant, switched, recorded_by):
+    log = recorded_by(switched.replace({"T_pwm": 0.02}), seconds=6.0)
+    period, phase = find_carrier(log, plant)
+    assert period == 0.02
+    assert apart(phase, PHASE) <= 0.05
+
+
+@pytest.mark.parametrize("number", [2071, 2073, 2081, 2092])
+def test_the_grid_of_the_duty_cycles_is_the_carrier_of_trucks_whose_longer_periods_explain_much(number):
+    """Five times the period, or twice, explains more of what is left beside its own mean than the true one does."""
+    log = proof(number).calibration.log
+    assert find_carrier(log, Actuator(model=AUTOMATIC))[0] == virtual.truck(number).T_pwm
+
+
+def test_a_recording_without_a_carrier_has_none(plant, drive_log):
+    assert find_carrier(drive_log, plant) == (0.0, 0.0)
+
+
+def test_a_recording_slower_than_the_carrier_tells_none(plant, log):
+    bus = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()}, "bus")
+    assert find_carrier(bus, plant)[0] != PERIOD
+    assert find_carrier(bus, plant, tuple(period for period in PERIODS if period < 0.025)) == (0.0, 0.0)
+
+
+def test_missing_pressure_does_not_hide_the_carrier(plant, log):
+    pressure = log["pressure_a"].copy()
+    pressure[500:560] = np.nan
+    pressure[::50] = np.nan
+    period, phase = find_carrier(log.with_columns(pressure_a=pressure), plant)
+    assert period == PERIOD
+    assert apart(phase, PHASE) <= 0.05
+
+
+def test_without_pressure_the_period_cannot_be_found(plant, log):
+    with pytest.raises(DataError, match="no column 'pressure_a'"):
+        find_carrier(position_only(log), plant)
+
+
+def test_a_late_pressure_sensor_shows_the_carrier_late(plant, switched, recorded_by):
+    log = recorded_by(switched.replace({"tau_p": 2e-3}), seconds=4.0, seed=None)
+    late = centred(find_carrier(log, plant, (PERIOD,))[1] - PHASE)
+    # 2 ms are 0.2 of the period; the lag of the sensor is free beside the phases of the valves, which take it up
+    assert 0.05 <= late <= 0.25
+
+
+@pytest.mark.parametrize("lag", [0.0, 2e-3])
+@pytest.mark.parametrize("phase", [PHASE, -0.15])
+def test_the_phase_is_found_from_position_alone_whatever_the_lag_of_its_sensor(switched, recorded_by, phase, lag):
+    known = switched.replace({"tau_y": lag, "e_y": 3e-5})
+    log = position_only(recorded_by(known.replace({"s_pwm": phase}), seconds=5.0))
+    # the fine grid has steps of 0.02: a neighbour but one at most; a lag taken for a phase would be 0.1 off
+    assert apart(find_phase(log, known.replace({"s_pwm": 0.0})), phase) < 0.05
+
+
+def test_a_centred_phase_is_the_same_phase():
+    for phase in np.linspace(-2, 2, 41):
+        assert -0.5 <= centred(phase) < 0.5
+        turns = centred(phase) - phase
+        assert turns == pytest.approx(round(turns), abs=1e-12)
+
+
+def test_duty_cycles_that_change_once_a_period_tell_it_and_its_phase():
+    t = np.arange(4000) * 1e-3
+    duty = np.repeat(np.random.default_rng(1).random(200), 20)
+    log = Log(t, {"duty_supply": np.roll(duty, 7), "duty_exhaust": np.zeros(t.size)})
+    period, phase = duty_grid(log)
+    assert period == pytest.approx(0.02)
+    assert phase == pytest.approx(0.35)
+    assert grid_phase(log, 0.02) == pytest.approx(0.35)
+    assert grid_phase(log, 0.01) == pytest.approx(0.7), "two periods of the carrier in one of the grid"
+    assert grid_phase(log, 0.012) is None
+
+
+def test_duty_cycles_that_change_at_any_time_have_no_grid():
+    t = np.arange(4000) * 1e-3
+    log = Log(t, {"duty_supply": np.random.default_rng(1).random(4000), "duty_exhaust": np.zeros(t.size)})
+    assert duty_grid(log) == (0.0, 0.0)
+    assert duty_grid(log.slice(0, 40)) == (0.0, 0.0), "too few changes"
+    assert grid_phase(log, 0.01) is None
+
+
+def test_the_phase_of_a_recording_with_a_grid_is_that_of_the_grid(plant, recorded_by):
+    log = recorded_by(plant, seconds=4.0)
+    duty = np.repeat(np.random.default_rng(2).random(len(log) // 10), 10)
+    held = log.with_columns(duty_supply=np.roll(duty, 3), duty_exhaust=np.zeros(len(log)))
+    actuator = plant.replace({"T_pwm": 0.01})
+    for with_pressure in (True, False):
+        assert pulsed(held, actuator, with_pressure).actuator.parameters.s_pwm == pytest.approx(0.3, abs=1e-6)
+
+
+def commanded(samples, every, step=1e-3, shift=0):
+    """An on/off unit: both valves opened and closed on a grid of `every` samples of `step` seconds."""
+    rng = np.random.default_rng(6)
+    held = np.repeat(rng.integers(0, 3, samples // every + 1), every)[:samples]
+    held = np.roll(held, shift)
+    return Log(np.arange(samples) * step, {"duty_supply": 1.0 * (held == 1), "duty_exhaust": 1.0 * (held == 2)})
+
+
+def test_a_unit_that_only_opens_and_closes_is_told_from_one_that_opens_in_part(drive_log):
+    bang = commanded(4000, 2)
+    assert on_off(bang)
+    assert not on_off(drive_log)
+    for name in ("duty_supply", "duty_exhaust"):
+        between = bang[name].copy()
+        between[10 : 10 + CHANGES - 1] = 0.5
+        assert on_off(bang.with_columns(**{name: between})), "a few samples between may be edges"
+        between[10 + CHANGES - 1] = 0.5
+        assert not on_off(bang.with_columns(**{name: between}))
+
+
+def test_missing_duty_cycles_are_not_taken_for_a_part():
+    bang = commanded(4000, 2)
+    holed = bang["duty_supply"].copy()
+    holed[::7] = np.nan
+    assert on_off(bang.with_columns(duty_supply=holed))
+
+
+def test_edges_of_an_on_off_unit_show_from_two_samples_and_a_phase_from_two_and_a_half(drive_log):
+    bang = commanded(4000, 2)
+    assert [shows(bang, period) for period in (1e-3, 1.9e-3, 2e-3, 2.5e-3)] == [False, False, True, True]
+    assert [shows(drive_log, period) for period in (2e-3, 2.4e-3, 2.5e-3, 0.01)] == [False, False, True, True]
+    slow = commanded(4000, 2, step=1e-2)
+    assert [shows(slow, period) for period in (0.01, 0.02)] == [False, True]
+
+
+@pytest.mark.parametrize(("every", "shift", "phase"), [(2, 0, 0.0), (2, 1, 0.5), (5, 2, 0.4)])
+def test_the_grid_of_an_on_off_unit_is_looked_for_from_two_samples(every, shift, phase):
+    period, found = duty_grid(commanded(4000, every, shift=shift))
+    assert period == pytest.approx(every * 1e-3)
+    assert apart(found, phase) < 1e-6
+
+
+def test_a_unit_that_opens_in_part_has_no_grid_of_two_samples():
+    bang = commanded(4000, 2)
+    part = bang.with_columns(duty_supply=0.5 * bang["duty_supply"])
+    assert not on_off(part)
+    assert duty_grid(part) == (0.0, 0.0)
+
+
+def test_an_on_off_unit_has_no_carrier_in_its_pressure(plant, recorded_by):
+    log = recorded_by(plant, seconds=4.0)
+    bang = log.with_columns(**{name: np.round(log[name]) for name in ("duty_supply", "duty_exhaust")})
+    assert on_off(bang)
+    assert find_carrier(bang, plant) == (0.0, 0.0)
+    assert find_carrier(bang, plant, (PERIOD,)) == (0.0, 0.0)
+
+
+def test_the_phase_of_an_on_off_unit_is_that_of_its_commands(plant):
+    bang = commanded(4000, 2, shift=1)
+    for with_pressure in (True, False):
+        found = pulsed(bang, plant.replace({"T_pwm": 2e-3}), with_pressure).actuator.parameters.s_pwm
+        assert apart(found, 0.5) < 1e-6
+
+
+def test_the_phase_in_a_pressure_is_found_less_the_lag_of_its_sensor(plant, switched, recorded_by):
+    late = switched.replace({"tau_p": 2e-3})
+    log = recorded_by(late, seconds=4.0, seed=None)
+    _, phase = find_carrier(log, late, (PERIOD,))
+    assert pulsed(log, late, True).actuator.value("s_pwm") == pytest.approx(centred(phase - 0.2))

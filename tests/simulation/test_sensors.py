@@ -1,0 +1,127 @@
+"""The lag of a sensor, to first order: against its differential equation, and its derivative against differences."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from clutchid.simulation.comparison import LEAST
+from clutchid.simulation.sensors import lag_slope, lagged, seen
+
+STEP = 1e-3
+TIME = STEP * np.arange(300)
+
+#: A position in m: a ramp that ends, as a stroke does, and a sine of 15 Hz.
+MOTIONS = {
+    "ramp": lambda t: 0.25 * np.clip(np.asarray(t) - 0.05, 0.0, 0.06),
+    "sine": lambda t: 5e-3 * np.sin(2 * np.pi * 15.0 * np.asarray(t)),
+}
+
+
+def solved(samples, tau, start):
+    """The lag of what goes straight from sample to sample, by a solver that goes from sample to sample."""
+    shown = [start]
+    for before, now in pairwise(samples):
+        slope = (now - before) / STEP
+        answer = solve_ivp(
+            lambda t, y, x=before, s=slope: (x + s * t - y) / tau, (0.0, STEP), [shown[-1]], rtol=1e-11, atol=1e-15
+        )
+        shown.append(float(answer.y[0, -1]))
+    return np.array(shown)
+
+
+@pytest.mark.parametrize("tau", [0.3e-3, 1.5e-3, 8e-3])
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_lag_is_the_solution_of_its_differential_equation(motion, tau):
+    samples = MOTIONS[motion](TIME[:150])
+    start = samples[0] - tau * (samples[1] - samples[0]) / STEP
+    assert lagged(samples, tau, STEP) == pytest.approx(solved(samples, tau, start), abs=1e-11)
+
+
+def test_a_sine_is_shown_smaller_and_later_as_a_low_pass_does():
+    tau, omega = 2e-3, 2 * np.pi * 15.0
+    shown = lagged(np.sin(omega * TIME), tau, STEP)[100:]
+    gain = np.sin(omega * TIME[100:] - np.arctan(omega * tau)) / np.hypot(1.0, omega * tau)
+    # between samples the sine is taken as straight: off by (omega step)**2 / 8 at most
+    assert shown == pytest.approx(gain, abs=(omega * STEP) ** 2 / 8)
+
+
+@given(st.floats(0.2e-3, 20e-3))
+def test_a_step_is_approached_exponentially(tau):
+    samples = np.where(np.arange(TIME.size) < 10, 0.0, 1.0)
+    shown = lagged(samples, tau, STEP)
+    assert np.all(shown[:10] == 0.0)
+    # the step is a ramp from sample 9 to 10: it has the response of the mean over this sample
+    since = TIME[10:] - TIME[9]
+    mean = 1.0 - tau / STEP * (np.exp(STEP / tau) - 1.0) * np.exp(-since / tau)
+    assert shown[10:] == pytest.approx(mean, abs=1e-12)
+
+
+def test_a_step_between_close_samples_has_the_response_of_a_step():
+    tau, fine = 2e-3, 1e-6
+    shown = lagged(np.r_[0.0, 0.0, np.ones(9999)], tau, fine)
+    # half a sample of 1 µs is what the place of the step is not known by
+    assert shown[2:] == pytest.approx(1.0 - np.exp(-fine * np.arange(9999) / tau), abs=fine / tau)
+
+
+@given(st.floats(-5e-3, 20e-3), st.floats(-1.0, 1.0))
+def test_a_ramp_is_shown_exactly_one_lag_late(tau, velocity):
+    shown = lagged(velocity * TIME, tau, STEP)
+    assert shown == pytest.approx(velocity * (TIME - tau), abs=1e-13)
+
+
+@given(st.floats(-5e-3, 0.0))
+def test_a_lag_below_0_is_a_shift_to_first_order(tau):
+    x = MOTIONS["sine"](TIME)
+    assert lagged(x, tau, STEP) == pytest.approx(x - tau * np.gradient(x, STEP), rel=0, abs=1e-16)
+
+
+def test_no_lag_shows_what_is():
+    x = MOTIONS["ramp"](TIME)
+    assert np.array_equal(lagged(x, 0.0, STEP), x)
+
+
+def test_columns_are_shown_each_on_its_own():
+    both = np.column_stack([motion(TIME) for motion in MOTIONS.values()])
+    shown = lagged(both, 1.5e-3, STEP)
+    for column, motion in enumerate(MOTIONS.values()):
+        assert shown[:, column] == pytest.approx(lagged(motion(TIME), 1.5e-3, STEP), rel=0, abs=1e-16)
+
+
+def test_where_a_short_lag_becomes_a_shift_the_record_hardly_jumps():
+    x, least = MOTIONS["sine"](TIME), LEAST * STEP
+    below, above = (lagged(x, tau, STEP) for tau in (0.999 * least, 1.001 * least))
+    # 10 µs of lag: half a sample times the curvature, which is at most 5 mm (2 pi 15 Hz)**2
+    assert np.abs(above - below).max() < least * STEP * 5e-3 * (2 * np.pi * 15.0) ** 2
+
+
+def test_of_a_single_sample_the_lag_is_not_known():
+    one = np.array([3e-3])
+    assert np.array_equal(lagged(one, 2e-3, STEP), one)
+    assert np.array_equal(lag_slope(one, one, 2e-3, STEP), [0.0])
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@given(tau=st.floats(0.05e-3, 20e-3) | st.floats(-5e-3, 0.0))
+def test_the_slope_of_a_lag_is_that_of_differences(motion, tau):
+    x, h = MOTIONS[motion](TIME), 1e-5 * max(abs(tau), 0.1e-3)
+    central = (lagged(x, tau + h, STEP) - lagged(x, tau - h, STEP)) / (2 * h)
+    slope = lag_slope(x, lagged(x, tau, STEP), tau, STEP)
+    assert slope == pytest.approx(central, abs=1e-6 * np.abs(central).max())
+
+
+def test_what_is_not_known_stays_so_and_each_stretch_is_lagged_on_its_own():
+    values = MOTIONS["sine"](TIME)
+    values[:5] = values[100:120] = values[200] = values[202] = values[-3:] = np.nan
+    record = seen(values, TIME, 2e-3, 1e-4)
+    assert np.array_equal(np.isnan(record), np.isnan(values))
+    for part in (slice(5, 100), slice(120, 200), slice(203, 297)):
+        assert record[part] == pytest.approx(lagged(values[part], 2e-3, STEP) + 1e-4, abs=1e-15)
+    assert record[201] == values[201] + 1e-4, "of a sample alone the lag is not known"
+
+
+def test_where_nothing_is_known_nothing_is_seen():
+    assert np.isnan(seen(np.full(20, np.nan), TIME[:20], 2e-3, 1e-4)).all()

@@ -1,0 +1,40 @@
+"""Softened noise trusts everything less, and by the same factor."""
+
+import numpy as np
+import pytest
+
+from clutchid.simulation.windows import UNITS
+from clutchid.uncertainty.noise import START, STATE_NOISE, UNKNOWN_START, Noise
+
+
+def test_softened_noise_is_larger_by_the_factor_and_keeps_the_bound_on_outliers():
+    noise = Noise()
+    soft = noise.softened(8.0)
+    assert soft.measured == pytest.approx({name: 8 * value for name, value in noise.measured.items()})
+    assert soft.states == pytest.approx({name: 8 * value for name, value in noise.states.items()})
+    assert soft.flow == pytest.approx(8 * noise.flow)
+    assert soft.outlier == noise.outlier
+
+
+def test_every_state_has_a_noise_a_start_and_a_unit():
+    assert set(STATE_NOISE) == set(START) == set(UNKNOWN_START) == set(UNITS)
+    assert all(value > 0 for value in (*STATE_NOISE.values(), *START.values(), *UNITS.values()))
+
+
+def test_a_start_that_does_not_rest_is_known_less_well_than_one_that_does():
+    wider = {name for name in START if UNKNOWN_START[name] > START[name]}
+    assert wider == {"y", "v", "p_A", "z"}
+    assert all(UNKNOWN_START[name] >= START[name] for name in START)
+
+
+def test_noise_cannot_be_changed_behind_the_back_of_a_fit():
+    with pytest.raises(TypeError):
+        Noise().states["y"] = np.inf
+
+
+def test_samples_nearer_than_the_memory_tell_as_much_as_one():
+    noise = Noise(memory=0.01)
+    usual = noise.measured["position"]
+    assert noise.of_samples("position", 1e-3) == pytest.approx(usual * np.sqrt(10.0))
+    assert noise.of_samples("position", 0.02) == usual
+    assert Noise().of_samples("position", 1e-3) == usual
