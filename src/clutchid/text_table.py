@@ -8,10 +8,6 @@ from collections.abc import Sequence
 def text_table(rows: Sequence[Sequence[str]], words: int) -> list[str]:
     """Lines of a table, two blanks in: the first `words` columns to the left, numbers to the right.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> print(*text_table([("name", "value"), ("P_S", "9e5"), ("M", "10")], 1), sep="|")

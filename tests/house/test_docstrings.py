@@ -7,7 +7,7 @@ from pathlib import Path
 
 import clutchid
 
-SECTIONS = ("Parameters", "Returns", "Raises", "Examples")
+SECTIONS = ("Parameters", "Returns", "Examples")
 
 #: Files of the model that put equations together and hold none of their own.
 GLUE = {"assembly.py", "compiled.py"}
@@ -68,7 +68,7 @@ def test_a_docstring_begins_with_one_line_that_ends_with_a_full_stop(source):
     assert odd == []
 
 
-def test_public_functions_of_the_model_have_parameters_returns_raises_and_examples(source):
+def test_public_functions_of_the_model_have_parameters_returns_and_examples(source):
     lacking = {}
     for name, tree in parsed(source / "model"):
         for node in tree.body:
@@ -79,6 +79,16 @@ def test_public_functions_of_the_model_have_parameters_returns_raises_and_exampl
     poor = {key: sections for key, sections in lacking.items() if sections and key not in ONE_LINE | glue}
     assert poor == {}
     assert sorted(key for key in ONE_LINE if not lacking.get(key)) == [], "take them from the list"
+
+
+def test_no_docstring_says_that_nothing_is_raised(source):
+    said = [
+        f"{name}:{what}"
+        for name, tree in parsed(source)
+        for what, text in documented(tree)
+        if re.search(r"Raises\n-+\n\s*Nothing", text or "")
+    ]
+    assert said == []
 
 
 def test_every_equation_of_the_paper_is_named_where_it_stands(source):

@@ -140,10 +140,6 @@ def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
     fit : %
         100 where they agree, 0 where the mean does as well, negative where it does better; NaN for a constant.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> fit_percent(np.array([0.0, 2.0, 4.0]), np.array([0.0, 2.0, 3.0]))
@@ -220,12 +216,7 @@ def _regions(log: Log, residual: FloatArray) -> tuple[RegionError, ...]:
 
 
 def remarks(diagnosis: Diagnosis) -> list[str]:
-    """What is to be said of the residuals, one sentence each; empty where they look like noise.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What is to be said of the residuals, one sentence each; empty where they look like noise."""
     sentences = []
     for name, column in diagnosis.columns.items():
         who = f"{diagnosis.name}: the residual of {name}"

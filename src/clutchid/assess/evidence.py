@@ -36,12 +36,7 @@ class Evidence:
 
 
 def evidence(fit: Fit) -> Evidence:
-    """What a verdict on `fit` rests on; nothing where the fit failed.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What a verdict on `fit` rests on; nothing where the fit failed."""
     diagnoses = {name: diagnosed(fit, name) for name in fit.recordings if has_position(fit.recordings[name])}
     if fit.status == "failed" or not diagnoses:
         return Evidence({}, {}, ())
@@ -54,12 +49,7 @@ def evidence(fit: Fit) -> Evidence:
 
 
 def actuator_of(fit: Fit, name: str) -> Actuator:
-    """The fitted actuator with the numbers that the recording `name` has of its own.
-
-    Raises
-    ------
-    Nothing: a recording without own numbers has the shared ones.
-    """
+    """The fitted actuator with the numbers that the recording `name` has of its own."""
     own = {key.partition("@")[0]: e.value for key, e in fit.parameters.items() if key.endswith(f"@{name}")}
     return fit.actuator.replace(own) if own else fit.actuator
 
@@ -87,10 +77,6 @@ def predicted_fit(fit: Fit, name: str) -> float:
     """Fit in % of the position of the recording `name`, simulated for `HORIZON` s at a time; NaN where it cannot be.
 
     At each start the position is taken from the measurement and the masses of air go on.
-
-    Raises
-    ------
-    Nothing.
     """
     measured = fit.recordings[name].measured
     every = max(1, round(HORIZON / float(np.median(np.diff(measured.time)))))
@@ -105,10 +91,6 @@ def information(fit: Fit) -> FloatArray | None:
     """Root of the information on the shared free numbers in natural sizes, for `missing` and `best_manoeuvre`.
 
     None where nothing is free. What has an infinite variance has no information.
-
-    Raises
-    ------
-    Nothing.
     """
     at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
     names = [name for name in fit.parameters if "@" not in name]

@@ -41,10 +41,6 @@ def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R:
     -------
     sentences : list of str
 
-    Raises
-    ------
-    Nothing: what does not move lacks everything, and is told so.
-
     Examples
     --------
     >>> from clutchid.signals.excitation import excitation

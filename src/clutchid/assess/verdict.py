@@ -56,10 +56,6 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     verdict : Verdict
         'none' where the load is not known at all, 'with care' where there is a reason to doubt it or its band.
 
-    Raises
-    ------
-    Nothing: a failed fit has the trust 'none'.
-
     Notes
     -----
     Residuals are more than the band counts when they are coloured, move with a valve, and would make a load that is
@@ -97,10 +93,6 @@ def verdict_json(fit: Fit, found: Evidence | None = None) -> dict[str, Any]:
         Of any status and method.
     found : Evidence, optional
         ``evidence(fit)``, where it is at hand.
-
-    Raises
-    ------
-    Nothing.
     """
     found = evidence(fit) if found is None else found
     judged = verdict(fit, found)

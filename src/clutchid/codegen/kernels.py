@@ -15,12 +15,7 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
 def kernel(function: _Function) -> _Function:
-    """Compile a function of numbers and arrays, with the settings of the generated kernels.
-
-    Raises
-    ------
-    Nothing: what cannot be compiled is said at the first call.
-    """
+    """Compile a function of numbers and arrays, with the settings of the generated kernels."""
     import numba  # slow to import, which a process that runs no kernel need not wait for
 
     made = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})(function)

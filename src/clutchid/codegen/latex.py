@@ -21,10 +21,6 @@ def latex_source(system: System) -> str:
 
     Piecewise expressions become ``cases``; those inside another expression are written before it as auxiliaries, the
     first one of w_v as ``w_v^{(1)}``. The table's function is given as the sum of its weighted basis functions.
-
-    Raises
-    ------
-    Nothing: every expression has a form in LaTeX.
     """
     lines: list[tuple[str, str]] = []
     for symbol, value in system.definitions:
@@ -41,10 +37,6 @@ def latex_source(system: System) -> str:
 def expression_latex(value: Expr) -> str:
     r"""One expression in the letters of the paper.
 
-    Raises
-    ------
-    Nothing: every expression has a form in LaTeX.
-
     Examples
     --------
     >>> from sympy import symbols
@@ -58,10 +50,6 @@ def expression_latex(value: Expr) -> str:
 
 def letters(name: str) -> str:
     r"""A symbol's name as the paper writes it.
-
-    Raises
-    ------
-    Nothing: every name has a form.
 
     Examples
     --------

@@ -30,10 +30,6 @@ def equipment_in(document: Mapping[str, Any]) -> tuple[Equipment, list[str]]:
     Returns
     -------
     equipment, problems
-
-    Raises
-    ------
-    Nothing: problems are sentences.
     """
     if "actuator" not in document:
         return Equipment(), []
@@ -56,10 +52,6 @@ def equipment_in(document: Mapping[str, Any]) -> tuple[Equipment, list[str]]:
 
 def with_gravity(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
     """``[model]`` and ``[parameters]`` with a constant load in place of `gravity_load`, and what is wrong with it.
-
-    Raises
-    ------
-    Nothing: problems are sentences.
 
     Examples
     --------
@@ -91,12 +83,7 @@ def with_gravity(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str,
 
 
 def section_of(equipment: Equipment) -> dict[str, dict[str, Any]]:
-    """What a parameter file says of `equipment`; nothing of that of the paper.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What a parameter file says of `equipment`; nothing of that of the paper."""
     if equipment == Equipment():
         return {}
     return {"actuator": {name: value for name, value in asdict(equipment).items() if value != ""}}

@@ -212,12 +212,7 @@ def check_size(logs: Sequence[Log], wanted: Wanted) -> None:
 
 
 def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
-    """Covariance of the shared parameters of a fit, the load weights left out.
-
-    Raises
-    ------
-    Nothing: a recording without a file has an unknown hash.
-    """
+    """Covariance of the shared parameters of a fit, the load weights left out."""
     at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and "@" not in name]
     names = tuple(name for i, name in enumerate(result.parameters) if i in at)
     data = {name: r.measured.metadata.get("sha256", "unknown") for name, r in result.recordings.items()}

@@ -63,12 +63,7 @@ class Calibration:
     score: Score | None = None
 
     def less_sure(self, names: tuple[str, ...], covariance: FloatArray) -> Calibration:
-        """The same with the `covariance` of `names` in SI, shape (k, k), added to what is known of them.
-
-        Raises
-        ------
-        Nothing: a name that was not calibrated is added.
-        """
+        """The same with the `covariance` of `names` in SI, shape (k, k), added to what is known of them."""
         known = tuple(dict.fromkeys((*self.names, *names)))
         at = [known.index(name) for name in names]
         wider = self.covariance_of(known)

@@ -71,12 +71,7 @@ CHANGED, SINGLE_CHANGED = 3.0, 2.5
 
 
 def score(shot: Shot[Found]) -> Score | Failure:
-    """Where held numbers of `CHANGES` and `SUPPLY` would go at the end of a search, each in each recording.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """Where held numbers of `CHANGES` and `SUPPLY` would go at the end of a search, each in each recording."""
     task, found = shot.task, shot.found
     if isinstance(found, Failure):
         return found
@@ -102,12 +97,7 @@ def score(shot: Shot[Found]) -> Score | Failure:
 
 
 def mean_score(scores: Sequence[Score]) -> Score:
-    """The mean of the scores of several recordings, of numbers without the name of a recording.
-
-    Raises
-    ------
-    Nothing: one recording at least; all have the same numbers.
-    """
+    """The mean of the scores of several recordings, of numbers without the name of a recording."""
     names = tuple(name.partition("@")[0] for name in scores[0].names)
     shift = np.mean([one.shift for one in scores], axis=0)
     return Score(names, shift, np.mean([one.covariance for one in scores], axis=0) / len(scores))
@@ -118,10 +108,6 @@ def with_changes(wanted: Wanted, here: Score, before: Score, actuator: Actuator)
 
     They have values of their own in the recording that has changed most; what others seem to have changed may be its
     doing, as they share the load. The same object where nothing has changed.
-
-    Raises
-    ------
-    Nothing: numbers that `before` does not know are left as they are.
     """
     most, released = 0.0, dict[str, Prior]()
     for stem in dict.fromkeys(name.partition("@")[2] for name in here.names):
@@ -182,10 +168,6 @@ def moves(here: Score, before: Score, stem: str, free: Set[str]) -> dict[str, Mo
     """How every kind of `CHANGES` has moved in the recording `stem` since the score `before`, asked together.
 
     `free` are numbers that are fitted here. A kind is left out of which no number is held and known to both scores.
-
-    Raises
-    ------
-    Nothing: numbers that one score does not know are left out.
     """
     asked = [name for kind in CHANGES.values() for name in _known(here, before, kind, stem)]
     now, then = _held(here, before, asked, stem, free)
@@ -199,12 +181,7 @@ def moves(here: Score, before: Score, stem: str, free: Set[str]) -> dict[str, Mo
 
 
 def distance(here: Score, before: Score, names: Sequence[str], stem: str) -> float:
-    """Root mean square of what `names` have moved since `before` in the recording `stem`, in standard deviations.
-
-    Raises
-    ------
-    Nothing: names are of both scores.
-    """
+    """Root mean square of what `names` have moved since `before` in the recording `stem`, in standard deviations."""
     at = [here.names.index(f"{name}@{stem}") for name in names]
     moved = here.shift[at] - before.shift[[before.names.index(name) for name in names]]
     same = {name: near.same for kind in _ALL.values() for name, near in kind.items()}
@@ -213,12 +190,7 @@ def distance(here: Score, before: Score, names: Sequence[str], stem: str) -> flo
 
 
 def changes_told(released: Sequence[str], before: Actuator, after: Fit) -> tuple[str, ...]:
-    """In words: what has changed in which recording, from the actuator `before` and the fit with it free.
-
-    Raises
-    ------
-    Nothing: names are of the fit.
-    """
+    """In words: what has changed in which recording, from the actuator `before` and the fit with it free."""
     notes = []
     for stem in dict.fromkeys(name.partition("@")[2] for name in released):
         for word, kind in _ALL.items():
@@ -231,22 +203,12 @@ def changes_told(released: Sequence[str], before: Actuator, after: Fit) -> tuple
 
 
 def from_to(before: Actuator, name: str, value: float) -> str:
-    """In words: a number of the actuator `before` that goes to another `value`.
-
-    Raises
-    ------
-    Nothing: names are checked where a request is made.
-    """
+    """In words: a number of the actuator `before` that goes to another `value`."""
     return f"{name} {before.value(name):.4g} -> {value:.4g}{before.unit_behind(name)}"
 
 
 def in_si(actuator: Actuator, name: str, share: float) -> float:
-    """In SI what is a share of the value, or in the number's own unit where it may be 0.
-
-    Raises
-    ------
-    Nothing: names are checked where a request is made.
-    """
+    """In SI what is a share of the value, or in the number's own unit where it may be 0."""
     return share * actuator.value(name) if name in SHARES else share
 
 

@@ -47,10 +47,6 @@ def doubted(
     slow
         Whether the pulses of a recording were put together. Their edges are not where they were at the calibration, so
         again all of `CHANGES` are known only so well.
-
-    Raises
-    ------
-    Nothing: numbers that one score does not know are left out.
     """
     assert calibration.score is not None, "without a score nothing can be asked"
     notes, most = list[str](), dict[str, Move]()

@@ -36,12 +36,7 @@ class LoadCurve:
     high: FloatArray
 
     def peak(self, furthest: float) -> int:
-        """Place of the greatest load up to the position `furthest` in m; with an interval, if any has one.
-
-        Raises
-        ------
-        Nothing: the first point is always up to it.
-        """
+        """Place of the greatest load up to the position `furthest` in m; with an interval, if any has one."""
         inside = self.position <= max(furthest, float(self.position[0]))
         known = inside & np.isfinite(self.high - self.low)
         return int(np.argmax(np.where(known if known.any() else inside, self.force, -np.inf)))

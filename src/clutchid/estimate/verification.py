@@ -13,12 +13,7 @@ from clutchid.simulation.sensors import sensed
 
 
 def on_samples(one: Recording, log: Log) -> Recording:
-    """What a fit says of a recording at the samples of `log`, where it was simulated on a finer raster.
-
-    Raises
-    ------
-    Nothing: the samples of the recording are on that raster.
-    """
+    """What a fit says of a recording at the samples of `log`, where it was simulated on a finer raster."""
     if len(one.measured) == len(log):
         return one
     at = np.searchsorted(one.simulated.time, log.time)
@@ -27,11 +22,6 @@ def on_samples(one: Recording, log: Log) -> Recording:
 
 
 def as_sensed(one: Recording, log: Log, p: Parameters) -> Recording:
-    """`one`, a simulation of the recording `unsensed`, against `log`: its errors are those that the sensors would show.
-
-    Raises
-    ------
-    Nothing: what is not known stays NaN.
-    """
+    """A simulation of the recording `unsensed` against `log`: its errors are those that the sensors would show."""
     shown = on_samples(replace(one, simulated=sensed(one.simulated, p)), log).simulated
     return replace(on_samples(one, log), measured=log, errors=errors_over([(log, shown)]))

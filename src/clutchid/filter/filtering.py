@@ -71,10 +71,6 @@ def filtered(
     held : (n, 2, n_states + 1), optional
         Gains and variances of another filter to take over. Then the derivatives are exact, and nothing is said of the
         spread of the states.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     states = VARIANTS[seen.actuator.model]
     n, k, length = len(states), len(seen.bases), len(track.segment)
@@ -179,12 +175,7 @@ class _Filter:
 
 
 def start_deviations(track: Track, actuator: Actuator, with_pressure: bool, noise: Noise) -> FloatArray:
-    """Standard deviations of the first state of a segment, in SI.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """Standard deviations of the first state of a segment, in SI."""
     segment = track.segment
     spread = dict(START if segment.vented else UNKNOWN_START)
     if with_pressure and np.isfinite(segment.pressure_start):

@@ -18,10 +18,6 @@ def on_grid(reading: Reading) -> bool:
     """Whether the duty cycles change on a grid: a valve takes such a change at once.
 
     One that changes anywhere waits for the carrier of the valve, up to one period.
-
-    Raises
-    ------
-    Nothing.
     """
     return _grid(reading) > 0
 
@@ -30,10 +26,6 @@ def period(reading: Reading, usual: float) -> float:
     """Period in s of the carrier where the duty cycles show it, else the `usual` one.
 
     Valves that are only opened and closed change on the grid of the control unit, which is no carrier.
-
-    Raises
-    ------
-    Nothing.
     """
     parts = sum(int(((reading.log[name] > 0) & (reading.log[name] < 1)).sum()) for name in INPUTS)
     return (_grid(reading) if parts > CHANGES else 0.0) or usual

@@ -18,12 +18,7 @@ CLEAR = 0.5
 
 
 def direction(reading: Reading) -> Finding:
-    """Whether the piston goes up while the supply valve alone is open and down while the exhaust valve alone is.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether the piston goes up while the supply valve alone is open and down while the exhaust valve alone is."""
     if not reading.driven or "position" not in reading.measured:
         return Finding(CHECK, "-", "not tellable", "the sign needs a position and both duty cycles.")
     up, down = _moved(reading, True), _moved(reading, False)

@@ -47,10 +47,6 @@ class Inspection:
         text : str
             One line a check.
 
-        Raises
-        ------
-        Nothing.
-
         Examples
         --------
         >>> slow = Finding("sample rate", "20 Hz", "bad", "20 Hz is slow; record faster.")

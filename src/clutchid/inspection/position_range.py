@@ -10,12 +10,7 @@ from clutchid.simulation.plan import outside_stroke
 
 
 def position_range(reading: Reading) -> Finding:
-    """Whether the position lies in the stroke; `clutchid.simulation.plan.outside_stroke` says it in the same words.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether the position lies in the stroke; `clutchid.simulation.plan.outside_stroke` says it in the same words."""
     check, log = "range of position", reading.log
     low, high = (float(q) for q in np.nanquantile(log["position"], (0.005, 0.995)))
     value = f"{shown(low, 'position')} to {shown(high, 'position')}"

@@ -22,12 +22,7 @@ STROKE = 0.125
 
 
 def pressure_unit(reading: Reading) -> Finding:
-    """Whether the range of the pressure is that of an absolute pressure in Pa.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether the range of the pressure is that of an absolute pressure in Pa."""
     p, pressure = reading.actuator.parameters, reading.log["pressure_a"]
     low, high = (float(q) for q in np.nanquantile(pressure, (0.01, 0.99)))
     value = f"{low:.4g} to {high:.4g}"

@@ -26,10 +26,6 @@ def quantisation(reading: Reading, name: str) -> Finding:
     deflection before they slide, F_C / K_z, for the pressure F_C / A_A.
 
     Where a piece of the load curve has fewer than `A_PIECE` steps, it cannot be fitted at all.
-
-    Raises
-    ------
-    Nothing.
     """
     check, p = f"quantisation of {name}", reading.actuator.parameters
     step, noise = reading.quanta[name], reading.noises[name]

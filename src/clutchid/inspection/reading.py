@@ -161,10 +161,6 @@ class Reading:
 def spread_over(count: int, most: int = MOST) -> IntArray:
     """At most `most` of the numbers 0 ... `count` - 1, evenly spread.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> spread_over(5, 3).tolist()
@@ -175,10 +171,6 @@ def spread_over(count: int, most: int = MOST) -> IntArray:
 
 def shown(value: float, name: str) -> str:
     """A value of a measured column, given in SI, with the unit of `MEASURED`.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

@@ -32,10 +32,6 @@ def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
     inspection : Inspection
         A finding for each check, in the order of the table.
 
-    Raises
-    ------
-    Nothing: what is wrong is what this is for.
-
     Examples
     --------
     A position with the wrong sign:

@@ -21,10 +21,6 @@ def sample_rate(reading: Reading) -> Finding:
 
     Inputs are held between samples, so each edge of a valve is known to one sample only. At top speed the piston goes
     on by `TOP_SPEED` times that, and the load of one piece of the curve is taken for that of another.
-
-    Raises
-    ------
-    Nothing.
     """
     step, p = reading.raster, reading.actuator.parameters
     if not math.isfinite(step):

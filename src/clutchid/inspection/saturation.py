@@ -15,10 +15,6 @@ def saturation(reading: Reading, name: str) -> Finding:
 
     At an end stop the noise goes on, so equal values stand side by side no longer there than anywhere else. A column
     without noise, or with steps that hide it, cannot tell.
-
-    Raises
-    ------
-    Nothing.
     """
     check, found, (low, high) = f"saturation of {name}", reading.runs[name], reading.ends[name]
     if not reading.noisy(name):
@@ -43,12 +39,7 @@ def saturation(reading: Reading, name: str) -> Finding:
 
 
 def no_noise(name: str) -> str:
-    """The sentence for a column whose noise does not show.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The sentence for a column whose noise does not show."""
     return f"{name} shows no noise beside its steps, so equal samples tell nothing."
 
 

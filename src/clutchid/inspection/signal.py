@@ -38,10 +38,6 @@ class Runs:
 def runs(values: FloatArray) -> Runs:
     """Stretches in which a column does not change; a missing sample ends one.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> found = runs(np.array([0.0, 2.0, 2.0, 2.0, 1.0, np.nan, np.nan]))
@@ -55,10 +51,6 @@ def runs(values: FloatArray) -> Runs:
 
 def stretches(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
     """First samples, and first samples after, of the stretches in which `mask` holds.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -74,10 +66,6 @@ def noise(values: FloatArray) -> float:
 
     A straight line is taken from each block of samples, so that slow motion is no noise. Blocks that do not change at
     all tell nothing, unless most do not.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -103,10 +91,6 @@ def noise(values: FloatArray) -> float:
 
 def quantum(values: FloatArray) -> float:
     """Step in which a column changes, in its unit; 0 where it has none that shows.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

@@ -36,10 +36,6 @@ def starts(reading: Reading) -> Starts:
     """Every start of a stroke that tells a time, of a long recording `MOST` of them.
 
     Both motions count from where they rise through `level`.
-
-    Raises
-    ------
-    Nothing.
     """
     p, log = reading.actuator.parameters, reading.log
     least = level(reading)
@@ -66,12 +62,7 @@ def starts(reading: Reading) -> Starts:
 
 
 def level(reading: Reading) -> float:
-    """Travel in m that tells a motion: what noise, steps and the deflection of the seals before they slide stay below.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Travel in m that shows motion: beyond noise, quantum and the deflection of the seals before they slide."""
     p = reading.actuator.parameters
     return p.F_C / p.K_z + reading.blur("position")
 

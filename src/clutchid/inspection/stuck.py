@@ -25,10 +25,6 @@ def stuck(reading: Reading, name: str) -> Finding:
 
     Told by the noise, which goes on in a piston at rest; and for the position also by a valve that was open for longer
     than the model needs to move the piston by a tenth of its stroke.
-
-    Raises
-    ------
-    Nothing.
     """
     check, noise = f"stuck {name}", reading.noisy(name)
     by_valves = name == "position" and reading.driven

@@ -27,12 +27,7 @@ BESIDE = 0.02
 
 
 def supply_pressure(reading: Reading) -> Finding:
-    """The plateau of the pressure behind a supply valve that is open for long, or else what it is above.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The plateau of the pressure behind a supply valve that is open for long, or else what it is above."""
     if "pressure_a" not in reading.measured or not reading.driven:
         sentence = "without the chamber's pressure no plateau shows the supply pressure; a fit keeps that of its start."
         return Finding(CHECK, "-", "not tellable", sentence)

@@ -41,12 +41,7 @@ class Allowed:
 
 
 def time_shift(reading: Reading) -> Finding:
-    """How much later than the simulated piston the measured one moves, over all strokes, with its spread.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """How much later than the simulated piston the measured one moves, over all strokes, with its spread."""
     if not reading.driven or "position" not in reading.measured:
         return Finding(CHECK, "-", "not tellable", "the time shift needs a position and both duty cycles.")
     found = starts(reading)

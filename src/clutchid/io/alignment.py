@@ -45,10 +45,6 @@ def align(at: FloatArray, stamps: FloatArray, values: FloatArray, longest: float
     Values at `at`; NaN in a hole, next to a missing sample, and before the first and after the last sample (a held one
     goes on for `longest`).
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> at = np.array([0.0, 0.5, 1.0, 1.5, 9.0])

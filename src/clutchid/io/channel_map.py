@@ -96,10 +96,6 @@ def write_map(content: ChannelMap, path: str | PathLike[str]) -> None:
 def map_text(content: ChannelMap, folder: Path) -> str:
     """A channel map as TOML text; DBC files are named relative to `folder` where they lie below it.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> print(map_text(ChannelMap({"position": Channel("Kupplungsweg", unit="mm", sign=-1.0)}), Path()))

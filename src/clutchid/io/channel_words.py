@@ -70,10 +70,6 @@ _JOINTS = ("", "s", "es", "n", "en", "e", "er")
 def name_score(name: str, text: str) -> float:
     """How much the text of a channel speaks for the quantity `name`; 0 where it does not, 100 where it is its name.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> name_score("position", "Kupplungsweg"), name_score("position", "Weg"), name_score("position", "ThrottlePos")
@@ -93,10 +89,6 @@ def name_score(name: str, text: str) -> float:
 
 def unit_in_name(name: str, text: str) -> str | None:
     """A unit of the quantity `name` at the end of a channel's text, where one stands there.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

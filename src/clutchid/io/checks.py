@@ -99,10 +99,6 @@ def check_ambient(ambient: float) -> None:
 def holes(time: FloatArray) -> Rows:
     """Samples after which the next one is later than 5 median intervals.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> holes(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
@@ -112,23 +108,13 @@ def holes(time: FloatArray) -> Rows:
 
 
 def intervals(time: FloatArray) -> FloatArray:
-    """Time from each sample to the next.
-
-    Raises
-    ------
-    Nothing: numbers too large to be subtracted give infinity.
-    """
+    """Time from each sample to the next."""
     with np.errstate(over="ignore"):
         return np.diff(time)
 
 
 def usual_interval(time: FloatArray) -> float:
-    """Median of the intervals that go forward; infinity where there is none.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Median of the intervals that go forward; infinity where there is none."""
     steps = intervals(time)
     forward = steps[steps > 0]
     return float(np.median(forward)) if forward.size else math.inf
@@ -136,10 +122,6 @@ def usual_interval(time: FloatArray) -> float:
 
 def quantity(value: float, unit: str | None) -> str:
     """A number with its unit, as short as it can be for a message.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -150,12 +132,7 @@ def quantity(value: float, unit: str | None) -> str:
 
 
 def in_si(heading: Heading, written: FloatArray, ambient: float) -> FloatArray:
-    """The numbers of a column in SI; as written where the unit is not known.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The numbers of a column in SI; as written where the unit is not known."""
     if heading.si is None or heading.unit is None:
         return written
     with np.errstate(over="ignore", invalid="ignore"):

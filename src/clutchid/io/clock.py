@@ -52,10 +52,6 @@ def mend(stamps: FloatArray, places: Places, clock: Clock | None = None) -> Mend
     clock
         Where the clock stood after the block before.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     A logger that was started twice in one file, and one sample that came twice:

@@ -50,10 +50,6 @@ class Heading:
 def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
     """The cells of a header, understood.
 
-    Raises
-    ------
-    Nothing: `heading_problems` says what is wrong with them.
-
     Examples
     --------
     >>> [(h.name, h.unit) for h in headings(["Time  [ms]", "pressure_A [ bar (g) ]", "gear [1]"])]
@@ -71,10 +67,6 @@ def _heading(index: int, text: str) -> Heading:
 def channel(index: int, text: str, unit: str | None, comment: str = "") -> Heading:
     """The heading of a channel whose unit stands apart from its name, as in MDF.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> channel(3, "Position", " mm "), channel(0, "TravelSensor", "").unit
@@ -84,21 +76,12 @@ def channel(index: int, text: str, unit: str | None, comment: str = "") -> Headi
 
 
 def quantity_named(name: str) -> str | None:
-    """The quantity that a name of the contract means; None for any other name.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The quantity that a name of the contract means; None for any other name."""
     return _KEYS.get(_key(name))
 
 
 def unit_spelled(text: str | None) -> str | None:
     """A unit as the table of units spells it, where it is a known one; None where there is no unit.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -117,12 +100,7 @@ _KEYS = {_key(name): name for name in QUANTITIES}
 
 
 def heading_problems(columns: Sequence[Heading], required: Sequence[str] = REQUIRED) -> list[str]:
-    """What is wrong with the headings of a file: duplicate, without unit, in an unknown unit, or missing.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What is wrong with the headings of a file: duplicate, without unit, in an unknown unit, or missing."""
     same: dict[str, list[Heading]] = defaultdict(list)
     for column in columns:
         if column.name is not None:
@@ -136,12 +114,7 @@ def heading_problems(columns: Sequence[Heading], required: Sequence[str] = REQUI
 
 
 def ignored(columns: Sequence[Heading]) -> list[str]:
-    """The warning that names the columns which have no meaning here, if there are any.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The warning that names the columns which have no meaning here, if there are any."""
     unknown = [column.text for column in columns if column.name is None and column.text]
     if not unknown:
         return []
@@ -150,12 +123,7 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
 
 
 def shortened(text: str, length: int = 40) -> str:
-    """`text` on one line and not longer than `length`, for a message.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """`text` on one line and not longer than `length`, for a message."""
     line = " ".join(text.split())
     return line if len(line) <= length else line[: length - 1] + "…"
 

@@ -27,12 +27,7 @@ class Pick:
 
 
 def pick(source: Source, channels: ChannelMap) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
-    """What the map picks from the file, and every problem with it.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What the map picks from the file, and every problem with it."""
     problems: list[str] = []
     found: dict[tuple[int, float], dict[str, tuple[Heading, Channel]]] = {}
     clocks: dict[int, tuple[Heading, Channel]] = {}

@@ -66,21 +66,11 @@ class Look:
         return self.table()
 
     def table(self) -> str:
-        """Everything as plain text for a terminal.
-
-        Raises
-        ------
-        Nothing.
-        """
+        """Everything as plain text for a terminal."""
         return _text(self)
 
     def listing(self) -> str:
-        """Every channel with its raster, unit and range, a line each: what a map can be written from.
-
-        Raises
-        ------
-        Nothing.
-        """
+        """Every channel with its raster, unit and range, a line each: what a map can be written from."""
         return _listing(self)
 
 

@@ -65,10 +65,5 @@ class Source:
 
 
 def in_contract(source: Source) -> bool:
-    """Whether a file is one table whose columns have the names of the contract, so that it needs no channel map.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a file is one table whose columns have the names of the contract, so that it needs no channel map."""
     return len(source.rasters) == 1 and {heading.name for heading in source.rasters[0].headings}.issuperset(REQUIRED)

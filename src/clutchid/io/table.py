@@ -67,12 +67,7 @@ class Table:
 
 
 def to_frame(log: Log) -> pl.DataFrame:
-    """`log` as a frame of polars with headers in SI, time first.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """`log` as a frame of polars with headers in SI, time first."""
     import polars as pl
 
     return pl.DataFrame(
@@ -81,21 +76,12 @@ def to_frame(log: Log) -> pl.DataFrame:
 
 
 def wanted(columns: Sequence[Heading], every: bool) -> tuple[Heading, ...]:
-    """The columns to read: those with a meaning, or `every` one.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The columns to read: those with a meaning, or `every` one."""
     return tuple(column for column in columns if every or column.name is not None)
 
 
 def and_more(shown: Iterable[str], rest: int) -> str:
     """What is shown, and the count of what is not.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

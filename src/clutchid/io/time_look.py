@@ -53,10 +53,6 @@ def ticked(before: TimeLook | None, time: FloatArray, places: Places) -> TimeLoo
     """The time axis as seen `before`, and a further block of stamps in s; None while there was no stamp.
 
     The usual interval is that of the first block.
-
-    Raises
-    ------
-    Nothing.
     """
     rows = np.flatnonzero(np.isfinite(time))
     if not rows.size:

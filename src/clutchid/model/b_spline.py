@@ -52,10 +52,6 @@ def b_spline_table(knots: Sequence[float]) -> tuple[FloatArray, FloatArray]:
         Shapes (s - 1,) and (m + 2, s, 4): powers of y - left breakpoint, the first segment about the first breakpoint.
         The B-splines add up to 1, so weights are forces, and the first one is the load at the first knot: the preload.
 
-    Raises
-    ------
-    Nothing: knots are checked where a load is built.
-
     References
     ----------
     de Boor, A Practical Guide to Splines, 1978.

@@ -28,10 +28,6 @@ def volume_a(y: Expr, V_0A: Expr, A_A: Expr) -> Expr:
     -------
     V_A : m³
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     Not defined in the paper.
@@ -63,10 +59,6 @@ def volume_b(y: Expr, V_0B: Expr, A_B: Expr, y_max: Expr) -> Expr:
     Returns
     -------
     V_B : m³
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -104,10 +96,6 @@ def pressure_rate(p: Expr, V: Expr, V_dot: Expr, w: Expr, R: Expr, T_0: Expr) ->
     -------
     p_dot : Pa/s
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Examples
     --------
     The open supply valve raises the pressure in the empty chamber A by 11 bar in a tenth of a second:
@@ -133,10 +121,6 @@ def wall_area(V: Expr, A: Expr) -> Expr:
     Returns
     -------
     S : m²
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -169,10 +153,6 @@ def heat_flow(p: Expr, T: Expr, T_w: Expr, S: Expr, h: Expr) -> Expr:
     Returns
     -------
     Q : W
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -214,10 +194,6 @@ def heated_pressure_rate(p: Expr, V: Expr, V_dot: Expr, H: Expr, Q: Expr, gamma:
     -------
     p_dot : Pa/s
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     The paper keeps the temperature constant, its largest structural error: 1 mm and 0.17 bar in a fast stroke.
@@ -257,10 +233,6 @@ def temperature_rate(T: Expr, p: Expr, p_dot: Expr, V: Expr, V_dot: Expr, w: Exp
     Returns
     -------
     T_dot : K/s
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----

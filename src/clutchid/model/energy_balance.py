@@ -44,10 +44,6 @@ def energy_balance(stribeck: bool = False) -> System:
         Inputs are the duty cycles, phase and step of the valves' carrier, and the duty cycles one period before; the
         load f_l(y) is a table; jumps take a measured position or pressure.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     Air arrives at T_0 from supply and ambient, and leaves at the temperature of its chamber. A jump keeps temperatures.

@@ -105,10 +105,6 @@ class Equipment:
     def driven(self, log: Log) -> Log:
         """`log` with a duty cycle for both valves of the model, where only that of the existing one is recorded.
 
-        Raises
-        ------
-        Nothing: a recording without the valve that exists is told where it is simulated.
-
         Examples
         --------
         >>> pulse = Log(np.arange(3.0), {"duty_supply": np.array([0.0, 1.0, 0.0])})

@@ -30,10 +30,6 @@ def friction_force(v: Expr, z: Expr, z_dot: Expr, D_v: Expr, K_z: Expr, D_zdot: 
     f_f : N
         Against positive motion.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Examples
     --------
     At 0.25 m/s the viscous part alone is worth 1 bar on chamber A:
@@ -64,10 +60,6 @@ def deflection_rate(v: Expr, z: Expr, K_z: Expr, F_C: Expr) -> Expr:
     -------
     z_dot : m/s
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Examples
     --------
     In steady sliding the seal is deflected by F_C / K_z = 0.2 mm:
@@ -95,10 +87,6 @@ def coulomb_force(p_A: Expr, p_B: Expr, F_C: Expr, c_F: Expr) -> Expr:
     Returns
     -------
     F : N
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -135,10 +123,6 @@ def stribeck_force(v: Expr, F_C: Expr, R_S: Expr, v_S: Expr) -> Expr:
     -------
     g : N
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     The paper leaves the Stribeck effect out.
@@ -172,10 +156,6 @@ def bearing_force(f_l: Expr, F_h: Expr, mu_h: Expr) -> Expr:
     Returns
     -------
     g : N
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----

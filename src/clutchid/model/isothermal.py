@@ -30,10 +30,6 @@ def isothermal(stribeck: bool = False) -> System:
     system : System
         Inputs are the duty cycles; the load f_l(y) is a table; jumps take a measured position or pressure.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     Every deviation from the print stands where its equation stands.

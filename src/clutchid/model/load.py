@@ -27,10 +27,6 @@ def xi_1(t_1: Expr, t_2: Expr, t_3: Expr) -> list[Expr]:
     -------
     xi_1 : 1/m, 1, m
 
-    Raises
-    ------
-    Nothing: knots are checked where a load is built.
-
     Examples
     --------
     >>> [f"{float(x):.5g}" for x in xi_1(0, sp.Rational(2, 1000), sp.Rational(85, 10000))]
@@ -56,10 +52,6 @@ def xi_2(t_2: Expr, t_3: Expr, phi2_slope: Expr = 1) -> list[Expr]:
     Returns
     -------
     xi_2 : 1/m, 1, m, m
-
-    Raises
-    ------
-    Nothing: knots are checked where a load is built.
 
     Notes
     -----
@@ -88,10 +80,6 @@ def xi_3(t_2: Expr, t_4: Expr) -> list[Expr]:
     Returns
     -------
     xi_3 : 1/m², 1/m, 1, m, 1/m², 1/m, 1, m
-
-    Raises
-    ------
-    Nothing: knots are checked where a load is built.
 
     Notes
     -----

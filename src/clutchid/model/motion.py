@@ -31,10 +31,6 @@ def acceleration(
     -------
     dv : m/s²
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     f_s is not in the paper, see `stop_force`.
@@ -73,10 +69,6 @@ def stop_force(d: Expr, d_dot: Expr, K_stop: Expr, D_stop: Expr, d_stop: Expr) -
     -------
     f : N
         Never negative; 0 where d <= 0.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----

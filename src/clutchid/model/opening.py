@@ -24,10 +24,6 @@ def opening(u: Expr, R_0: Expr, R_1: Expr) -> Expr:
     y_vx : 1
         In [0, 1].
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Examples
     --------
     >>> f"{opening(0.5, 0.07, 0.93):.2f}"
@@ -58,10 +54,6 @@ def pulse_share(u: Expr, R_0: Expr, R_1: Expr, a_0: Expr, e: Expr) -> Expr:
     -------
     a : 1
         At least 0; above 1 where a pulse outlasts the period.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -99,10 +91,6 @@ def fall(u: Expr, a_0: Expr, e: Expr) -> Expr:
     h : 1
         In [0, 1]: 0 where the valve is still open, 1 where it has closed.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     Not in the paper.
@@ -134,10 +122,6 @@ def bridged_share(share: Expr, following: Expr, h: Expr) -> Expr:
     -------
     b : 1
         At least `share`.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -171,10 +155,6 @@ def continued_share(share: Expr, u: Expr, late: Expr, h: Expr) -> Expr:
     -------
     a : 1
         At least `share`.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -214,10 +194,6 @@ def passed_pulses(a: Expr, b: Expr, s: Expr, e: Expr, c: Expr, d: Expr) -> Expr:
     -------
     passed : 1
         At least 0; pulses that overlap count twice.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -261,10 +237,6 @@ def switched_opening(a: Expr, passed: Expr, d: Expr) -> Expr:
     -------
     y_vx : 1
         In [0, 1]; `a`, at most 1, where there is no carrier.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----

@@ -21,10 +21,6 @@ def static_load(p_A: Expr, P_0: Expr, A_A: Expr) -> Expr:
     -------
     f_l : N
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     Drops friction, which is F_C = 200 N at rest and 1250 N more at 0.25 m/s; see `balanced_pressure`.
@@ -55,10 +51,6 @@ def static_pressure(f_l: Expr, P_0: Expr, A_A: Expr) -> Expr:
     -------
     p_A : Pa
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Examples
     --------
     >>> f"{static_pressure(4803.15, 1.095e5, 12.3e-3) / 1e5:.2f} bar"
@@ -84,10 +76,6 @@ def balanced_pressure(
     Returns
     -------
     p_A : Pa
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----

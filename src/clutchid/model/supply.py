@@ -21,10 +21,6 @@ def governor_rate(p_G: Expr, P_S: Expr, tau_G: Expr) -> Expr:
     -------
     p_G_dot : Pa/s
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     Not in the paper, whose supply is constant. A governor lets the compressor work between two pressures, some tenths
@@ -59,10 +55,6 @@ def reservoir_rate(p_S: Expr, p_G: Expr, tau_S: Expr, w_vs: Expr, V_S: Expr, R: 
     Returns
     -------
     p_S_dot : Pa/s
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----

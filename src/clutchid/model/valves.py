@@ -28,10 +28,6 @@ def psi(r: Expr, B: Expr, B_0: Expr, r_lam: Expr) -> Expr:
     psi : 1
         In [0, 1]; 0 where r >= 1.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     For every B but -1 the printed curve reaches r = 1 with a vertical tangent, which no solver survives.
@@ -79,10 +75,6 @@ def orifice_flow(p_h: Expr, p_l: Expr, C: Expr, B: Expr, rho_0: Expr, B_0: Expr,
     w : kg/s
         From `p_h` to `p_l`, never negative; 0 where p_l >= p_h.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     rho_0 is missing in the Appendix: 1.185 kg/m³, the reference air of ISO 6358. The paper prints P_B before the
@@ -118,10 +110,6 @@ def iso_psi(r: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
     -------
     psi : 1
         In [0, 1]; 0 where r >= 1.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----
@@ -168,10 +156,6 @@ def iso_flow(p_h: Expr, p_l: Expr, C: Expr, b: Expr, m: Expr, rho_0: Expr, r_lam
     w : kg/s
         From `p_h` to `p_l`, never negative; 0 where p_l >= p_h.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     ISO 6358-1:2013.
@@ -208,10 +192,6 @@ def breathing_flow(
     w_r : kg/s
         Into chamber B.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     As printed, (12) and (13) lack the upstream pressure and cancel each other; chamber B would be sealed.
@@ -241,10 +221,6 @@ def thermal_factor(T_0: Expr, T: Expr) -> Expr:
     Returns
     -------
     factor : 1
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     Notes
     -----

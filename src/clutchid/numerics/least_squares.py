@@ -88,10 +88,6 @@ def minimise(
         Within the bounds.
     tolerance : 1
         Relative decrease of the cost, and relative step, below which the search ends.
-
-    Raises
-    ------
-    Nothing: how it ended is in `Solution.status`.
     """
     x, here = start
     scale = _norms(here.R)

@@ -40,10 +40,6 @@ def paced(track: Track, actuator: Actuator, margin: float) -> Track:
         At the start of a search.
     margin : 1
         By how much stiffer it may become.
-
-    Raises
-    ------
-    Nothing: more steps than were planned are not taken.
     """
     edges = np.linspace(0.0, actuator.parameters.y_max, PARTS + 1)
     edges[0], edges[-1] = -np.inf, np.inf

@@ -94,10 +94,6 @@ def refined(log: Log, period: float, phase: float, late: float = 0.0) -> Log:
         recorded with, or that of the one before.
     late : s
         By how much later the duty cycles are to change, to go with a position that was recorded late.
-
-    Raises
-    ------
-    Nothing: into a hole in time no samples are put.
     """
     gaps = np.diff(log.time)
     step = float(np.median(gaps))

@@ -27,10 +27,6 @@ def new_figure(
     """An empty figure with a panel per entry of `heights` (inches) and column, row by row.
 
     Panels above each other share x, panels beside each other y, unless told otherwise.
-
-    Raises
-    ------
-    Nothing.
     """
     from matplotlib.figure import Figure
 

@@ -10,12 +10,7 @@ if TYPE_CHECKING:
 
 
 def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
-    """The JSON object of a fit and what its verdict rests on, docs/formats.md.
-
-    Raises
-    ------
-    Nothing: what is not finite is left so.
-    """
+    """The JSON object of a fit and what its verdict rests on, docs/formats.md."""
     from clutchid.assess.verdict import verdict_json
 
     curve = result.load_curve
@@ -53,12 +48,7 @@ def _errors_json(errors: Any) -> dict[str, float | None]:
 
 
 def fit_text(result: Fit, found: Evidence) -> str:
-    """A fit for a terminal; its warnings are not in it.
-
-    Raises
-    ------
-    Nothing: what is not known is shown as nan.
-    """
+    """A fit for a terminal; its warnings are not in it."""
     from clutchid.assess.verdict import verdict
 
     width = max([9, *(len(name) for name in result.parameters)])

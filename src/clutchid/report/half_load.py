@@ -26,10 +26,6 @@ class HalfLoad(NamedTuple):
 def half_load(position: FloatArray, force: FloatArray) -> float:
     """Position in m where the rising load first passes half its peak, by linear interpolation; NaN where it never does.
 
-    Raises
-    ------
-    Nothing: an unknown load has no half.
-
     Examples
     --------
     >>> half_load(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 2.0, 4.0, 1.0]))
@@ -52,10 +48,6 @@ def half_load_band(curve: LoadCurve, reach: float) -> HalfLoad:
     -------
     half : HalfLoad
         The ends are NaN where an end of the band does not pass the half peak within the reach.
-
-    Raises
-    ------
-    Nothing.
 
     Notes
     -----

@@ -15,10 +15,6 @@ from clutchid.signals.velocity import velocity
 def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:
     """Sample ranges (start, stop) of rests in the engaged clutch with the supply valve shut: the pressure is ambient.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> t = np.arange(0.0, 2.0, 1e-3)
@@ -43,10 +39,6 @@ def believed(measured: Log, p: Parameters, reach: float) -> NDArray[np.bool_]:
 
     A vented rest tells the pressure without a sensor; before the first and after the last one nothing holds it from
     one side, and beyond the reach the load that it is read from was not recorded.
-
-    Raises
-    ------
-    Nothing.
     """
     rests = vented_rests(measured, p)
     number = np.arange(len(measured))

@@ -46,10 +46,6 @@ def pieces(log: Log, window: float, shortest: float) -> list[Piece]:
         The velocity is the difference of the mean positions over this time after and before a sample.
     shortest : m
         Shortest F_C / K_z that will be simulated; sub-steps follow it.
-
-    Raises
-    ------
-    Nothing: without enough samples there is no piece.
     """
     position = log["position"]
     apart = np.zeros(len(log), dtype=bool)
@@ -87,10 +83,6 @@ def free_run(piece: Piece, values: Sequence[float], z_start: float) -> tuple[Flo
     -------
     force : (n,)
     jacobian : (n, 5)
-
-    Raises
-    ------
-    Nothing.
 
     Notes
     -----

@@ -118,10 +118,6 @@ def simulated_force(
         All of F_C, K_z, D_v, D_zdot and force_zero.
     starts : Sequence[float]
         Deflection in m at the start of every piece without a hole, 0 where not given.
-
-    Raises
-    ------
-    Nothing: `fit_lugre` checks what enters.
     """
     parts = pieces(log, window, values["F_C"] / values["K_z"])
     return _simulated(log, parts, values, [*starts, *[0.0] * len(parts)][: len(parts)])

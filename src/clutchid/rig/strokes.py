@@ -81,10 +81,6 @@ def strokes(log: Log, band: tuple[float, float] = BAND) -> list[Stroke]:
     strokes : list of Stroke
         Without strokes that a hole interrupts, that are uneven, or half of whose forces are missing.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     A triangle of 40 mm in 4 s against 5 N of friction:
@@ -133,12 +129,7 @@ def _stroke(log: Log, speed: FloatArray, first: int, last: int) -> Stroke | None
 
 
 def cycles(found: list[Stroke]) -> list[Cycle]:
-    """Strokes paired to cycles, each stroke in one cycle at most.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Strokes paired to cycles, each stroke in one cycle at most."""
     pairs, taken = [], False
     for one, other in pairwise(found):
         if taken or (one.speed > 0) == (other.speed > 0):

@@ -11,12 +11,7 @@ from clutchid.rig.lugre import LugreFit
 
 
 def parameter_table(parameters: Mapping[str, Estimate]) -> str:
-    """Numbers with their 95 % intervals, a line each.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Numbers with their 95 % intervals, a line each."""
     rows = [
         [name, f"{e.value:.4g}", *(f"{x:.4g}" if math.isfinite(e.std) else "-" for x in (e.low, e.high)), e.unit]
         for name, e in parameters.items()
@@ -25,12 +20,7 @@ def parameter_table(parameters: Mapping[str, Estimate]) -> str:
 
 
 def lugre_table(found: LugreFit) -> str:
-    """Fit and parameters of one recording.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Fit and parameters of one recording."""
     head = (
         f"{found.name}: fit {found.fit_percent:.1f} % in free run, rms {found.rms:.3g} N, "
         f"worth {found.effective_samples:.0f} independent samples"
@@ -39,12 +29,7 @@ def lugre_table(found: LugreFit) -> str:
 
 
 def level_table(found: CoulombFriction) -> str:
-    """Coulomb friction by level, a line each.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Coulomb friction by level, a line each."""
     rows = []
     for level in found.levels:
         friction, known = level.friction, math.isfinite(level.friction.std)

@@ -42,12 +42,7 @@ class Equality:
 
 
 def student(value: float, std: float, degrees_of_freedom: float) -> Interval:
-    """95 % interval by Student's t; infinite without a degree of freedom.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """95 % interval by Student's t; infinite without a degree of freedom."""
     from scipy.special import stdtrit
 
     if not (degrees_of_freedom > 0.0 and np.isfinite(std)):
@@ -57,12 +52,7 @@ def student(value: float, std: float, degrees_of_freedom: float) -> Interval:
 
 
 def satterthwaite(variances: Sequence[float], degrees_of_freedom: Sequence[float]) -> float:
-    """Degrees of freedom of a sum of estimated variances (Welch and Satterthwaite).
-
-    Raises
-    ------
-    Nothing: without a variance above 0 they are infinite.
-    """
+    """Degrees of freedom of a sum of estimated variances (Welch and Satterthwaite)."""
     spread = sum(v**2 / n for v, n in zip(variances, degrees_of_freedom, strict=True))
     return sum(variances) ** 2 / spread if spread > 0.0 else float("inf")
 
@@ -82,10 +72,6 @@ def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list
     Returns
     -------
     coefficients : list of Interval
-
-    Raises
-    ------
-    Nothing.
 
     Notes
     -----
@@ -123,10 +109,6 @@ def equality(means: FloatArray, parts: Sequence[Component]) -> Equality:
     Returns
     -------
     equality : Equality
-
-    Raises
-    ------
-    Nothing.
 
     Notes
     -----
@@ -183,10 +165,6 @@ def independent(values: FloatArray) -> bool:
     Returns
     -------
     independent : bool
-
-    Raises
-    ------
-    Nothing.
 
     Notes
     -----

@@ -19,12 +19,7 @@ VARIANT = "energy-balance-stribeck"
 
 
 def verdict(friction: CoulombFriction) -> list[str]:
-    """Whether a constant F_C is adequate and what else to set, then what to know of the recordings; sentences.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a constant F_C is adequate and what else to set, then what to know of the recordings; sentences."""
     sentences = [_over_levels(friction), *_not_corrected(friction)]
     sentences += [
         f"the friction{_at(level)} drifts between {level.cycles.min():.2f} and {level.cycles.max():.2f} N over its "
@@ -45,12 +40,7 @@ def verdict(friction: CoulombFriction) -> list[str]:
 
 
 def implied(friction: CoulombFriction) -> dict[str, Estimate]:
-    """What to set in the model: F_C, and c_F where the friction grows with the pressure.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What to set in the model: F_C, and c_F where the friction grows with the pressure."""
     test, slope = friction.test, friction.slope
     if test is None or friction.constant is None or slope is None or friction.intercept is None:
         return {"F_C": _estimate(friction.levels[0].friction, "N")} if len(friction.levels) == 1 else {}

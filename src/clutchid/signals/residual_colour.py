@@ -78,10 +78,6 @@ def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: flo
     -------
     colour : Colour
 
-    Raises
-    ------
-    Nothing: where there are too few values the numbers are NaN.
-
     Examples
     --------
     Noise that repeats a share of its last value:
@@ -120,10 +116,6 @@ def effective_samples(residual: FloatArray, block: int) -> float:
     -------
     number : 1
         From 1 to the number of finite samples; NaN where there are none.
-
-    Raises
-    ------
-    Nothing.
 
     Notes
     -----

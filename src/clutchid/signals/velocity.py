@@ -12,10 +12,6 @@ def velocity(time: FloatArray, position: FloatArray, window: float) -> FloatArra
 
     Missing positions are left out; NaN where a window has none.
 
-    Raises
-    ------
-    Nothing: any two columns of the same length will do.
-
     Examples
     --------
     >>> t = np.arange(0.0, 1.0, 0.01)

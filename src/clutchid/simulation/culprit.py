@@ -34,10 +34,6 @@ def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
     state, inputs
         Of the variant, in SI, in the order of its kernels.
 
-    Raises
-    ------
-    Nothing: a term that cannot be computed is the answer.
-
     Examples
     --------
     Below absolute zero no air flows out:

@@ -29,10 +29,6 @@ def process_noise(segment: Segment, actuator: Actuator, noise: Noise) -> FloatAr
     Returns
     -------
     sigma : (n - 1, n_states), in SI
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
     """
     p, names = actuator.parameters, VARIANTS[actuator.model]
     root = np.sqrt(segment.dt)[:, None]

@@ -27,10 +27,6 @@ def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
     -------
     shown : as x
 
-    Raises
-    ------
-    Nothing: of a single sample the lag is not known.
-
     Examples
     --------
     A ramp is shown 2 ms late:
@@ -45,12 +41,7 @@ def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
 
 
 def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> FloatArray:
-    """Derivative of `lagged` to tau, in units of x per second; `shown` is ``lagged(x, tau, step)``, shape (n,).
-
-    Raises
-    ------
-    Nothing: of a single sample the lag is not known.
-    """
+    """Derivative of `lagged` to tau, in units of x per second; `shown` is ``lagged(x, tau, step)``, shape (n,)."""
     slope = np.empty(x.size)
     columns = (np.ascontiguousarray(values, dtype=np.float64)[:, None] for values in (x, shown))
     kernels_in(_KERNELS).follow_slope(*columns, tau / step, slope)
@@ -58,12 +49,7 @@ def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> Floa
 
 
 def seen(values: FloatArray, time: FloatArray, lag: float, offset: float) -> FloatArray:
-    """What a sensor with a lag in s and an offset records of `values` over `time`; where they are NaN it is NaN.
-
-    Raises
-    ------
-    Nothing: what is not known stays NaN.
-    """
+    """What a sensor with a lag in s and an offset records of `values` over `time`; where they are NaN it is NaN."""
     if time.size < 2:
         return values + offset
     record = np.full_like(values, np.nan)
@@ -83,10 +69,6 @@ def sensed(simulated: Log, p: Parameters) -> Log:
         With position and pressure_a.
     p : Parameters
         Lags ``tau_y`` and ``tau_p`` in s, offsets ``e_y`` in m and ``e_p`` in Pa.
-
-    Raises
-    ------
-    Nothing: what is not known stays NaN.
 
     Examples
     --------

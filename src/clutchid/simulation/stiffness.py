@@ -43,10 +43,6 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
 
     The range is up to a full stroke in `STROKE_TIME` where that is faster.
 
-    Raises
-    ------
-    Nothing: the actuator is checked where it is built.
-
     Examples
     --------
     Chamber B at full stroke is the stiffest part of the paper's model:
@@ -59,10 +55,6 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
 
 def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]) -> float:
     """As `stiffness`, where the piston stays within `reach` in m and is not faster than `speed` in m/s.
-
-    Raises
-    ------
-    Nothing: the actuator is checked where it is built.
 
     Examples
     --------

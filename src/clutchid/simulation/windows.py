@@ -41,12 +41,7 @@ class Track:
 
 
 def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
-    """All segments of all recordings, cut into windows.
-
-    Raises
-    ------
-    Nothing: a recording is checked where it is planned.
-    """
+    """All segments of all recordings, cut into windows."""
     return tuple(
         Track(number, prepared.log, segment, tuple(_windows(segment)), _spacing(prepared.log))
         for number, prepared in enumerate(plans)
@@ -92,12 +87,7 @@ def units(actuator: Actuator) -> FloatArray:
 
 
 def first_guess(track: Track, actuator: Actuator, with_pressure: bool) -> FloatArray | Failure:
-    """States at the start of every window, shape (n, n_states): simulated, with what is measured taken again often.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """States at the start of every window, shape (n, n_states): simulated, with what is measured taken again often."""
     states, failed = run(track.segment, Numbers.of(actuator), start_state(track.segment, actuator))
     if failed >= 0:
         return Failure(failure_message(track.measured, track.segment, states, failed, VARIANTS[actuator.model]))

@@ -43,10 +43,6 @@ def eliminate(first: FloatArray, own: FloatArray, links: FloatArray) -> Eliminat
         Rows on x_i and theta.
     links : (windows - 1, n, 2 n + k + 1)
         Rows on x_i, x_{i+1} and theta.
-
-    Raises
-    ------
-    Nothing: a chain that does not determine its states gives singular rows in `Eliminated.own`.
     """
     n, width = first.shape
     kept = np.empty((own.shape[0], n, n + width))

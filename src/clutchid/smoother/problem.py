@@ -162,12 +162,7 @@ class Linear:
 
 
 def linearise(task: Shooting, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
-    """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer."""
     views = task.views(x)
     if isinstance(views, Failure):
         return views
@@ -184,12 +179,7 @@ def linearise(task: Shooting, x: FloatArray, X: Sequence[FloatArray]) -> Linear 
 def told_by(
     task: Shooting, track: Track, views: Mapping[str, View], starts: FloatArray, places: Sequence[int]
 ) -> Told | Failure:
-    """What the windows `places` of a track say, linearised at their own `starts`.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """What the windows `places` of a track say, linearised at their own `starts`."""
     work = partial(window_rows, track, seen=views[task.stems[track.log]], measure=task.measure, noise=task.noise)
     rows = []
     for answer in each(work, [track.windows[i] for i in places], [starts[i] for i in places]):
@@ -206,12 +196,7 @@ def assembled(
     passages: Sequence[Passage],
     cost: float,
 ) -> Linear:
-    """The problem at a point whose windows, and so its cost, are known.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """The problem at a point whose windows, and so its cost, are known."""
     x, X = at
     chains = []
     for track, sigma, starts, passage in zip(task.tracks, task.sigmas, X, passages, strict=True):
@@ -239,12 +224,7 @@ def cost_of(
 
 
 def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
-    """Rows ``[theta | r]`` of what is known before the data: every number, and the smoothness of the load.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """Rows ``[theta | r]`` of what is known before the data: every number, and the smoothness of the load."""
     return task.prior_at(x.tobytes())
 
 
@@ -266,10 +246,6 @@ def condense(
     """Triangular factor of all rows on theta, ``[R | q]``, and the chains that were eliminated into it.
 
     `damping` says how strongly each window's start is held, an array a track. Where theta is held there is no factor.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
     """
     names = VARIANTS[task.actuator.model]
     weight = np.diag([HELD[name] for name in names])

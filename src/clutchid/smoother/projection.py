@@ -61,10 +61,6 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
         "converged" where a step would gain less than `SETTLED`, or gains less where less than `DOUBTED` was hoped for;
         "stalled" where more is hoped for and no short step gains it, even with derivatives renewed.
 
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-
     References
     ----------
     Variable projection: Golub and Pereyra 1973.
@@ -164,10 +160,6 @@ def bounded_step(
         Of Levenberg and Marquardt, at least 0.
     longest : 1
         How far each number may move.
-
-    Raises
-    ------
-    Nothing: what nothing tells does not move.
     """
     R, q = factor[:, :-1], factor[:, -1]
     matrix = np.vstack([R, np.sqrt(damping) * np.diag(np.sqrt(np.sum(R**2, axis=0)))])

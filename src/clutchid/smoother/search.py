@@ -33,10 +33,6 @@ def search(
 
     In coarse stages parameters and states move together. With nothing trusted, the states follow what was measured and
     the parameters move little; so a poor start does not end far away. In the one that is meant, `project`.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     found: Found | Failure = Failure("no stage to search in")
     count = 0

@@ -53,10 +53,6 @@ def settle(task: Shooting, here: Linear, damping: Damping, tell: Callable[[], No
     -------
     settled : Linear
         Costs no more than `here`.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a step that is not made.
     """
     for _ in range(STEPS):
         tell()
@@ -102,22 +98,12 @@ def _learn(here: Linear, trial: Trial, damping: Damping) -> float:
 
 
 def stepped(task: Shooting, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
-    """States `X` after their own step that goes with a `step` of the free numbers, empty where those are held.
-
-    Raises
-    ------
-    Nothing: a chain always determines its states.
-    """
+    """States `X` after their own step that goes with a `step` of the free numbers, empty where those are held."""
     unit = units(task.actuator)
     return tuple(x + recover(chain, step[:, None])[:, :, 0] * unit for x, chain in zip(X, chains, strict=True))
 
 
 def followed(task: Shooting, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
-    """Settled states `X` as they follow a `step` of the free numbers.
-
-    Raises
-    ------
-    Nothing: a chain always determines its states.
-    """
+    """Settled states `X` as they follow a `step` of the free numbers."""
     stay, go = (stepped(task, X, chains, by) for by in (np.zeros_like(step), step))
     return tuple(x + (there - here) for x, here, there in zip(X, stay, go, strict=True))

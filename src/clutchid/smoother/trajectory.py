@@ -17,12 +17,7 @@ LEAST, MOST = 1.0, 10.0
 
 
 def trajectory(task: Shooting, found: Found, log: int) -> FloatArray:
-    """States of recording `log` at its samples, shape (n, n_states); NaN between segments.
-
-    Raises
-    ------
-    Nothing: between segments the states are NaN.
-    """
+    """States of recording `log` at its samples, shape (n, n_states); NaN between segments."""
     mine = [(track, X) for track, X in zip(task.tracks, found.X, strict=True) if track.log == log]
     n = len(mine[0][0].measured) if mine else 0
     states = np.full((n, len(VARIANTS[task.actuator.model])), np.nan)
@@ -35,12 +30,7 @@ def trajectory(task: Shooting, found: Found, log: int) -> FloatArray:
 
 
 def recorded(task: Shooting, found: Found, log: int, states: FloatArray) -> dict[str, FloatArray]:
-    """What the sensors would record along `states`: shifted by their lags and offsets.
-
-    Raises
-    ------
-    Nothing: between segments the record is NaN.
-    """
+    """What the sensors would record along `states`: shifted by their lags and offsets."""
     p = task.actuator_of(found.x, task.stems[log]).parameters
     names = VARIANTS[task.actuator.model]
     y, p_A = (states[:, names.index(name)] for name in ("y", "p_A"))
@@ -49,12 +39,7 @@ def recorded(task: Shooting, found: Found, log: int, states: FloatArray) -> dict
 
 
 def noise_scales(task: Shooting, found: Found) -> dict[str, float]:
-    """Noise scale of each measured column: the median residual, as a standard deviation, within bounds.
-
-    Raises
-    ------
-    Nothing: missing samples are left out.
-    """
+    """Noise scale of each measured column: the median residual, as a standard deviation, within bounds."""
     scales = {}
     for name in task.measure:
         residuals = [

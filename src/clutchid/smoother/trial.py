@@ -53,12 +53,7 @@ NO_GAIN = Failure("the step gains nothing")
 def attempt(
     task: Shooting, here: Linear, x: FloatArray, X: Sequence[FloatArray], last: Trial | None = None
 ) -> Trial | Failure:
-    """What the step from `here` to `x` and `X` costs; windows that are where the `last` trial had them are not new.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """What the step from `here` to `x` and `X` costs; windows that are where the `last` trial had them are not new."""
     views = task.views(x)
     if isinstance(views, Failure):
         return views
@@ -113,12 +108,7 @@ def _trial(
 
 
 def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
-    """The problem where a step led; without `free` that of the states alone, with theta held.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """The problem where a step led; without `free` that of the states alone, with theta held."""
     views = trial.views if free else {stem: seen.held() for stem, seen in trial.views.items()}
     passages = []
     for number, (track, passage, excess) in enumerate(zip(task.tracks, trial.passages, trial.excess, strict=True)):
@@ -135,12 +125,7 @@ def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
 
 
 def with_theta_held(task: Shooting, here: Linear) -> Linear:
-    """`here` as the problem of its states alone.
-
-    Raises
-    ------
-    Nothing: columns are left out.
-    """
+    """`here` as the problem of its states alone."""
     n = len(VARIANTS[task.actuator.model])
     theta = np.arange(n, n + here.x.size)
     chains = []
@@ -152,12 +137,7 @@ def with_theta_held(task: Shooting, here: Linear) -> Linear:
 
 
 def with_theta_free(task: Shooting, here: Linear, there: Linear) -> Linear | Failure:
-    """The whole problem at `there`, which is known with theta held, from the one at `here`.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """The whole problem at `there`, which is known with theta held, from the one at `here`."""
     views = task.views(there.x)
     if isinstance(views, Failure):
         return views

@@ -52,10 +52,6 @@ def window_rows(
     """Simulate a window from `start` and compare it with what was measured.
 
     Load weights that the piston does not meet in the window have no influence in it and are left out of the simulation.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     n, by, met = start.size, _kernels(), _expected(track, window, start, seen)
     while True:
@@ -86,12 +82,7 @@ def window_rows(
 def window_cost(
     track: Track, window: Segment, start: FloatArray, seen: View, measure: Sequence[str], noise: Noise
 ) -> tuple[FloatArray, float] | Failure:
-    """End of a window from `start`, and the cost of its residuals; without derivatives, so much cheaper.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """End of a window from `start`, and the cost of its residuals; without derivatives, so much cheaper."""
     out, failed = run(window, seen.numbers, start)
     if failed >= 0:
         return _failure(track, window, out, failed, seen)

@@ -33,12 +33,7 @@ def section(piece: Piece, name: str, metadata: Mapping[str, str]) -> Section:
 
 
 def velocity(time: FloatArray, position: FloatArray) -> FloatArray:
-    """Velocity in m/s at each bin, from the median positions some bins before and after; NaN at the ends.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Velocity in m/s at each bin, from the median positions some bins before and after; NaN at the ends."""
     found = np.full(time.size, np.nan)
     k = SPEED_BINS
     if time.size > 2 * k:

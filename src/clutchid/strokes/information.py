@@ -41,10 +41,6 @@ def gram(section: Section, reach: float) -> FloatArray:
         A stroke.
     reach : m
         Range of the hats from the level of the vented rest, above 0.
-
-    Raises
-    ------
-    Nothing.
     """
     log, found = section.log, section.excitation
     width = samples_in_bin(usual_interval(Samples(0, log.time, log.columns), 1.0))
@@ -74,10 +70,6 @@ def information(G: FloatArray) -> FloatArray:
     ----------
     G : s
         One matrix or several, shape (..., `SIZE`, `SIZE`).
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

@@ -65,10 +65,6 @@ def course(time: FloatArray, y: FloatArray, still: BoolArray) -> Course:
         Position above the vented rest in parts of the reach, above 0 somewhere.
     still
         Where the position is still.
-
-    Raises
-    ------
-    Nothing.
     """
     step = np.diff(time, append=time[-1])
     peak = float(y.max())
@@ -106,12 +102,7 @@ _RULES: tuple[tuple[str, Callable[[Course], bool]], ...] = (
 
 
 def stroke_label(bins: Bins) -> str:
-    """Label of a stroke, one of `STROKES`; a stroke of unknown reach, or that stays at the rest, is a partial one.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Label of a stroke, one of `STROKES`; a stroke of unknown reach, or that stays at the rest, is a partial one."""
     known = np.isfinite(bins.position) & (bins.reach > 0)
     y = (bins.position - bins.level)[known] / bins.reach[known]
     if y.size < 3 or float(y.max()) <= SLIP_ZONE[0]:
@@ -121,12 +112,7 @@ def stroke_label(bins: Bins) -> str:
 
 
 def rest_label(bins: Bins, *, held: bool, missing: float) -> str:
-    """Label of a rest, one of `RESTS`: a rest off the level, or under pressure, is held.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Label of a rest, one of `RESTS`: a rest off the level, or under pressure, is held."""
     if missing > MOST_MISSING:
         return "no position"
     pressure = bins.pressure[np.isfinite(bins.pressure)]

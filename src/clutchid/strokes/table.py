@@ -37,10 +37,6 @@ def sections_table(sections: Iterable[Section]) -> str:
     Number, kind, label, start, length, lowest and highest position from the vented rest, top speeds while opening and
     closing, vented rest before (for a rest: in it), and the share of samples without a position.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> import numpy as np

@@ -50,10 +50,6 @@ def worn_numbers(truck: Truck) -> dict[str, float]:
         ``F_C`` [N], ``C_AB`` and ``C_A0`` [m³/(Pa·s)], ``H`` [m], ``F_r`` [N] and the rest ``y_r`` [m], which is 0 for
         the new truck and below it for a worn one.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Push-type clutch: the engaged rest moves towards the cylinder as the facing wears (facts of the project). The laws

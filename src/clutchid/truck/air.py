@@ -25,10 +25,6 @@ def pressure(U: Expr, V: Expr, gamma: Expr) -> Expr:
     -------
     p : Pa
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Textbook: U = m c_v T, p V = m R T, c_v = R / (gamma - 1).
@@ -63,10 +59,6 @@ def temperature(U: Expr, m: Expr, R: Expr, gamma: Expr) -> Expr:
     -------
     T : K
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Textbook, as in `pressure`.
@@ -94,10 +86,6 @@ def wall_area(V: Expr, A: Expr) -> Expr:
     Returns
     -------
     S : m²
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------
@@ -133,10 +121,6 @@ def heat_flow(p: Expr, T: Expr, T_w: Expr, S: Expr, h: Expr, p_N: Expr, T_N: Exp
     -------
     Q : W
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Eichelberg's dependence on pressure and temperature, without piston speed, as usual for servo-pneumatic cylinders
@@ -171,10 +155,6 @@ def energy_rate(H: Expr, Q: Expr, p: Expr, V_dot: Expr) -> Expr:
     Returns
     -------
     U_dot : W
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------

@@ -33,10 +33,6 @@ def flow_function(r: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
     psi : 1
         In [0, 1].
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     ISO 6358-1:2013 (sonic conductance C, critical ratio b, subsonic index m). The straight line is ours: for m < 1 the
@@ -76,10 +72,6 @@ def valve_flow(p_h: Expr, p_l: Expr, T_h: Expr, C: Expr, b: Expr, m: Expr, r_lam
     w : kg/s
         Never negative; 0 where p_l >= p_h.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     ISO 6358-1:2013; reference air 1.185 kg/m³ at 1 bar and 293.15 K.
@@ -109,10 +101,6 @@ def orifice_flow(p_1: Expr, p_2: Expr, T_1: Expr, T_2: Expr, C: Expr, b: Expr, m
     Returns
     -------
     w : kg/s
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------
@@ -146,10 +134,6 @@ def slit_flow(p_1: Expr, p_2: Expr, T: Expr, C: Expr) -> Expr:
     -------
     w : kg/s
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Textbook: isothermal viscous flow of an ideal gas in a slit goes with the difference of the squared pressures;
@@ -181,10 +165,6 @@ def line_flow(p_1: Expr, p_2: Expr, G: Expr) -> Expr:
     -------
     w : kg/s
         Never negative.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------

@@ -25,10 +25,6 @@ def coulomb_force(p_A: Expr, p_B: Expr, F_C: Expr, c_F: Expr) -> Expr:
     -------
     F : N
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Size as in the project's facts, F_C(p).
@@ -61,10 +57,6 @@ def stribeck_force(v: Expr, F: Expr, R_S: Expr, v_S: Expr) -> Expr:
     -------
     g : N
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Hess and Soom, Trans. ASME J. Tribology 112 (1990) (recalled); ratio 1.2 to 1.6 as in the project's facts.
@@ -96,10 +88,6 @@ def deflection_rate(v: Expr, z: Expr, K: Expr, g: Expr) -> Expr:
     Returns
     -------
     z_dot : m/s
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------
@@ -138,10 +126,6 @@ def seal_force(v: Expr, z: Expr, z_dot: Expr, K_z: Expr, D_z: Expr, v_z: Expr, D
     f : N
         Against positive motion.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     As `deflection_rate`; fading damping: Olsson, thesis, Lund 1996 (recalled).
@@ -172,10 +156,6 @@ def viscous_friction(D_v: Expr, beta: Expr, T: Expr, T_N: Expr) -> Expr:
     -------
     D : N·s/m
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Reynolds' viscosity law; twice at -30 °C and half at 80 °C as in the project's facts.
@@ -205,10 +185,6 @@ def bearing_force(f_l: Expr, F_h: Expr, mu_h: Expr) -> Expr:
     Returns
     -------
     g : N
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------

@@ -29,10 +29,6 @@ def acceleration(p_A: Expr, p_B: Expr, f: Expr, A_A: Expr, A_B: Expr, P_0: Expr,
     -------
     dv : m/s²
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Textbook.
@@ -63,10 +59,6 @@ def stop_force(d: Expr, d_dot: Expr, K_stop: Expr, chi: Expr) -> Expr:
     -------
     f : N
         Never negative; 0 where d <= 0.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------

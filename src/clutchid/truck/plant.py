@@ -42,10 +42,6 @@ def plant(ledger: bool = False) -> System:
     system : System
         Inputs are the rates of the lifts and of the governor's pressure; the load f_l(y) is a table.
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     Notes
     -----
     A lift and the governor's pressure move at rates that are held over a tick of 0.1 ms, so every ramp and every edge

@@ -42,10 +42,6 @@ def diaphragm_force(
     -------
     P_1 : N
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     Almen and Laszlo, Trans. ASME 58 (1936), in the form used for clutches; numbers as in the project's facts.
@@ -81,10 +77,6 @@ def cushion_force(c: Expr, F_cu: Expr, c_cu: Expr, n_cu: Expr) -> Expr:
     -------
     F : N
 
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-
     References
     ----------
     30 kN (c / 0.8 mm)^2.2 as in the project's facts.
@@ -112,10 +104,6 @@ def cushion_compression(F: Expr, F_cu: Expr, c_cu: Expr, n_cu: Expr) -> Expr:
     Returns
     -------
     c : m
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------
@@ -148,10 +136,6 @@ def kluever_force(s: Expr, F_k: Expr, a_k: Expr, k_k: Expr) -> Expr:
     Returns
     -------
     f : N
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
 
     References
     ----------

@@ -140,10 +140,6 @@ def smoothness(actuator: Actuator, names: Sequence[str], reference: Sequence[flo
 
     At each knot the second derivative differs by `curvature` N/m² a priori, over a millimetre; shape (m, k + 1) with
     derivatives to the weights in SI among `names`, zero for the rest.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
     """
     load = actuator.load
     knots = np.asarray(load.knots)

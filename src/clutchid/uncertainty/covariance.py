@@ -50,10 +50,6 @@ def sandwich(
         The first `shared` parameters belong to all segments, the others to one each: only the first cost degrees of
         freedom of the whole, and only their scores choose the bandwidth. By default all.
 
-    Raises
-    ------
-    Nothing: what cannot be determined has infinite variance.
-
     Notes
     -----
     Bartlett weights (Newey and West 1987), bandwidth b by Andrews (1991) with a first-order autoregression for each

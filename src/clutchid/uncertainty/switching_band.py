@@ -84,10 +84,6 @@ def switching_band(simulated: Log, known: Sequence[tuple[Log, Log]], level: floa
 def quantile(error: FloatArray, level: float) -> float:
     """The value that the next of such errors does not exceed with probability `level`; the largest where they are few.
 
-    Raises
-    ------
-    Nothing: there is at least one error.
-
     Examples
     --------
     >>> quantile(np.arange(1.0, 101.0), 0.95)

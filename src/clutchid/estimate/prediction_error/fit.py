@@ -61,10 +61,6 @@ def search(
     The least sum of squares would not be that: a filter that trusts less predicts errors with larger variances, so a
     free number that makes the model less certain of itself would lower it. In each round gains and variances are those
     of the filter where the round begins, and the sum of squares is made least with them; in the last one nothing moves.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     count, name = before, "fine" if before else "coarse"
 

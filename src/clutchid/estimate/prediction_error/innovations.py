@@ -42,10 +42,6 @@ def innovations(prediction: Prediction, name: str) -> Innovations:
     Returns
     -------
     innovations : Innovations
-
-    Raises
-    ------
-    Nothing: missing samples are left out.
     """
     column = list(SENSORS).index(name)
     errors = np.concatenate([segment.errors[:, column] for segment in prediction.segments])
@@ -64,12 +60,7 @@ def _colour(correlation: FloatArray) -> float:
 
 
 def noise_scales(task: Shooting, prediction: Prediction) -> dict[str, float]:
-    """Noise scale of each measured column: the median error beyond what the state's own spread explains, within bounds.
-
-    Raises
-    ------
-    Nothing: missing samples are left out.
-    """
+    """Noise scale of each measured column: the median error beyond what the spread of the state explains, bounded."""
     scales = {}
     for column, name in enumerate(SENSORS):
         if name not in task.measure:

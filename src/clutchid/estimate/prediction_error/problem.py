@@ -47,10 +47,6 @@ def predict_errors(task: Shooting, x: FloatArray, held: Prediction | None = None
     Returns
     -------
     prediction : Prediction, or Failure where a simulation leaves the finite numbers or values contradict each other.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     views = task.views(x)
     if isinstance(views, Failure):

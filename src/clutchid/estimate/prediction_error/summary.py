@@ -48,10 +48,6 @@ def summary(shot: Shot[Predicted], calibration: Calibration | None) -> Fit | Fai
         The problem, its plans, and where the search ended.
     calibration : Calibration, optional
         What the fit builds on: its bias is taken off, its covariance counts.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     found = shot.found
     if isinstance(found, Failure):
@@ -70,10 +66,6 @@ def uncertainty(task: Shooting, found: Predicted, calibration: Calibration | Non
 
     Errors of prediction are coloured where the model is not the truck; as many neighbours count as one as their own
     correlation says.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     k = len(task.coordinates)
     extra, root = considered(task, calibration)

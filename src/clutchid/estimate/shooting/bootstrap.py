@@ -44,10 +44,6 @@ def strokes(task: Shooting) -> Numbers:
     -------
     numbers : array a track
         From 0, without gaps.
-
-    Raises
-    ------
-    Nothing: a recording is checked where it is planned.
     """
     found: list[NDArray[np.int64]] = []
     first = 0
@@ -109,10 +105,6 @@ def bootstrap(task: Shooting, found: Found, draws: int = 200, seed: int = 0) -> 
     x : (draws, k)
         NaN where there is one stroke only: it does not say how strokes scatter.
 
-    Raises
-    ------
-    Nothing: the problem was linearised before.
-
     References
     ----------
     Blocks of coloured residuals: Künsch 1989. Resampled gradients at a fixed information: Kline and Santos 2012.
@@ -134,10 +126,6 @@ def steps(linear: Linear, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
     rest that tells the pressure: on recordings of the model itself the load then scattered two to three times too far.
 
     A residual stands in the column of its stroke, so one elimination serves all draws.
-
-    Raises
-    ------
-    Nothing: what nothing tells does not move.
     """
     k = linear.prior.shape[1] - 1
     count = 2 + max(int(track.max()) for track in numbers)
@@ -181,10 +169,6 @@ def ratio(task: Shooting, x: FloatArray, known: FloatArray) -> float:
     -------
     ratio : 1
         NaN where no load is free, the draws are NaN, or no position is measured.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
     """
     load = task.actuator.load
     places = [(i, load.names.index(c.base)) for i, c in enumerate(task.coordinates) if c.base in load.names]

@@ -105,10 +105,6 @@ def bent(quadratic: tuple[float, float], profiled: tuple[float, float]) -> bool:
     bent : bool
         True where the interval of the cost should be shown.
 
-    Raises
-    ------
-    Nothing: any two intervals can be compared.
-
     Examples
     --------
     A dry friction of 200 ± 50 N that a stuck piston does not let fall below 185 N:
@@ -167,12 +163,7 @@ class _Profile:
 
 
 def _fixed(task: Shooting, i: int, value: float) -> Shooting:
-    """`task` with the number x_i held at `value`, which its prior still judges.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """`task` with the number x_i held at `value`, which its prior still judges."""
     coordinates = list(task.coordinates)
     si = coordinates[i].si(value)
     coordinates[i] = replace(coordinates[i], low=si, high=si)

@@ -30,12 +30,7 @@ NOT_TOLD = 0.9
 
 
 def summary(shot: Shot[Found], calibration: Calibration | None) -> Fit | Failure:
-    """The result of a search by multiple shooting.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
-    """
+    """The result of a search by multiple shooting."""
     found = shot.found
     if isinstance(found, Failure):
         return found
@@ -48,12 +43,7 @@ def summary(shot: Shot[Found], calibration: Calibration | None) -> Fit | Failure
 
 
 def described(shot: Shot[EndT], found: EndT, matrix: FloatArray, calibration: Calibration | None, method: str) -> Fit:
-    """What the end of a search says of numbers and load, with the covariance `matrix` of x; no recordings yet.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """What the end of a search says of numbers and load, with the covariance `matrix` of x; no recordings yet."""
     task = shot.task
     bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(task.actuator.load.theta))
     fitted = corrected(task.actuator_of(found.x, task.stems[0]), bias)
@@ -120,12 +110,7 @@ def _band(task: Shooting, log: int, deviations: list[FloatArray], pressure: Floa
 
 
 def estimates_of(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
-    """The free numbers in SI with their 95 % intervals, from x and its covariance `matrix`.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """The free numbers in SI with their 95 % intervals, from x and its covariance `matrix`."""
     estimates = {}
     for i, c in enumerate(task.coordinates):
         deviation = float(np.sqrt(matrix[i, i]))
@@ -137,12 +122,7 @@ def estimates_of(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actu
 
 
 def load_curve(task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: FloatArray, bias: FloatArray) -> LoadCurve:
-    """The load with its band; the bias that was taken off is as uncertain as it is large.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """The load with its band; the bias that was taken off is as uncertain as it is large."""
     y = np.linspace(0.0, fitted.parameters.y_max, 101)
     load, force = fitted.load, fitted.load.force(y)
     places = [(i, load.names.index(c.base)) for i, c in enumerate(task.coordinates) if c.base in load.names]
@@ -155,12 +135,7 @@ def load_curve(task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: Flo
 
 
 def at_bounds(task: Shooting, x: FloatArray) -> list[str]:
-    """Which free numbers lie at a bound, in words.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """Which free numbers lie at a bound, in words."""
     low, high = task.bounds()
     warnings = []
     for i, c in enumerate(task.coordinates):
@@ -172,24 +147,14 @@ def at_bounds(task: Shooting, x: FloatArray) -> list[str]:
 
 
 def unsettled(status: str, evaluations: int) -> list[str]:
-    """That a search did not come to its end, in words.
-
-    Raises
-    ------
-    Nothing: any status but 'converged' is not the end.
-    """
+    """That a search did not come to its end, in words."""
     if status == "converged":
         return []
     return [f"the search stopped after {evaluations} evaluations without settling."]
 
 
 def not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
-    """In words, from the information matrix: for which numbers what was known before the data still stands.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """In words, from the information matrix: for which numbers what was known before the data still stands."""
     weights = task.actuator.load.names
     stands = [
         c.name
@@ -206,12 +171,7 @@ def not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
 
 
 def failed(shot: Shot[EndT], method: str, message: str) -> Fit:
-    """The result of a search whose start cannot be simulated.
-
-    Raises
-    ------
-    Nothing: what is not known is NaN.
-    """
+    """The result of a search whose start cannot be simulated."""
     task, nan = shot.task, float("nan")
     y = np.linspace(0.0, task.actuator.parameters.y_max, 101)
     unknown = np.full(y.shape, nan)

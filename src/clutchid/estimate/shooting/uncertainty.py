@@ -51,12 +51,7 @@ def drift(actuator: Actuator, name: str) -> float:
 
 
 def deviation(actuator: Actuator, name: str, calibration: Calibration) -> float:
-    """Standard deviation of a calibrated number in another recording, in SI: as calibrated, and as far as it drifts.
-
-    Raises
-    ------
-    Nothing: names are checked where a request is made.
-    """
+    """Standard deviation of a calibrated number in another recording, in SI: as calibrated, and as far as it drifts."""
     return float(np.sqrt(calibration.covariance_of((name,))[0, 0] + drift(actuator, name) ** 2))
 
 
@@ -64,10 +59,6 @@ def considered(task: Shooting, calibration: Calibration | None) -> tuple[tuple[C
     """Numbers that a fit takes as known although they are not exactly, and the square root of their covariance.
 
     Each is a coordinate of width one standard deviation; the root, shape (m, m), holds their correlations.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
     """
     taken = {c.base for c in task.coordinates} | set(task.actuator.load.names)
     known = calibration.names if calibration else ()
@@ -111,10 +102,6 @@ def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spr
 
     The considered numbers (Schmidt 1966) are not estimated: their spread moves the estimate through the information
     that the recording has on both.
-
-    Raises
-    ------
-    Nothing: a simulation that fails is a `Failure`.
     """
     k = len(task.coordinates)
     extra, root = considered(task, calibration)
@@ -139,12 +126,7 @@ def _counted(chain: Chain) -> Chain:
 
 
 def pressure_spread(of: Spread) -> list[FloatArray]:
-    """Standard deviation of the pressure at the start of every window in Pa, an array a track.
-
-    Raises
-    ------
-    Nothing: numbers are checked where they enter.
-    """
+    """Standard deviation of the pressure at the start of every window in Pa, an array a track."""
     rng = np.random.default_rng(0)
     moved = rng.standard_normal((of.root.shape[0], DRAWS))
     theta = of.known @ rng.standard_normal((of.known.shape[0], DRAWS)) + of.moved @ moved

@@ -42,10 +42,6 @@ _NOT_READ = "unreadable line"
 def is_asc(head: bytes) -> bool:
     """Whether a file that begins with `head` is an ASC log.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> is_asc(b"date Wed Sep 30 15:06:13.191 2017\\nbase hex\\n"), is_asc(b"time [s],position [m]")

@@ -112,12 +112,7 @@ def in_blocks(messages: Iterable[can.Message], left_out: Counter[str], size: int
 
 @contextmanager
 def quiet(logger: str) -> Iterator[None]:
-    """Keeps what a library says about single frames of a damaged file off the screen: it can be one line a frame.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Keeps what a library says about single frames of a damaged file off the screen: it can be one line a frame."""
     chosen = logging.getLogger(logger)
     silence = logging.Filter(name="-")
     chosen.addFilter(silence)
@@ -128,12 +123,7 @@ def quiet(logger: str) -> Iterator[None]:
 
 
 def as_payload(rows: list[bytes]) -> Bytes:
-    """Payloads as rows of 8 bytes, or of 64 where one is longer, with zeros behind them.
-
-    Raises
-    ------
-    Nothing: bytes beyond the 64th are cut.
-    """
+    """Payloads as rows of 8 bytes, or of 64 where one is longer, with zeros behind them."""
     width = FD if max(map(len, rows), default=0) > CLASSIC else CLASSIC
     joined = b"".join([row[:width].ljust(width, b"\0") for row in rows])
     return np.frombuffer(bytearray(joined), dtype=np.uint8).reshape(len(rows), width)

@@ -14,10 +14,6 @@ _FIRST_BROADCAST = 240
 def group_number(identifier: int) -> int:
     """The parameter group number (PGN) of an identifier; its destination, where it has one, is no part of it.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     EEC1 is a broadcast; TSC1 here goes to the engine:
@@ -32,10 +28,6 @@ def group_number(identifier: int) -> int:
 def addresses(identifier: int) -> tuple[int, int]:
     """Source and destination address of an identifier; the destination of a broadcast is `EVERYBODY`.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> addresses(0x0CF00400), addresses(0x0C00000B)
@@ -49,10 +41,6 @@ def first_code(length: int) -> int | None:
     """The first raw number of `length` bits that means "error" or, higher up, "not available", by SAE J1939-71.
 
     From 8 bits on the highest byte tells: 0xFE error, 0xFF not available. Below, the highest two numbers do.
-
-    Raises
-    ------
-    Nothing: other lengths than 2 to 32 bits have no such numbers.
 
     Examples
     --------

@@ -59,12 +59,7 @@ class Block:
 
 
 def damaged(address: int, reason: str) -> DataError:
-    """The error about a damaged file.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The error about a damaged file."""
     return DataError(f"is damaged at byte {address:,} ({reason})")
 
 

@@ -54,12 +54,7 @@ def merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
 
 
 def together(parts: Sequence[tuple[NDArray[np.float64], Frames]]) -> Frames:
-    """Blocks of frames as one, in the order of their keys, which never fall within a block.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Blocks of frames as one, in the order of their keys, which never fall within a block."""
     order = np.argsort(np.concatenate([key for key, _ in parts]), kind="stable")
     width = max(frames.data.shape[1] for _, frames in parts)
     data = [np.pad(frames.data, ((0, 0), (0, width - frames.data.shape[1]))) for _, frames in parts]

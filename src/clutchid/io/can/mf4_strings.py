@@ -53,12 +53,7 @@ class Strings:
         return self._missing(offsets)
 
     def payload(self, offsets: Counts) -> tuple[Bytes, Counts]:
-        """The payloads at `offsets`, with zeros behind them, and their lengths; what lies before them is forgotten.
-
-        Raises
-        ------
-        Nothing: all offsets are ready.
-        """
+        """The payloads at `offsets`, with zeros behind them, and their lengths; what lies before them is forgotten."""
         places = offsets - self._base
         length = np.minimum(self._lengths(places), FD)
         width = FD if length.size and length.max() > CLASSIC else CLASSIC

@@ -95,10 +95,6 @@ def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
     values : the signal's unit
         One a frame; a number of a value table stays a number.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     Engine speed in bytes 4 and 5, an eighth of a revolution per minute a bit; the second frame has none:
@@ -134,12 +130,7 @@ def _numbers(signal: Signal, raw: Raw) -> FloatArray:
 
 
 def present(page: Page, data: Bytes, length: Counts) -> NDArray[np.bool_]:
-    """In which frames a page is present: all of its selectors are in the frame and hold one of their numbers.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """In which frames a page is present: all of its selectors are in the frame and hold one of their numbers."""
     there = np.ones(len(data), dtype=np.bool_)
     for selector, numbers in page.selectors:
         if selector.bytes > data.shape[1]:

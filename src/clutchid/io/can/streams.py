@@ -58,12 +58,7 @@ def _distance(written: tuple[int, int], own: tuple[int, int]) -> int:
 
 
 def book(messages: Sequence[Message]) -> Book:
-    """The messages, ready to be found.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The messages, ready to be found."""
     exact: dict[tuple[int, bool], Message] = {}
     groups: dict[int, list[Message]] = defaultdict(list)
     for message in messages:
@@ -74,22 +69,12 @@ def book(messages: Sequence[Message]) -> Book:
 
 
 def keys(frames: Frames) -> Rows:
-    """One number a frame for its identifier, the kind of it, and its bus.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """One number a frame for its identifier, the kind of it, and its bus."""
     return frames.identifier | (frames.extended.astype(np.int64) << _EXTENDED) | (frames.bus << _BUS)
 
 
 def parts_of(key: int) -> tuple[int, bool, int]:
-    """Identifier, whether it is extended, and bus of a key.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Identifier, whether it is extended, and bus of a key."""
     return key & ((1 << _EXTENDED) - 1), bool(key >> _EXTENDED & 1), key >> _BUS
 
 
@@ -98,10 +83,6 @@ def sorted_out(frames: Frames, messages: Book) -> Iterator[tuple[Stream | str, R
 
     Rows stand in the order of the block. What belongs to no stream comes as `UNKNOWN`, and as `PIECE` what is part of
     a longer message: transport protocol, fast packets.
-
-    Raises
-    ------
-    Nothing.
     """
     found, places = np.unique(keys(frames), return_inverse=True)
     owners: dict[_Owner, int] = {}

@@ -17,12 +17,7 @@ _LONGEST_NAME = 100
 
 
 def problem(seen: Seen, dbc: Sequence[Path]) -> str:
-    """Why a log cannot be decoded, in one sentence; empty where it can.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Why a log cannot be decoded, in one sentence; empty where it can."""
     if seen.frames == 0:
         return (
             f"{seen.trouble}; copy it again." if seen.trouble else "holds no data frames of a CAN bus; record it again."
@@ -39,12 +34,7 @@ def problem(seen: Seen, dbc: Sequence[Path]) -> str:
 
 
 def warnings(seen: Seen, streams: Sequence[Stream]) -> tuple[str, ...]:
-    """What was left out of a log, one sentence each.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What was left out of a log, one sentence each."""
     found = [f"{seen.trouble}; the {seen.frames:,} frames before it are used."] if seen.trouble else []
     found += [f"{_counted(count, what)} left out." for what, count in seen.left_out.items() if count]
     if seen.pieces:
@@ -65,12 +55,7 @@ def warnings(seen: Seen, streams: Sequence[Stream]) -> tuple[str, ...]:
 
 
 def names(streams: Sequence[Stream]) -> list[str]:
-    """What the rasters are called: the message, and what tells it from others of its name.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What the rasters are called: the message, and what tells it from others of its name."""
     same: dict[str, list[Stream]] = {}
     for stream in streams:
         same.setdefault(stream.message.name, []).append(stream)

@@ -44,12 +44,7 @@ Integers = NDArray[np.int64]
 
 
 def matches(pattern: str, text: str) -> bool:
-    """Whether a text is of this pattern, which is compiled only when it is needed, since that takes milliseconds.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a text is of this pattern, which is compiled only when it is needed, since that takes milliseconds."""
     return re.fullmatch(pattern, text, re.ASCII) is not None
 
 
@@ -68,10 +63,6 @@ class Form:
 def plain_number(text: str) -> float | None:
     """The number that `text` is in the notation of programs; NaN for an empty cell, None for anything else.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> plain_number(" 0.5 "), plain_number("1_000"), plain_number("0,5")
@@ -86,10 +77,6 @@ def plain_number(text: str) -> float | None:
 
 def reader(form: Form) -> Callable[[str], float | None]:
     """The function that reads a cell of this form; it returns None for what is no sample, NaN where one is missing.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -125,10 +112,6 @@ def reader(form: Form) -> Callable[[str], float | None]:
 def nanoseconds(text: str) -> int | None:
     """Nanoseconds of a stamp from 1970, those from midnight where there is no date; None where it is no stamp.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> nanoseconds("1970-01-01T00:00:01.5Z"), nanoseconds("01.01.1970 00:00:01,5"), nanoseconds("1.5")
@@ -145,12 +128,7 @@ def nanoseconds(text: str) -> int | None:
 
 
 def counted(fields: Sequence[Integers], fraction: Integers, zone: Integers) -> tuple[Integers, NDArray[np.bool_]]:
-    """Nanoseconds of the fields of `STAMP` (0 where a field is empty), and which of them are dates and times at all.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Nanoseconds of the fields of `STAMP` (0 where a field is empty), and which of them are dates and times at all."""
     hour, minute, second = fields[6:9]
     year, month, day = fields[0] + fields[5], fields[1] + fields[4], fields[2] + fields[3]
     dated = month + day + year > 0
@@ -172,12 +150,7 @@ def _days(year: Integers, month: Integers, day: Integers) -> Integers:
 
 
 def zone_minutes(zone: str) -> int:
-    """Minutes of a time zone such as ``+02:00`` before universal time.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Minutes of a time zone such as ``+02:00`` before universal time."""
     if len(zone) < 5:
         return 0
     return int(zone[0] + "1") * (int(zone[1:3]) * 60 + int(zone[-2:]))
@@ -185,10 +158,6 @@ def zone_minutes(zone: str) -> int:
 
 def written(text: str) -> str:
     """A stamp as it goes into the metadata: ISO 8601 with a point, in the order of year, month, day.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -204,23 +173,13 @@ def written(text: str) -> str:
 
 
 def numberlike(cell: str) -> bool:
-    """Whether a cell is a sample of whatever kind: a number with either decimal mark, grouped or not, or a stamp.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a cell is a sample of whatever kind: a number with either decimal mark, grouped or not, or a stamp."""
     cell = cell.strip()
     return bool(NUMBER.fullmatch(cell)) or matches(STAMP, cell) or matches(THOUSANDS, cell)
 
 
 def missing(cell: str) -> bool:
-    """Whether a cell says that there is no sample.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a cell says that there is no sample."""
     cell = cell.strip()
     return not cell or cell.casefold() in MISSING
 
@@ -229,10 +188,6 @@ def decimal_mark(cells: Iterable[str]) -> str:
     """The decimal mark that the cells show: ``.`` or ``,``; empty where no cell tells.
 
     Both are only seen where one of them is wrong; then the more frequent one counts.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -250,10 +205,6 @@ def decimal_mark(cells: Iterable[str]) -> str:
 
 def form(cells: Sequence[str], decimal: str) -> Form:
     """The form of a column, told by some of its cells.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

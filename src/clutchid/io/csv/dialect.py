@@ -73,10 +73,6 @@ class _Layout:
 def dialect(lines: Sequence[str]) -> Dialect | None:
     """The dialect that the first lines of a file show; None where there is nothing but blank lines and comments.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> found = dialect(["Rig;7", "Zeit;Weg", "s;mm", "0;0,25"])

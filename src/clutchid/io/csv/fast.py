@@ -24,12 +24,7 @@ _WORDS = sorted({"", *MISSING, *(word.upper() for word in MISSING), "NaN", "Null
 
 
 def is_plain(block: Block, dialect: Dialect) -> bool:
-    """Whether the lines have as many separators as the header: neither more nor fewer, and none in quotes.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether the lines have as many separators as the header: neither more nor fewer, and none in quotes."""
     width = len(dialect.headings)
     if dialect.separator == " ":
         return b'"' not in block.text
@@ -39,12 +34,7 @@ def is_plain(block: Block, dialect: Dialect) -> bool:
 
 
 def by_numpy(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
-    """The numbers of a block that holds nothing but numbers and empty cells; None where it holds something else.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The numbers of a block that holds nothing but numbers and empty cells; None where it holds something else."""
     comma = dialect.decimal == "," and dialect.separator != ","
     if any(dialect.forms[column.index].kind == "stamp" for column in selected) or (comma and b"." in block.text):
         return None
@@ -81,12 +71,7 @@ def _filled(text: str, separator: str) -> str:
 
 
 def by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
-    """The samples of a block by polars; None where it does not find as many as there are lines.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The samples of a block by polars; None where it does not find as many as there are lines."""
     import polars as pl
 
     if dialect.separator == " ":

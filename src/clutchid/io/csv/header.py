@@ -27,22 +27,13 @@ _WIDE_BLANKS = re.compile(r"\t+| {2,}")
 
 
 def is_unit(text: str | None) -> bool:
-    """Whether a text is a unit that is known, here or elsewhere.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a text is a unit that is known, here or elsewhere."""
     unit = unit_spelled(text)
     return unit in UNITS or unit in _OTHER
 
 
 def heading(index: int, text: str, unit: str | None = None) -> Heading:
     """The heading of one cell, with its unit in square or round brackets, behind a slash, or from a row of units.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------
@@ -73,10 +64,6 @@ def _parts(text: str) -> Iterator[tuple[str, str]]:
 def units_in(cells: Sequence[str]) -> list[str] | None:
     """The units in a row of units, without brackets; None where the row is none.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> units_in(["s", "[mm]", "", "furlong"]), units_in(["Time", "Position"]), units_in(["0", "1"])
@@ -92,33 +79,19 @@ def units_in(cells: Sequence[str]) -> list[str] | None:
 
 
 def is_comment(line: str, separator: str) -> bool:
-    """Whether a line above the samples is a comment.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a line above the samples is a comment."""
     text = line.lstrip()
     marks = _COMMENT if separator == ";" else (*_COMMENT, ";")
     return text.startswith(marks) and not text[1:].lstrip(" ").startswith(separator.strip() or "\0")
 
 
 def uncommented(line: str) -> str:
-    """The text of a comment.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The text of a comment."""
     return _MARK.sub("", line, count=1)
 
 
 def split(line: str, separator: str) -> list[str]:
     """The cells of a line; a blank as separator stands for runs of blanks.
-
-    Raises
-    ------
-    Nothing: a line that cannot be split is one cell.
 
     Examples
     --------
@@ -137,10 +110,6 @@ def split(line: str, separator: str) -> list[str]:
 
 def split_header(line: str, separator: str, width: int) -> list[str]:
     """The cells of a header; where runs of blanks separate, a name may hold single blanks or stand before its unit.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

@@ -41,12 +41,7 @@ class Part:
 
 
 def told(column: Heading, dialect: Dialect) -> bool:
-    """Whether a cell that is no number is a problem: not in a column without a meaning that holds text.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a cell that is no number is a problem: not in a column without a meaning that holds text."""
     return column.name is not None or dialect.forms[column.index].kind != "text"
 
 
@@ -54,10 +49,6 @@ def read_text(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Pa
     """The numbers of lines whose text is not a plain table of numbers.
 
     Lines with another number of cells than the header are left out, cells that are no number are NaN.
-
-    Raises
-    ------
-    Nothing.
     """
     part = Part(0, Places("line"), {})
     lines: array[int] = array("q")
@@ -116,12 +107,7 @@ def _text(part: Part, index: int, cell: str) -> None:
 
 
 def joined(parts: Sequence[Part]) -> Part:
-    """Consecutive parts as one.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Consecutive parts as one."""
     if len(parts) == 1:
         return parts[0]
     starts = np.cumsum([0, *(part.size for part in parts)])
@@ -149,12 +135,7 @@ def joined(parts: Sequence[Part]) -> Part:
 
 
 def table(part: Part, dialect: Dialect) -> Table:
-    """The table of a part, with the sentences about what is wrong in it.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The table of a part, with the sentences about what is wrong in it."""
     columns = dialect.headings
     problems = [part.broken] if part.broken else []
     if part.ragged:

@@ -62,10 +62,6 @@ _V73 = _Version("MATLAB 7.3", hdf5.contents, hdf5.opened)
 def is_mat(head: bytes) -> bool:
     """Whether a file that begins with these `HEAD` bytes is one of MATLAB, or another HDF5 file.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> is_mat(b"MATLAB 5.0 MAT-file".ljust(124) + b"\\x00\\x01IM"), is_mat(b"time [s],position [m]")

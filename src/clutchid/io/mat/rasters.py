@@ -87,12 +87,7 @@ def signals_of(root: Struct, peek: Peek, *, least: int = 2) -> Found:
 
 
 def rasters_of(found: Found) -> tuple[Raster, ...]:
-    """The groups as rasters; a channel is called by its label where no other channel is.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The groups as rasters; a channel is called by its label where no other channel is."""
     every = [signal for _, signals, _ in found.groups for signal in signals]
     used = Counter(signal.label or signal.path for signal in every)
     rasters = []
@@ -109,12 +104,7 @@ def rasters_of(found: Found) -> tuple[Raster, ...]:
 
 
 def printable(text: str) -> str:
-    """`text` without what cannot be printed, which damaged names have.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """`text` without what cannot be printed, which damaged names have."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 

@@ -105,12 +105,7 @@ NO_NUMBERS = Left("arrays of an unknown kind")
 
 
 def class_object(name: str) -> Left:
-    """An object of a MATLAB class, which only MATLAB can read.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """An object of a MATLAB class, which only MATLAB can read."""
     return {"function_handle": FUNCTION, "string": Left("texts")}.get(name) or Left("objects", name or "no class")
 
 

@@ -34,10 +34,6 @@ class Naming:
 def means_time(name: str) -> bool:
     """Whether a name is one of those that time vectors have.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     >>> [means_time(name) for name in ("t", "Zeit", "time_ms", "tout", "torque", "T_oil")]
@@ -48,10 +44,6 @@ def means_time(name: str) -> bool:
 
 def naming(fields: Mapping[str, Node]) -> Naming:
     """What the texts in a struct say.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

@@ -44,12 +44,7 @@ class _Header:
 
 
 def is_v4(head: bytes) -> bool:
-    """Whether a file that begins so is one of MATLAB 4, which has no signature.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether a file that begins so is one of MATLAB 4, which has no signature."""
     header = _header(head[:HEADER])
     return header is not None and len(head) > HEADER and head[HEADER : HEADER + 1].isalpha()
 

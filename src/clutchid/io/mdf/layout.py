@@ -41,22 +41,12 @@ class Layout:
 
 
 def version_of(mdf: Any) -> int:
-    """The generation of an MDF file, 3 (also for 2) or 4.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """The generation of an MDF file, 3 (also for 2) or 4."""
     return 4 if str(mdf.version) >= "4" else 3
 
 
 def layouts(mdf: Any) -> tuple[tuple[Layout, ...], tuple[str, ...]]:
-    """The rasters of a file, and a sentence for each kind of thing that was left out.
-
-    Raises
-    ------
-    Nothing but what asammdf raises on a file that makes no sense.
-    """
+    """The rasters of a file, and a sentence for each kind of thing that was left out."""
     out: Counter[str] = Counter()
     found = []
     for owner, groups in sorted(_families(mdf).items()):
@@ -73,12 +63,7 @@ def layouts(mdf: Any) -> tuple[tuple[Layout, ...], tuple[str, ...]]:
 
 
 def metadata_of(mdf: Any) -> dict[str, str]:
-    """What the file says of itself; of a file that clutchid wrote exactly the metadata of its log.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """What the file says of itself; of a file that clutchid wrote exactly the metadata of its log."""
     root = _xml(_guarded(lambda: mdf.header.comment))
     own = root.find(f".//e[@name='{KEY}']") if root is not None else None
     if own is not None:
@@ -99,10 +84,6 @@ def comment_of(metadata: Mapping[str, str]) -> str:
     """The comment of a header that `metadata_of` gives back as the same metadata.
 
     The text is JSON in ASCII, so neither blanks nor characters that XML forbids are lost.
-
-    Raises
-    ------
-    Nothing.
     """
     root = ET.Element("HDcomment", xmlns="http://www.asam.net/mdf/v4")
     ET.SubElement(root, "TX")

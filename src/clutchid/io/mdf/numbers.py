@@ -69,12 +69,7 @@ class Bits:
 
 
 def bits_of(channel: Any, version: int) -> Bits | None:
-    """Where the value of an asammdf `channel` stands; None where it is no number.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Where the value of an asammdf `channel` stands; None where it is no number."""
     known = (_KINDS_4 if version == 4 else _KINDS_3).get(channel.data_type)
     if known is None:
         return None
@@ -97,10 +92,6 @@ def bits_of(channel: Any, version: int) -> Bits | None:
 def unpacked(records: NDArray[np.uint8], bits: Bits) -> NDArray[Any]:
     """The values of a channel in `records`, one row of bytes a record.
 
-    Raises
-    ------
-    Nothing.
-
     Examples
     --------
     A speed of 12 bits, signed, that begins at bit 4 of the first byte:
@@ -122,23 +113,13 @@ def unpacked(records: NDArray[np.uint8], bits: Bits) -> NDArray[Any]:
 
 
 def valid(invalidation: NDArray[np.uint8], bit: int) -> NDArray[np.bool_]:
-    """Which records are valid by their invalidation `bit`.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Which records are valid by their invalidation `bit`."""
     column: NDArray[np.bool_] = (invalidation[:, bit // 8] >> (bit % 8)) & 1 == 0
     return column
 
 
 def convertible(conversion: Any, version: int) -> bool:
-    """Whether an asammdf `conversion` gives numbers; texts for values do not, but for a numeric rule beside them.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """Whether an asammdf `conversion` gives numbers; texts for values do not, but for a numeric rule beside them."""
     role = _role(conversion, version)
     if role == "formula":
         return formula(str(conversion.formula)) is not None
@@ -181,10 +162,6 @@ def formula(text: str) -> Callable[[FloatArray], Any] | None:
     """The function of X that `text` states; None where it is anything but arithmetic.
 
     A formula comes from a file, so it is never evaluated as Python.
-
-    Raises
-    ------
-    Nothing.
 
     Examples
     --------

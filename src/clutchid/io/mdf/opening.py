@@ -78,12 +78,7 @@ def opened(path: Path) -> Iterator[MDF]:
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """No word of asammdf: it prints speeds and tracebacks to standard output and logs what it raises.
-
-    Raises
-    ------
-    Nothing.
-    """
+    """No word of asammdf: it prints speeds and tracebacks to standard output and logs what it raises."""
     logger = logging.getLogger("asammdf")
     before, logger.disabled = logger.disabled, True
     try:
