@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from clutchid.filter import filtering as module
-from clutchid.filter.filtering import filtered, start_deviations
+from clutchid.filter.filtering import filtered
 from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
-from clutchid.simulation.process_noise import process_noise
+from clutchid.simulation.process_noise import process_noise, start_deviations
 from clutchid.simulation.run import columns, run_to_end, start_state
-from clutchid.uncertainty.noise import START, UNKNOWN_START, Noise
+from clutchid.states import STATES
+from clutchid.uncertainty.noise import Noise
 
 BOTH = ("position", "pressure_a")
 NAMES = ("theta_4", "theta_9", "C_vs", "P_S", "V_0A", "F_C", "T_w", "tau_y", "tau_p", "e_y", "e_p")
@@ -41,7 +42,7 @@ def textbook(task, actuator, length):
     seen = task.view(np.zeros(len(NAMES)), "log")
     which = columns(actuator, [*seen.bases, *(f"start of {name}" for name in VARIANTS[actuator.model])])
     Q = np.vstack([np.zeros(n), process_noise(segment, actuator, ALL_IN)]) ** 2
-    x, P = start_state(segment, actuator), np.diag(start_deviations(track, actuator, True, ALL_IN) ** 2)
+    x, P = start_state(segment, actuator), np.diag(start_deviations(track.segment, actuator, True, ALL_IN) ** 2)
     C = np.zeros((2, n))
     C[0, :2], C[1, 2] = [1.0, -p.tau_y], 1.0
     found, states = [], []
@@ -176,10 +177,14 @@ def test_what_the_filter_says_of_the_pressure_holds_the_truth(plant, recorded_by
 def test_a_start_that_does_not_rest_is_known_less_well(task, plant):
     track, names = task.tracks[0], VARIANTS[plant.model]
     moving = replace(track, segment=replace(track.segment, vented=False, pressure_start=np.nan))
-    assert start_deviations(track, plant, False, ALL_IN) == pytest.approx([START[name] for name in names])
-    assert start_deviations(moving, plant, False, ALL_IN) == pytest.approx([UNKNOWN_START[name] for name in names])
+    assert start_deviations(track.segment, plant, False, ALL_IN) == pytest.approx(
+        [STATES[name].start for name in names]
+    )
+    assert start_deviations(moving.segment, plant, False, ALL_IN) == pytest.approx(
+        [STATES[name].unknown_start for name in names]
+    )
     known = replace(track, segment=replace(track.segment, vented=False, pressure_start=2e5))
-    assert start_deviations(known, plant, True, ALL_IN)[names.index("p_A")] == ALL_IN.measured["pressure_a"]
+    assert start_deviations(known.segment, plant, True, ALL_IN)[names.index("p_A")] == ALL_IN.measured["pressure_a"]
 
 
 def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_time_and_state(task):

@@ -95,7 +95,7 @@ def of_fit(result: Fit) -> Numbers:
     return {
         "json": fit_json(result, evidence(result)),
         "file": kept,
-        "keys of the file": [line.partition(" = ")[0] for line in text.splitlines()],
+        "keys of the file": [line.partition(" = ")[0] for line in text.splitlines() if " = " in line],
         "simulated": {name: of_columns(recording.simulated.columns) for name, recording in result.recordings.items()},
     }
 

@@ -11,7 +11,7 @@ from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS, kernels, system
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
-from clutchid.simulation.simulation import STATE_COLUMNS
+from clutchid.states import STATES
 
 THETA = (9e5, -0.3e5, 0.6e5)
 GAS = ["isothermal", "energy-balance"]
@@ -73,7 +73,7 @@ def test_a_simulation_without_static_friction_and_pressed_seals_is_the_plain_one
     stribeck = simulate(Actuator(parameters, Load(THETA), f"{gas}-stribeck"), drive).log
     for state in VARIANTS[gas]:
         # 10000 steps of some hundred roundings each, of the largest value
-        name = STATE_COLUMNS[state]
+        name = STATES[state].column
         np.testing.assert_allclose(stribeck[name], plain[name], rtol=0, atol=1e6 * 2.3e-16 * np.abs(plain[name]).max())
 
 
@@ -197,4 +197,9 @@ def test_the_paper_has_no_temperature_and_the_energy_balance_has_the_column(driv
     log = drive.slice(0, 500)
     assert "temperature_a" not in simulate(Actuator(load=Load(THETA)), log).log
     simulated = simulate(Actuator(load=Load(THETA), model="energy-balance"), log).log
-    assert list(simulated.columns) == ["position", "duty_supply", "duty_exhaust", *list(STATE_COLUMNS.values())[1:]]
+    assert list(simulated.columns) == [
+        "position",
+        "duty_supply",
+        "duty_exhaust",
+        *[state.column for state in STATES.values()][1:],
+    ]

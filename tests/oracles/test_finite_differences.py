@@ -10,13 +10,13 @@ from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
-from clutchid.simulation.simulation import STATE_COLUMNS
+from clutchid.states import STATES
 
 STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 
 
 def stack(log: Log) -> np.ndarray:
-    return np.column_stack([log[name] for name in STATE_COLUMNS.values() if name in log])
+    return np.column_stack([log[name] for name in (s.column for s in STATES.values()) if name in log])
 
 
 def mistaken(actuator: Actuator, log: Log, starts=None, partition: Partition | None = None) -> dict[str, float]:

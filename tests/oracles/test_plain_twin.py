@@ -8,7 +8,7 @@ from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels, system
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
-from clutchid.simulation.simulation import STATE_COLUMNS
+from clutchid.states import STATES
 
 THETA = (9e5, -0.3e5, 0.6e5)
 
@@ -21,7 +21,9 @@ def held(pattern: list[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndar
 
 
 def states_of(simulation) -> np.ndarray:
-    return np.column_stack([simulation.log[name] for name in STATE_COLUMNS.values() if name in simulation.log])
+    return np.column_stack(
+        [simulation.log[name] for name in (s.column for s in STATES.values()) if name in simulation.log]
+    )
 
 
 def test_the_twin_and_the_package_hold_the_same_appendix(twin):

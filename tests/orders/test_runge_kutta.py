@@ -10,7 +10,7 @@ from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS, kernels, system
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
-from clutchid.simulation.simulation import STATE_COLUMNS
+from clutchid.states import STATES
 
 #: A smooth stretch: chamber B sealed (no change of direction in its orifice), the supply weak enough for r > B_0 (no
 #: choking), a slow rise between the knots t_2 and t_3 with v > 0 throughout. The second one has everything that goes
@@ -45,7 +45,7 @@ def run(variant: str, parts: int) -> tuple[np.ndarray, np.ndarray]:
     log = Log(np.arange(n) * (1e-3 / parts), {"duty_supply": np.full(n, 0.2), "duty_exhaust": np.zeros(n)})
     names = NAMES if variant == "isothermal" else RICH
     done = simulate(VARIANT[variant], log, starts=[START], sensitivities=names)
-    states = np.column_stack([done.log[STATE_COLUMNS[name]][::parts] for name in VARIANTS[variant]])
+    states = np.column_stack([done.log[STATES[name].column][::parts] for name in VARIANTS[variant]])
     return states, np.stack([done.sensitivities[name][::parts] for name in names], axis=2)
 
 

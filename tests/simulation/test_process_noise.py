@@ -7,7 +7,8 @@ import pytest
 
 from clutchid.model.compiled import VARIANTS
 from clutchid.simulation.process_noise import process_noise
-from clutchid.uncertainty.noise import SPAN, Noise
+from clutchid.states import NOISE_SPAN
+from clutchid.uncertainty.noise import Noise
 
 PRESSURE = VARIANTS["energy-balance-stribeck"].index("p_A")
 
@@ -29,7 +30,7 @@ def test_closed_valves_leave_what_the_states_do_by_themselves_and_it_adds_up_to_
     noise = Noise()
     segment = still(0.0, 0.0)
     total = np.sqrt(np.sum(process_noise(segment, plant, noise) ** 2, axis=0))
-    wanted = [noise.states[name] * np.sqrt(segment.dt.sum() / SPAN) for name in VARIANTS[plant.model]]
+    wanted = [noise.states[name] * np.sqrt(segment.dt.sum() / NOISE_SPAN) for name in VARIANTS[plant.model]]
     assert total == pytest.approx(wanted, rel=1e-9)
 
 
@@ -37,7 +38,7 @@ def test_an_open_valve_adds_its_share_of_the_air_that_comes_in_over_the_span(pla
     silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
     p, segment = plant.parameters, still(1.0, 0.0)
     total = np.sqrt(np.sum(process_noise(segment, plant, silent) ** 2, axis=0))
-    rise = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / (p.V_0A + 0.5 * p.A_A * p.y_max) * SPAN
+    rise = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / (p.V_0A + 0.5 * p.A_A * p.y_max) * NOISE_SPAN
     assert total[PRESSURE] == pytest.approx(silent.flow * rise, rel=1e-6)
     assert np.delete(total, PRESSURE) == pytest.approx(0.0)
 

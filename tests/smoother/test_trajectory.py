@@ -5,10 +5,10 @@ import pytest
 
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
-from clutchid.simulation.simulation import STATE_COLUMNS
 from clutchid.smoother.problem import linearise
 from clutchid.smoother.search import Found
 from clutchid.smoother.trajectory import noise_scales, recorded, trajectory
+from clutchid.states import STATES
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def exact(plant, recorded_by, task_of):
     log = recorded_by(plant, seconds=3.0, seed=None)
     task = task_of([log], plant, ("tau_y", "tau_p", "e_y", "e_p"))
     simulated = simulate(plant, log).log
-    columns = list(STATE_COLUMNS.values())
+    columns = [state.column for state in STATES.values()]
     states = np.column_stack([simulated[name] for name in columns])
     X = tuple(states[[window.start for window in track.windows]] for track in task.tracks)
     x = np.zeros(4)

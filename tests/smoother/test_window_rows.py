@@ -12,7 +12,8 @@ from clutchid.smoother import window_rows as module
 from clutchid.smoother.linearised_windows import Told
 from clutchid.smoother.links import link_costs, link_rows, link_sigma
 from clutchid.smoother.window_rows import window_cost, window_rows
-from clutchid.uncertainty.noise import SPAN, Noise
+from clutchid.states import NOISE_SPAN
+from clutchid.uncertainty.noise import Noise
 
 BOTH = ("position", "pressure_a")
 NAMES = (
@@ -224,7 +225,7 @@ def test_a_closed_window_has_the_noise_of_the_states_and_an_open_one_more_pressu
     span = float(first.dt.sum())
     closed = link_sigma(track, actuator, Noise())
     assert closed.shape == (len(track.windows), len(STATES))
-    assert span == pytest.approx(SPAN)
+    assert span == pytest.approx(NOISE_SPAN)
     assert closed[0] == pytest.approx([Noise().states[name] for name in STATES])
     quarter = link_sigma(replace(track, segment=replace(segment, dt=segment.dt / 4)), actuator, Noise())
     assert quarter[0] == pytest.approx(closed[0] / 2), "independent errors add up like a random walk"

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from clutchid.simulation.windows import UNITS
-from clutchid.uncertainty.noise import START, STATE_NOISE, UNKNOWN_START, Noise
+from clutchid.model.compiled import VARIANTS
+from clutchid.states import STATES
+from clutchid.uncertainty.noise import Noise
 
 
 def test_softened_noise_is_larger_by_the_factor_and_keeps_the_bound_on_outliers():
@@ -16,15 +17,19 @@ def test_softened_noise_is_larger_by_the_factor_and_keeps_the_bound_on_outliers(
     assert soft.outlier == noise.outlier
 
 
-def test_every_state_has_a_noise_a_start_and_a_unit():
-    assert set(STATE_NOISE) == set(START) == set(UNKNOWN_START) == set(UNITS)
-    assert all(value > 0 for value in (*STATE_NOISE.values(), *START.values(), *UNITS.values()))
+def test_every_state_has_a_natural_size_a_noise_and_a_start():
+    assert {name for names in VARIANTS.values() for name in names} == set(STATES)
+    assert all(min(s.scale, s.noise, s.start, s.step, s.fast) > 0 for s in STATES.values())
 
 
 def test_a_start_that_does_not_rest_is_known_less_well_than_one_that_does():
-    wider = {name for name in START if UNKNOWN_START[name] > START[name]}
+    wider = {name for name, state in STATES.items() if state.unknown_start > state.start}
     assert wider == {"y", "v", "p_A", "z"}
-    assert all(UNKNOWN_START[name] >= START[name] for name in START)
+    assert all(state.unknown_start >= state.start for state in STATES.values())
+
+
+def test_a_rate_has_the_unit_of_the_state_a_second():
+    assert [STATES[name].rate_unit for name in ("y", "v", "p_A", "T_A")] == ["m/s", "m/s²", "Pa/s", "K/s"]
 
 
 def test_noise_cannot_be_changed_behind_the_back_of_a_fit():

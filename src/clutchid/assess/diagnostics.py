@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.measured import MEASURED
 from clutchid.signals.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, region_of
 from clutchid.signals.residual_colour import FEWEST, LAGS, Colour, block_means, colour, effective_samples
 from clutchid.signals.velocity import velocity
@@ -35,8 +36,6 @@ WORTH_LESS = 0.9
 
 #: A region is told when its error is this many times that of the whole, over at least this part of the samples.
 WORSE, LEAST_SHARE = 1.5, 0.01
-
-_UNITS = {"position": (1e3, "mm"), "pressure_a": (1e-3, "kPa")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +112,7 @@ def diagnose(measured: Log, simulated: Log) -> Diagnosis:
             "simulate this recording."
         )
     columns = {}
-    for name in _UNITS:
+    for name in MEASURED:
         if name in measured and name in simulated:
             known = np.isfinite(measured[name]) & np.isfinite(simulated[name])
             if known.any():
@@ -261,7 +260,7 @@ def _of_regions(column: ColumnDiagnosis, name: str, who: str) -> list[str]:
     worst = max(candidates, key=lambda region: region.rms, default=None)
     if worst is None or worst.rms < WORSE * column.rms:
         return []
-    factor, unit = _UNITS[name]
+    unit, factor = MEASURED[name].shown
     ends = (
         f"{worst.low * 1e3:.0f} to {worst.high * 1e3:.0f} mm"
         if np.isfinite(worst.high)

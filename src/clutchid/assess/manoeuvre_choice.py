@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimate.simulation_error.problem import MEASURED, problem
-from clutchid.estimate.simulation_error.search import FIRST_SCALES
+from clutchid.estimate.simulation_error.problem import problem
 from clutchid.log import FloatArray, Log
+from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.least_squares import triangular
 from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
@@ -120,7 +119,7 @@ def best_manoeuvre(
 
     _check(actuator, names, R, measure, memory)
     unit = _units(actuator, names)
-    noise = {name: float((scales or FIRST_SCALES)[name]) for name in measure}
+    noise = {name: float(scales[name]) if scales else MEASURED[name].first_scale for name in measure}
     prior = np.vstack([np.eye(len(names)), np.zeros((0, len(names))) if R is None else _shared(R, len(names))])
     now = _standard_errors(prior)
     worst = int(np.argmax(now))
@@ -185,7 +184,7 @@ def _information(
     begins = np.zeros(len(log), dtype=bool)
     begins[[0, *Partition(every=EVERY).resets(len(log))]] = True
     for name, scale in noise.items():
-        state = VARIANTS[actuator.model].index(MEASURED[name])
+        state = actuator.states.index(MEASURED[name].state)
         J = np.column_stack([s[:, state] for s in done.sensitivities.values()]) * unit / scale
         white = np.empty_like(J)
         white[1:] = (J[1:] - rho * J[:-1]) / np.sqrt(1 - rho**2)

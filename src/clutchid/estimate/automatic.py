@@ -9,8 +9,8 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import Log
+from clutchid.measured import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator, Load
-from clutchid.model.compiled import VARIANTS
 from clutchid.preparation.carrier import centred, duty_grid, find_carrier, grid_phase, on_off
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.signals.runs import runs
@@ -57,20 +57,15 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     _check(logs, actuator)
     ambient = float(np.median([_vented_pressure(log) for log in logs]))
     changes = {"P_0": ambient, "tau_y": LAG, "tau_p": LAG}
-    free = list(PAPER)
-    if "T_A" in VARIANTS[actuator.model]:
-        free += BALANCE
-        found = _carrier(logs[0], actuator)
-        changes |= found
-        free += CARRIER if found else ()
-    else:
-        free += SHAPES
-    if actuator.model.endswith("stribeck"):
-        free += STRIBECK
+    known = {*actuator.in_equations, *SENSOR_PARAMETERS}
+    found = _carrier(logs[0], actuator) if known >= set(CARRIER) else {}
+    changes |= found
+    candidates = (*PAPER, *SHAPES, *BALANCE, *(CARRIER if found else ()), *STRIBECK)
+    free = [name for name in candidates if name in known]
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     begin = replace(actuator, load=load).replace(changes)
-    known = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, logs)}
-    return begin, (*load.names, *free), known
+    priors = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, logs)}
+    return begin, (*load.names, *free), priors
 
 
 def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:

@@ -16,11 +16,12 @@ from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR
 from clutchid.estimate.result import Fit, Recording
-from clutchid.estimate.simulation_error.problem import MEASURED, Problem, problem
+from clutchid.estimate.simulation_error.problem import Problem, problem
 from clutchid.estimate.simulation_error.search import two_stages
 from clutchid.estimate.simulation_error.summary import failed, plan_warnings, summary
 from clutchid.estimate.verification import as_sensed
 from clutchid.log import Log
+from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
 from clutchid.numerics.failure import Failure

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.log import FloatArray
-from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.measured import MEASURED
+from clutchid.model.compiled import kernels
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.parameter_map import View
-from clutchid.simulation.process_noise import process_noise
+from clutchid.simulation.process_noise import process_noise, start_deviations
 from clutchid.simulation.run import Columns, columns, inputs_of, start_sensitivities, start_state
 from clutchid.simulation.simulation import failure_message
 from clutchid.simulation.windows import Track
-from clutchid.uncertainty.noise import START, UNKNOWN_START, Noise
+from clutchid.uncertainty.noise import Noise
 
 if TYPE_CHECKING:
     from clutchid.filter.recursion import Told
@@ -29,9 +29,6 @@ _KERNELS = "clutchid.filter.recursion"
 
 #: Samples whose rows are compressed together.
 BLOCK = 2048
-
-#: Measured columns in the order of the filter, with lag and offset of their sensors.
-SENSORS = {"position": ("tau_y", "e_y"), "pressure_a": ("tau_p", "e_p")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +69,7 @@ def filtered(
         Gains and variances of another filter to take over. Then the derivatives are exact, and nothing is said of the
         spread of the states.
     """
-    states = VARIANTS[seen.actuator.model]
+    states = seen.actuator.states
     n, k, length = len(states), len(seen.bases), len(track.segment)
     errors, passed, pressures = np.empty((length, 2, 2)), np.full((length, n), np.nan), np.empty((length, k + 1))
     filter_ = _Filter.of(track, seen, measure, noise, held)
@@ -123,19 +120,19 @@ class _Filter:
     def of(cls, track: Track, seen: View, measure: Sequence[str], noise: Noise, held: FloatArray | None) -> _Filter:
         """The filter at the start of a segment."""
         segment, p, k = track.segment, seen.actuator.parameters, len(seen.bases)
-        n, inside = len(VARIANTS[seen.actuator.model]), slice(segment.start, segment.stop)
+        n, inside = len(seen.actuator.states), slice(segment.start, segment.stop)
         inputs_of(segment, seen.actuator.model)
         which = columns(seen.actuator, seen.bases)
         S = start_sensitivities(segment, seen.actuator, which, estimated=False)
-        L = np.diag(start_deviations(track, seen.actuator, "pressure_a" in measure, noise))
+        L = np.diag(start_deviations(segment, seen.actuator, "pressure_a" in measure, noise))
         S = np.column_stack([S[:, :k], L]) if held is None else np.ascontiguousarray(S[:, :k])
         measured = np.full((len(segment), 2), np.nan)
-        for column, name in enumerate(SENSORS):
+        for column, name in enumerate(MEASURED):
             if name in measure:
                 values = track.measured[name][inside]
                 measured[:, column] = np.where(np.isfinite(values), values, np.nan)
-        names = [pair[i] for i in (0, 1) for pair in SENSORS.values()]
-        sigma = [noise.measured.get(name, np.inf) for name in SENSORS]
+        names = [*(sensor.lag for sensor in MEASURED.values()), *(sensor.offset for sensor in MEASURED.values())]
+        sigma = [noise.measured.get(name, np.inf) for name in MEASURED]
         return cls(
             track=track,
             seen=seen,
@@ -172,12 +169,3 @@ class _Filter:
             steps = 1.0 / dt[i - 1] if i > 0 else 0.0
             update(i - at.start, steps, self.now, measured, noise, self.sensors, self.own, gains, told, self.held)
         return -1 if np.isfinite(S).all() else at.stop - 1
-
-
-def start_deviations(track: Track, actuator: Actuator, with_pressure: bool, noise: Noise) -> FloatArray:
-    """Standard deviations of the first state of a segment, in SI."""
-    segment = track.segment
-    spread = dict(START if segment.vented else UNKNOWN_START)
-    if with_pressure and np.isfinite(segment.pressure_start):
-        spread["p_A"] = max(spread["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
-    return np.array([spread[name] for name in VARIANTS[actuator.model]])

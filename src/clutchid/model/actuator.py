@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
-from clutchid.model.compiled import check_variant, kernels
+from clutchid.model.compiled import VARIANTS, check_variant, kernels
 from clutchid.model.equipment import Equipment
 from clutchid.parameters import Parameters, unknown_name
 
@@ -209,6 +209,17 @@ class Actuator:
     def names(self) -> tuple[str, ...]:
         """All names that `value` and `replace` know: the parameters, then the load weights."""
         return (*Parameters.names(), *self.load.names)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the model's states, in the order of its kernels; `clutchid.states` has a row for each."""
+        return VARIANTS[self.model]
+
+    @property
+    def in_equations(self) -> frozenset[str]:
+        """Names of the parameters that the model's equations hold."""
+        names = Parameters.names()
+        return frozenset(names[q] for _, q in kernels(self.model).SLOTS)
 
     def value(self, name: str) -> float:
         """Value of a parameter or load weight, in SI.

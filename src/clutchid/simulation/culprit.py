@@ -10,11 +10,8 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS, kernels
-
-#: Units of the rates of the states, by the states' first letters, and what is a large one: the stroke, the full
-#: pressure, the friction's deflection or 100 K in a tenth of a second, and the acceleration to such a speed in 10 ms.
-_RATES = {"y": ("m/s", 0.25), "v": ("m/s²", 25.0), "p": ("Pa/s", 9e6), "z": ("m/s", 0.25), "T": ("K/s", 1e3)}
+from clutchid.model.compiled import kernels
+from clutchid.states import STATES
 
 
 class _Term(NamedTuple):
@@ -42,7 +39,7 @@ def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
     >>> culprit(Actuator(model="energy-balance"), state, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[:67]
     'the term w_ve is not finite; in it stand p_A = 2e+05, T_A = -5, y_v'
     """
-    known = dict(zip(VARIANTS[actuator.model], state.tolist(), strict=True))
+    known = dict(zip(actuator.states, state.tolist(), strict=True))
     rates: list[_Term] = []
     for term in _terms(actuator, state, inputs):
         if not math.isfinite(term.value):
@@ -50,8 +47,8 @@ def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
             return f"the {what} is not finite{_made_of(actuator, term, known)}"
         known[term.name] = term.value
         rates += [term] if term.name.startswith("d_") else []
-    fastest = max(rates, key=lambda term: abs(term.value) / _RATES[term.name[2]][1])
-    name, unit = fastest.name[2:], _RATES[fastest.name[2]][0]
+    fastest = max(rates, key=lambda term: abs(term.value) / STATES[term.name[2:]].fast)
+    name, unit = fastest.name[2:], STATES[fastest.name[2:]].rate_unit
     what = f"all terms are finite and {name} changes fastest, by {fastest.value:.3g} {unit}"
     return what + _made_of(actuator, fastest, known)
 
@@ -59,7 +56,7 @@ def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
 def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterator[_Term]:
     """The load and every term; the last one is NaN where it cannot be computed."""
     module, load = kernels(actuator.model), actuator.load
-    y = state[[VARIANTS[actuator.model].index("y")]]
+    y = state[[actuator.states.index("y")]]
     with np.errstate(all="ignore"):
         force = float(load.force(y)[0])
         acting = tuple(name for name, phi in zip(load.names, load.phi(y)[0], strict=True) if phi != 0.0)

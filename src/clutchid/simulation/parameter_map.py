@@ -9,16 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.measured import MEASURED, SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.simulation.run import Columns, IntArray, Numbers, columns
 from clutchid.simulation.windows import units
-
-#: Numbers of the sensors, which the equations of the actuator do not hold.
-SENSORS = ("tau_y", "e_y", "tau_p", "e_p")
-
-#: Of each measured column the place of its state, and the lag and offset of its sensor.
-COLUMN = {"position": (0, "tau_y", "e_y"), "pressure_a": (2, "tau_p", "e_p")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,18 +70,18 @@ class View:
         if met not in self.layouts:
             touched = np.any(self.numbers.basis[:, met[0] : met[1] + 1] != 0.0, axis=(1, 2))
             idle = {name for name, meets in zip(self.actuator.load.names, touched.tolist(), strict=True) if not meets}
-            active = [i for i, name in enumerate(self.bases) if name not in idle and name not in SENSORS]
+            active = [i for i, name in enumerate(self.bases) if name not in idle and name not in SENSOR_PARAMETERS]
             self.layouts[met] = self._layout(active)
         return self.layouts[met]
 
     def _layout(self, active: Sequence[int]) -> Layout:
-        states, unit = VARIANTS[self.actuator.model], units(self.actuator)
-        n, theta = len(states), [*active, *(i for i, name in enumerate(self.bases) if name in SENSORS)]
+        states, unit = self.actuator.states, units(self.actuator)
+        n, theta = len(states), [*active, *(i for i, name in enumerate(self.bases) if name in SENSOR_PARAMETERS)]
         which = columns(self.actuator, [*(f"start of {name}" for name in states), *(self.bases[i] for i in active)])
         start = np.zeros((n, n + len(active)))
         start[:, :n] = np.diag(unit)
-        column = {self.bases[i]: n + number for number, i in enumerate(theta) if self.bases[i] in SENSORS}
-        own = {name: (column.get(lag, -1), column.get(offset, -1)) for name, (_, lag, offset) in COLUMN.items()}
+        column = {self.bases[i]: n + number for number, i in enumerate(theta) if self.bases[i] in SENSOR_PARAMETERS}
+        own = {name: (column.get(s.lag, -1), column.get(s.offset, -1)) for name, s in MEASURED.items()}
         carried = np.array([self.places[i] for i in theta], dtype=np.int64)
         placed = np.concatenate([np.arange(n), n + carried, [n + self.size]])
         return Layout(which, start, own, np.array(theta, dtype=np.int64), placed, carried[: len(active)])
@@ -105,6 +99,6 @@ def view(
 
     `layouts` may be those of another view, which differs in values only.
     """
-    sensors = {name: (actuator.value(lag), actuator.value(offset)) for name, (_, lag, offset) in COLUMN.items()}
+    sensors = {name: (actuator.value(s.lag), actuator.value(s.offset)) for name, s in MEASURED.items()}
     known = {} if layouts is None else layouts
     return View(actuator, Numbers.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, known)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.compiled import kernels
 from clutchid.parameters import Parameters
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.simulation.partition import Partition
@@ -194,7 +194,7 @@ def _segment(
 def _inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
     """Held inputs at every sample: both duty cycles, and the valves' carrier where the model has one."""
     columns = [log[name][start:stop] for name in INPUTS]
-    if "T_A" in VARIANTS[actuator.model]:
+    if "c_pwm" in kernels(actuator.model).INPUTS:
         time, p = log.time[start:stop], actuator.parameters
         before = period_before(time, p)
         columns += [*carrier(time, p), *(column[before] for column in columns)]

@@ -6,16 +6,17 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.model.compiled import kernels
 from clutchid.simulation.plan import Segment
-from clutchid.uncertainty.noise import SPAN, Noise
+from clutchid.states import NOISE_SPAN, STATES
+from clutchid.uncertainty.noise import Noise
 
 
 def process_noise(segment: Segment, actuator: Actuator, noise: Noise) -> FloatArray:
     """Standard deviation of what each interval of a segment adds to the state at random.
 
-    The noise is white: over `SPAN` seconds it adds up to what shooting allows between two windows. So does the part of
-    the air through an open valve that the model misjudges, where the valve stays as open as it is.
+    The noise is white: over `NOISE_SPAN` seconds it adds up to what shooting allows between two windows. So does the
+    part of the air through an open valve that the model misjudges, where the valve stays as open as it is.
 
     Parameters
     ----------
@@ -24,19 +25,43 @@ def process_noise(segment: Segment, actuator: Actuator, noise: Noise) -> FloatAr
     actuator : Actuator
         Its valves and its chamber say how fast air comes in.
     noise : Noise
-        Random error of the states over `SPAN`, in SI, and of the flow, as a share of it.
+        Random error of the states over `NOISE_SPAN`, in SI, and of the flow, as a share of it.
 
     Returns
     -------
     sigma : (n - 1, n_states), in SI
     """
-    p, names = actuator.parameters, VARIANTS[actuator.model]
-    root = np.sqrt(segment.dt)[:, None]
-    sigma: FloatArray = root * np.array([noise.states[name] for name in names]) / np.sqrt(SPAN)
-    u, opening = segment.inputs[:-1], kernels(actuator.model).opening
-    opened = opening(u[:, 0], p.R_0vs, p.R_1vs) + opening(u[:, 1], p.R_0ve, p.R_1ve)
+    # the misjudged flow adds up like the states' own error: as a white noise it is the same over the span
+    opened = opening_of_valves(segment, actuator) * np.sqrt(segment.dt * NOISE_SPAN)
+    return state_deviations(actuator, noise, segment.dt, opened)
+
+
+def opening_of_valves(segment: Segment, actuator: Actuator) -> FloatArray:
+    """Opening of both valves together, from 0 to 2, in each interval of a segment, shape (n - 1,)."""
+    p, opening = actuator.parameters, kernels(actuator.model).opening
+    u = segment.inputs[: segment.dt.size]
+    result: FloatArray = opening(u[:, 0], p.R_0vs, p.R_1vs) + opening(u[:, 1], p.R_0ve, p.R_1ve)
+    return result
+
+
+def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, opened: FloatArray) -> FloatArray:
+    """Standard deviation of the model's own error over each `span` in s, shape (n, n_states), in SI.
+
+    The states drift like a random walk. Of the air that flows while valves are open, `opened` s in all, a part is
+    misjudged; it fills half the chamber.
+    """
+    p = actuator.parameters
     volume = p.V_0A + 0.5 * p.A_A * p.y_max
-    rate = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / volume
-    at = names.index("p_A")
-    sigma[:, at] = np.hypot(sigma[:, at], noise.flow * rate * opened * np.sqrt(SPAN) * root[:, 0])
+    air = noise.flow * opened * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / volume
+    sigma: FloatArray = np.array([noise.states[name] for name in actuator.states]) * np.sqrt(span / NOISE_SPAN)[:, None]
+    at = actuator.states.index("p_A")
+    sigma[:, at] = np.hypot(sigma[:, at], air)
     return sigma
+
+
+def start_deviations(segment: Segment, actuator: Actuator, with_pressure: bool, noise: Noise) -> FloatArray:
+    """Standard deviations of the first state of a segment, shape (n_states,), in SI."""
+    spread = {n: STATES[n].start if segment.vented else STATES[n].unknown_start for n in actuator.states}
+    if with_pressure and np.isfinite(segment.pressure_start):
+        spread["p_A"] = max(spread["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
+    return np.array(list(spread.values()))

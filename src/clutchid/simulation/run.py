@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator, Load
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.model.compiled import kernels
 from clutchid.parameters import Parameters
 from clutchid.simulation.plan import Segment
+from clutchid.states import STATES
 
 IntArray = NDArray[np.int64]
 
 #: Names of the unknown start of a segment, as sensitivities.
 POSITION_START, PRESSURE_START = "y_start", "p_A_start"
-#: Parameters that states start at.
-_START_ROWS = {"T_w": ("T_A", "T_B"), "P_S": ("p_S", "p_G")}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,14 +87,14 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
     start : (m, Pa), optional
         Position and pressure in chamber A, where they have been estimated.
     """
-    p = actuator.parameters
     if start is not None:
         y, p_A = start
     else:
         y = segment.position_start
         p_A = guessed_pressure(segment, actuator)
-    known = {"y": y, "p_A": p_A, "p_B": p.P_0, "T_A": p.T_w, "T_B": p.T_w, "p_S": p.P_S, "p_G": p.P_S}
-    return np.array([known.get(name, 0.0) for name in VARIANTS[actuator.model]])
+    rest = {name: actuator.value(begin) for name in actuator.states if (begin := STATES[name].starts_at)}
+    known = {**rest, "y": y, "p_A": p_A}
+    return np.array([known.get(name, 0.0) for name in actuator.states])
 
 
 def guessed_pressure(segment: Segment, actuator: Actuator) -> float:
@@ -200,8 +199,10 @@ def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, es
 
     Chambers that start at P_0 move with it, and a pressure guessed by Eq. (26) moves with the load that it holds.
     """
-    states = VARIANTS[actuator.model]
+    states = actuator.states
     S = np.zeros((len(states), len(which.names)))
+    position, pressure = states.index("y"), states.index("p_A")
+    begins = {STATES[state].starts_at for state in states}
     measured = bool(np.isfinite(segment.pressure_start))
     resting = not (segment.vented or estimated or measured)
     y, A_A = segment.position_start, actuator.parameters.A_A
@@ -209,16 +210,13 @@ def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, es
     phi = dict(zip(actuator.load.names, actuator.load.phi(np.array([y]))[0], strict=True))
     for column, name in enumerate(which.names):
         if name == POSITION_START:
-            S[0, column] = 1.0
+            S[position, column] = 1.0
         elif name == PRESSURE_START:
-            S[2, column] = 1.0
-        elif name in _START_ROWS:
-            for row in _START_ROWS[name]:
-                if row in states:
-                    S[states.index(row), column] = 1.0
-        elif name == "P_0":
-            S[3, column] = 1.0
-            S[2, column] = float(resting or (segment.vented and not measured))
+            S[pressure, column] = 1.0
+        elif name in begins:
+            S[:, column] = [float(STATES[state].starts_at == name) for state in states]
+            if name == STATES["p_A"].starts_at:
+                S[pressure, column] = float(resting or (segment.vented and not measured))
         elif resting and force > 0.0:
-            S[2, column] = -force / A_A**2 if name == "A_A" else phi.get(name, 0.0) / A_A
+            S[pressure, column] = -force / A_A**2 if name == "A_A" else phi.get(name, 0.0) / A_A
     return S

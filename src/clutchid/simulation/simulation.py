@@ -11,7 +11,6 @@ import numpy as np
 from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import unknown_name
 from clutchid.simulation.culprit import culprit
 from clutchid.simulation.partition import Partition
@@ -25,20 +24,7 @@ from clutchid.simulation.run import (
     start_state,
 )
 from clutchid.simulation.stiffness import stiffness, top_speed
-
-#: Column of a `Log` for each state that has one.
-STATE_COLUMNS = {
-    "y": "position",
-    "v": "velocity",
-    "p_A": "pressure_a",
-    "p_B": "pressure_b",
-    "z": "deflection",
-    "T_A": "temperature_a",
-    "T_B": "temperature_b",
-    "p_S": "pressure_supply",
-    "p_G": "pressure_governor",
-    "z_h": "deflection_bearing",
-}
+from clutchid.states import STATES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +99,7 @@ def simulate(
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
     numbers, which = Numbers.of(actuator), columns(actuator, sensitivities)
-    names = VARIANTS[actuator.model]
+    names = actuator.states
     states = np.full((len(log), len(names)), np.nan)
     sens = np.full((len(log), len(names), len(which.names)), np.nan)
     message = ""
@@ -141,7 +127,7 @@ def simulate(
 def simulated_log(prepared: Plan, states: FloatArray, names: Sequence[str]) -> Log:
     """A log with the simulated columns of the states `names` and the inputs they were made with."""
     log = prepared.log
-    simulated = {STATE_COLUMNS[name]: np.ascontiguousarray(states[:, i]) for i, name in enumerate(names)}
+    simulated = {STATES[name].column: np.ascontiguousarray(states[:, i]) for i, name in enumerate(names)}
     inputs = {name: log[name] for name in INPUTS}
     return Log(log.time, {"position": simulated.pop("position"), **inputs, **simulated}, log.name, log.metadata)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.model.compiled import kernels
 from clutchid.simulation.partition import Partition
 
 #: Classical RK4 is stable for real eigenvalues down to -2.785 / h; 2.5 leaves a margin.
@@ -76,7 +76,7 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
         "p_S": (p.P_S,),
         "p_G": (p.P_S,),
     }
-    x = np.array(list(product(*(ranges.get(name, (0.0,)) for name in VARIANTS[actuator.model]))))
+    x = np.array(list(product(*(ranges.get(name, (0.0,)) for name in actuator.states))))
     rates, jacobian = np.empty_like(x), np.empty((*x.shape, x.shape[1]))
     largest = 0.0
     load = actuator.load

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -10,20 +10,14 @@ import numpy as np
 
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import Numbers, run, start_state
 from clutchid.simulation.simulation import failure_message
+from clutchid.states import STATES
 
 #: Length of a window in s, and time after which the first guess of the states takes the measured position again.
 WINDOW, GUESS = 0.1, 0.02
-
-#: Natural size of each state, in SI.
-UNITS: Mapping[str, float] = {
-    "y": 1e-3, "v": 0.1, "p_A": 1e5, "p_B": 1e4, "z": 1e-4, "T_A": 10.0, "T_B": 10.0, "p_S": 1e5, "p_G": 1e5,
-    "z_h": 1e-4,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,14 +77,14 @@ def _window(segment: Segment, a: int, b: int) -> Segment:
 
 def units(actuator: Actuator) -> FloatArray:
     """Natural sizes of the states of the actuator's model."""
-    return np.array([UNITS[name] for name in VARIANTS[actuator.model]])
+    return np.array([STATES[name].scale for name in actuator.states])
 
 
 def first_guess(track: Track, actuator: Actuator, with_pressure: bool) -> FloatArray | Failure:
     """States at the start of every window, shape (n, n_states): simulated, with what is measured taken again often."""
     states, failed = run(track.segment, Numbers.of(actuator), start_state(track.segment, actuator))
     if failed >= 0:
-        return Failure(failure_message(track.measured, track.segment, states, failed, VARIANTS[actuator.model]))
+        return Failure(failure_message(track.measured, track.segment, states, failed, actuator.states))
     at = np.array([window.start for window in track.windows])
     guess: FloatArray = states[at - track.segment.start]
     time, position = track.measured.time, track.measured["position"]

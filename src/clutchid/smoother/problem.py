@@ -11,7 +11,6 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.numerics.threads import each
@@ -21,6 +20,7 @@ from clutchid.smoother.elimination import Eliminated, eliminate
 from clutchid.smoother.linearised_windows import Told
 from clutchid.smoother.links import first_rows, link_costs, link_rows, link_sigma
 from clutchid.smoother.window_rows import window_rows
+from clutchid.states import STATES
 from clutchid.uncertainty.coordinates import Coordinate, smoothness
 from clutchid.uncertainty.noise import Noise
 
@@ -30,12 +30,6 @@ FARTHEST = 5.0
 
 #: So many points x are remembered with what does not depend on the states, which settle at one and the same x.
 FEW = 4
-
-#: How strongly a damped step holds each state, in standard deviations of a window's own information.
-HELD = {
-    "y": 60.0, "v": 15.0, "p_A": 30.0, "p_B": 30.0, "z": 30.0, "T_A": 3.0, "T_B": 3.0, "p_S": 3.0, "p_G": 3.0,
-    "z_h": 30.0,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,8 +241,8 @@ def condense(
 
     `damping` says how strongly each window's start is held, an array a track. Where theta is held there is no factor.
     """
-    names = VARIANTS[task.actuator.model]
-    weight = np.diag([HELD[name] for name in names])
+    names = task.actuator.states
+    weight = np.diag([STATES[name].step for name in names])
     chains = []
     for track, chain in enumerate(linear.chains):
         own = chain.passage.told.of_states

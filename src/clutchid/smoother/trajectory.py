@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.model.compiled import VARIANTS
 from clutchid.simulation.run import Numbers, run
 from clutchid.simulation.sensors import seen
 from clutchid.smoother.problem import Shooting
@@ -20,7 +19,7 @@ def trajectory(task: Shooting, found: Found, log: int) -> FloatArray:
     """States of recording `log` at its samples, shape (n, n_states); NaN between segments."""
     mine = [(track, X) for track, X in zip(task.tracks, found.X, strict=True) if track.log == log]
     n = len(mine[0][0].measured) if mine else 0
-    states = np.full((n, len(VARIANTS[task.actuator.model])), np.nan)
+    states = np.full((n, len(task.actuator.states)), np.nan)
     numbers = Numbers.of(task.actuator_of(found.x, task.stems[log]))
     for track, X in mine:
         for window, start in zip(track.windows, X, strict=True):
@@ -32,7 +31,7 @@ def trajectory(task: Shooting, found: Found, log: int) -> FloatArray:
 def recorded(task: Shooting, found: Found, log: int, states: FloatArray) -> dict[str, FloatArray]:
     """What the sensors would record along `states`: shifted by their lags and offsets."""
     p = task.actuator_of(found.x, task.stems[log]).parameters
-    names = VARIANTS[task.actuator.model]
+    names = task.actuator.states
     y, p_A = (states[:, names.index(name)] for name in ("y", "p_A"))
     time = next(track.measured.time for track in task.tracks if track.log == log)
     return {"position": seen(y, time, p.tau_y, p.e_y), "pressure_a": seen(p_A, time, p.tau_p, p.e_p)}

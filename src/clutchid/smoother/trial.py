@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import each
 from clutchid.simulation.parameter_map import View
@@ -126,7 +125,7 @@ def accept(task: Shooting, trial: Trial, free: bool = True) -> Linear | Failure:
 
 def with_theta_held(task: Shooting, here: Linear) -> Linear:
     """`here` as the problem of its states alone."""
-    n = len(VARIANTS[task.actuator.model])
+    n = len(task.actuator.states)
     theta = np.arange(n, n + here.x.size)
     chains = []
     for chain in here.chains:

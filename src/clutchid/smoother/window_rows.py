@@ -10,10 +10,10 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.log import FloatArray
-from clutchid.model.compiled import VARIANTS
+from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
-from clutchid.simulation.parameter_map import COLUMN, View
+from clutchid.simulation.parameter_map import View
 from clutchid.simulation.plan import Segment
 from clutchid.simulation.run import run, run_to_end
 from clutchid.simulation.simulation import failure_message
@@ -113,12 +113,16 @@ def _sensed(
 ) -> tuple[FloatArray, FloatArray]:
     """Sensors as `kernels.compare` wants them, and what they measured in a window."""
     step, at = float(window.dt[0]), slice(window.start, window.start + _compared_samples(track, window))
-    sensors = [(COLUMN[name][0], *seen.sensors[name], step, noise.of_samples(name, track.spacing)) for name in measure]
+    states = seen.actuator.states
+    sensors = [
+        (states.index(MEASURED[name].state), *seen.sensors[name], step, noise.of_samples(name, track.spacing))
+        for name in measure
+    ]
     return np.array(sensors), np.array([track.measured[name][at] for name in measure])
 
 
 def _failure(track: Track, window: Segment, out: FloatArray, failed: int, seen: View) -> Failure:
-    names = VARIANTS[seen.actuator.model]
+    names = seen.actuator.states
     return Failure(failure_message(track.measured, window, out, max(failed, 0), names, seen.actuator))
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.estimate.prediction_error.problem import Prediction
-from clutchid.filter.filtering import SENSORS
 from clutchid.log import FloatArray
+from clutchid.measured import MEASURED
 from clutchid.smoother.problem import Shooting
 from clutchid.smoother.trajectory import LEAST, MOST
 
@@ -43,7 +43,7 @@ def innovations(prediction: Prediction, name: str) -> Innovations:
     -------
     innovations : Innovations
     """
-    column = list(SENSORS).index(name)
+    column = list(MEASURED).index(name)
     errors = np.concatenate([segment.errors[:, column] for segment in prediction.segments])
     nu = errors[:, 0] / np.sqrt(errors[:, 1])
     nu = nu[np.isfinite(nu)]
@@ -62,7 +62,7 @@ def _colour(correlation: FloatArray) -> float:
 def noise_scales(task: Shooting, prediction: Prediction) -> dict[str, float]:
     """Noise scale of each measured column: the median error beyond what the spread of the state explains, bounded."""
     scales = {}
-    for column, name in enumerate(SENSORS):
+    for column, name in enumerate(MEASURED):
         if name not in task.measure:
             continue
         usual = task.noise.measured[name]

@@ -14,9 +14,8 @@ from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.shooting.fit import Shot
 from clutchid.estimate.shooting.summary import QUANTILE, described
 from clutchid.estimate.shooting.uncertainty import SCALE, considered
-from clutchid.filter.filtering import SENSORS
 from clutchid.log import FloatArray, Log
-from clutchid.model.compiled import VARIANTS
+from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.simulation import simulated_log
@@ -90,7 +89,7 @@ def _recordings(
     shot: Shot[Predicted], found: Predicted, spread: Spread
 ) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
     """The recordings by name, and each as measured and as it was foreseen sample by sample."""
-    task, names = shot.task, VARIANTS[shot.task.actuator.model]
+    task, names = shot.task, shot.task.actuator.states
     recordings, pairs = {}, []
     for number, prepared in enumerate(shot.plans):
         mine = [(t, s) for t, s in zip(task.tracks, found.at.segments, strict=True) if t.log == number]
@@ -104,7 +103,7 @@ def _recordings(
             variance = np.einsum("ni,ij,nj->n", rows, spread.matrix, rows)
             half[at] = QUANTILE * np.sqrt(np.maximum(variance, 0.0) + SCALE**2 * segment.pressures[:, -1] ** 2)
             for name, values in foreseen.items():
-                values[at] = prepared.log[name][at] - segment.errors[:, list(SENSORS).index(name), 0]
+                values[at] = prepared.log[name][at] - segment.errors[:, list(MEASURED).index(name), 0]
         simulated = simulated_log(prepared, states, names)
         pairs.append((prepared.log, simulated.with_columns(**foreseen)))
         simulated = simulated.with_columns(**_band(simulated["pressure_a"], half))

@@ -14,7 +14,6 @@ from clutchid.estimate.shooting.uncertainty import Spread, pressure_spread, scal
 from clutchid.estimate.simulation_error.summary import plan_warnings
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.simulation import simulated_log
 from clutchid.smoother.problem import Shooting
@@ -84,7 +83,7 @@ def _recordings(
     for number, prepared in enumerate(shot.plans):
         states = trajectory(task, found, number)
         seen = recorded(task, found, number, states)
-        simulated = simulated_log(prepared, states, VARIANTS[task.actuator.model])
+        simulated = simulated_log(prepared, states, task.actuator.states)
         band = _band(task, number, deviations, simulated["pressure_a"])
         simulated = simulated.with_columns(**band)
         pairs.append((prepared.log, simulated.with_columns(**seen)))

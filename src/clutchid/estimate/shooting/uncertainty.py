@@ -10,7 +10,6 @@ import numpy as np
 from clutchid.estimate.calibration import Calibration
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.parameters import Parameters
 from clutchid.simulation.windows import units
@@ -130,7 +129,7 @@ def pressure_spread(of: Spread) -> list[FloatArray]:
     rng = np.random.default_rng(0)
     moved = rng.standard_normal((of.root.shape[0], DRAWS))
     theta = of.known @ rng.standard_normal((of.known.shape[0], DRAWS)) + of.moved @ moved
-    at = VARIANTS[of.task.actuator.model].index("p_A")
+    at = of.task.actuator.states.index("p_A")
     unit = units(of.task.actuator)[at]
     result = []
     for chain in of.chains:

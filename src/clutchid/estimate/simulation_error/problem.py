@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
+from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, compress, triangular
 from clutchid.simulation.plan import Plan, Segment
@@ -29,9 +29,6 @@ from clutchid.simulation.run import (
 from clutchid.simulation.simulation import failure_message
 
 IntArray = NDArray[np.int64]
-
-#: State that a measured column is compared with.
-MEASURED = {"position": "y", "pressure_a": "p_A"}
 
 #: A recording whose position stays within this many m does not move.
 REST = 5e-4
@@ -177,8 +174,8 @@ def residuals(
         yield Failure(str(error))
         return
     numbers = Numbers.of(actuator)
-    states_of = VARIANTS[actuator.model]
-    watched = [states_of.index(MEASURED[name]) for name in task.measure]
+    states_of = actuator.states
+    watched = [states_of.index(MEASURED[name].state) for name in task.measure]
     for part in task.parts:
         log, segment = task.plans[part.log].log, part.segment
         which = columns(actuator, [*task.names, *part.start_names])
@@ -197,9 +194,9 @@ def _compared(
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     log, segment = task.plans[part.log].log, part.segment
     r_parts, J_parts, at_parts = [], [], []
-    names = VARIANTS[task.actuator.model]
+    names = task.actuator.states
     for i, name in enumerate(task.measure):
-        difference = states[:, names.index(MEASURED[name])] - log[name][segment.start : segment.stop]
+        difference = states[:, names.index(MEASURED[name].state)] - log[name][segment.start : segment.stop]
         known = np.isfinite(difference)
         at_parts.append(np.flatnonzero(known))
         if known.all():
@@ -217,7 +214,7 @@ def simulated_states(task: Problem, x: FloatArray, log: int) -> FloatArray:
     """States of recording `log` at `x`, shape (n, n_states); NaN outside segments and after a failure."""
     actuator = task.actuator_at(x)
     numbers = Numbers.of(actuator)
-    states = np.full((len(task.plans[log].log), len(VARIANTS[actuator.model])), np.nan)
+    states = np.full((len(task.plans[log].log), len(actuator.states)), np.nan)
     for part in task.parts:
         if part.log == log:
             x0 = start_state(part.segment, actuator, task.start_of(part, x, actuator))

@@ -9,11 +9,9 @@ import numpy as np
 
 from clutchid.estimate.simulation_error.problem import Problem, linearise, residuals
 from clutchid.log import FloatArray
+from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise
-
-#: Scales of the first stage, in SI; the second stage takes the rms residuals of the first.
-FIRST_SCALES = {"position": 1e-4, "pressure_a": 1e4}
 
 #: Factors on the load weights that the coarse stage tries from the start values.
 COARSE_FACTORS = (1.0, 0.6, 0.8, 1.25, 1.6)
@@ -25,7 +23,7 @@ def two_stages(task: Problem, progress: Progress | None) -> tuple[Solution | Fai
     The coarse stage tries some factors on the load and stops early; the fine stage goes on from the best with the
     rms residuals as noise scales. The paper conducts the optimisation twice in the same way (Section 3.1).
     """
-    scales = {name: FIRST_SCALES[name] for name in task.measure}
+    scales = {name: MEASURED[name].first_scale for name in task.measure}
     count = 0
 
     def evaluate(x: FloatArray, stage: str) -> Linearisation | Failure:
@@ -80,6 +78,6 @@ def _noise_scales(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> 
             sums[name][0] += float(np.sum(piece**2)) * scales[name] ** 2
             sums[name][1] += piece.size
     return {
-        name: max(float(np.sqrt(total / max(1, count))), 1e-3 * FIRST_SCALES[name])
+        name: max(float(np.sqrt(total / max(1, count))), 1e-3 * MEASURED[name].first_scale)
         for name, (total, count) in sums.items()
     }

@@ -11,7 +11,6 @@ from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors
 from clutchid.estimate.simulation_error.problem import WEIGHT_UNITS, Problem, residuals, simulated_states
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.simulation.plan import Plan
@@ -90,7 +89,7 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
 def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> dict[str, Recording]:
     recordings = {}
     for number, prepared in enumerate(task.plans):
-        simulated = simulated_log(prepared, simulated_states(task, x, number), VARIANTS[fitted.model])
+        simulated = simulated_log(prepared, simulated_states(task, x, number), fitted.states)
         starts = tuple(task.starts_at(x, number, fitted))
         errors = errors_over([(prepared.log, simulated)])
         recordings[prepared.log.name] = Recording(prepared.log, simulated, errors, starts)

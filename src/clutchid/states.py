@@ -1,0 +1,99 @@
+"""The states of the actuator models, one row a state: everything that is known of it besides its equation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+#: Time in s over which `State.noise` adds up.
+NOISE_SPAN = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """One state of a model, in SI.
+
+    Parameters
+    ----------
+    unit, meaning
+        For people; `meaning` is a noun phrase.
+    column
+        Name of its column in a `Log`.
+    scale
+        Natural size, above 0: steps and derivatives of a search are made dimensionless with it.
+    noise
+        Standard deviation of the model's own random error over `NOISE_SPAN`: what stick-slip, ripple and heat leave
+        unexplained.
+    start, unknown_start
+        Standard deviation at the start of a recording that is vented and at rest, and of one that is not.
+    starts_at
+        Parameter that the state starts at; 0 without one.
+    step
+        Natural step of a search for window starts, as the number of standard deviations of the window's own
+        information that damping allows.
+    fast
+        A rate of change that is large for it, in its unit per second.
+    """
+
+    unit: str
+    meaning: str
+    column: str
+    scale: float
+    noise: float
+    start: float
+    unknown_start: float
+    starts_at: str | None = None
+    step: float = 30.0
+    fast: float
+
+    @property
+    def rate_unit(self) -> str:
+        """Unit of its rate of change."""
+        return "m/s²" if self.unit == "m/s" else f"{self.unit}/s"
+
+
+#: All states by symbol. Natural sizes and spreads are those of a truck's clutch actuator: guessed from its sensors and
+#: its manoeuvres, and checked on the proving ground (docs/truck.md).
+STATES: Mapping[str, State] = MappingProxyType({
+    "y": State(
+        unit="m", meaning="position of the piston", column="position",
+        scale=1e-3, noise=2e-6, start=5e-5, unknown_start=1e-3, step=60.0, fast=0.25,
+    ),
+    "v": State(
+        unit="m/s", meaning="velocity of the piston", column="velocity",
+        scale=0.1, noise=2e-3, start=1e-3, unknown_start=0.05, step=15.0, fast=25.0,
+    ),
+    "p_A": State(
+        unit="Pa", meaning="pressure in chamber A", column="pressure_a",
+        scale=1e5, noise=300.0, start=500.0, unknown_start=1e5, starts_at="P_0", fast=9e6,
+    ),
+    "p_B": State(
+        unit="Pa", meaning="pressure in chamber B", column="pressure_b",
+        scale=1e4, noise=200.0, start=500.0, unknown_start=500.0, starts_at="P_0", fast=9e6,
+    ),
+    "z": State(
+        unit="m", meaning="deflection of the seals", column="deflection",
+        scale=1e-4, noise=5e-6, start=1e-4, unknown_start=3e-4, fast=0.25,
+    ),
+    "T_A": State(
+        unit="K", meaning="temperature of the air in chamber A", column="temperature_a",
+        scale=10.0, noise=0.5, start=3.0, unknown_start=3.0, starts_at="T_w", step=3.0, fast=1e3,
+    ),
+    "T_B": State(
+        unit="K", meaning="temperature of the air in chamber B", column="temperature_b",
+        scale=10.0, noise=0.5, start=3.0, unknown_start=3.0, starts_at="T_w", step=3.0, fast=1e3,
+    ),
+    "p_S": State(
+        unit="Pa", meaning="pressure in the supply reservoir", column="pressure_supply",
+        scale=1e5, noise=1500.0, start=2e4, unknown_start=2e4, starts_at="P_S", step=3.0, fast=9e6,
+    ),
+    "p_G": State(
+        unit="Pa", meaning="pressure at the governor", column="pressure_governor",
+        scale=1e5, noise=2000.0, start=2e4, unknown_start=2e4, starts_at="P_S", step=3.0, fast=9e6,
+    ),
+    "z_h": State(
+        unit="m", meaning="deflection of release bearing and fork", column="deflection_bearing",
+        scale=1e-4, noise=5e-6, start=1e-4, unknown_start=1e-4, fast=0.25,
+    ),
+})  # fmt: skip
