@@ -20,7 +20,7 @@ from clutchid.estimate.change import (
     with_changes,
 )
 from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
-from clutchid.estimate.shooting.fit import Shot, Wanted, shoot
+from clutchid.estimate.shooting.fit import FreeParameters, SearchResult, shoot
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.numerics.failure import Failure
 from clutchid.uncertainty.coordinates import Prior
@@ -65,13 +65,13 @@ def rms(load, true):
 def test_a_score_says_where_a_fit_with_the_number_free_ends(calibrated, worn_log):
     kept, actuator = calibrated.calibration, calibrated.actuator
     off = actuator.replace({"D_v": 0.92 * actuator.value("D_v")})
-    shot = shoot([worn_log], off, Wanted(actuator.load.names, ("position",)), kept)
+    shot = shoot([worn_log], off, FreeParameters(actuator.load.names, ("position",)), kept)
     said = score(shot)
     asked = [name for name in NAMES if name != "P_S"]
     names = (*actuator.load.names, *(f"{name}@worn" for name in asked))
     shares = {name: 1.0 if name[1:3] == "_0" else off.value(name) for name in asked}
     priors = {f"{name}@worn": Prior(off.value(name), RANGES[name].far * shares[name]) for name in asked}
-    free = shoot([worn_log], off, Wanted(names, ("position",), priors=priors), kept)
+    free = shoot([worn_log], off, FreeParameters(names, ("position",), priors=priors), kept)
     found = np.log(free.task.actuator_of(free.found.x, "worn").value("D_v") / off.value("D_v"))
     assert said.names == tuple(f"{name}@worn" for name in NAMES)
     said = said.of([f"{name}@worn" for name in asked])
@@ -134,7 +134,7 @@ def test_a_number_that_the_user_sets_free_is_not_asked(calibrated, cold_log):
 
 
 def test_what_moves_on_the_calibration_recording_as_well_has_not_changed(plant):
-    wanted = Wanted(plant.load.names, ("position",))
+    wanted = FreeParameters(plant.load.names, ("position",))
     assert with_changes(wanted, scored("worn", D_v=10.0), scored(D_v=10.0), plant) is wanted
     assert with_changes(wanted, scored("worn", D_v=SINGLE_CHANGED - 0.1), scored(), plant) is wanted
     wider = with_changes(wanted, scored("worn", D_v=SINGLE_CHANGED + 0.1), scored(), plant)
@@ -143,7 +143,7 @@ def test_what_moves_on_the_calibration_recording_as_well_has_not_changed(plant):
 
 
 def test_numbers_of_one_kind_are_set_free_together_and_others_stay(plant):
-    wanted = Wanted(("theta_1",), ("position",))
+    wanted = FreeParameters(("theta_1",), ("position",))
     assert with_changes(wanted, scored("w", C_ve=-5.0), scored(), plant).names == ("theta_1", "C_vs@w", "C_ve@w")
     # root mean square of two
     assert with_changes(wanted, scored("w", C_ve=1.4 * (CHANGED - 0.1)), scored(), plant) is wanted
@@ -153,14 +153,14 @@ def test_numbers_of_one_kind_are_set_free_together_and_others_stay(plant):
 
 
 def test_the_supply_is_asked_where_nothing_else_has_changed(plant):
-    wanted = Wanted(("theta_1",), ("position",))
+    wanted = FreeParameters(("theta_1",), ("position",))
     assert with_changes(wanted, scored("w", P_S=5.0), scored(), plant).names == ("theta_1", "P_S@w")
     assert with_changes(wanted, scored("w", P_S=5.0, D_v=5.0), scored(), plant).names == ("theta_1", "D_v@w")
     assert with_changes(wanted, scored("w", P_S=SINGLE_CHANGED - 0.1), scored(), plant) is wanted
 
 
 def test_the_supply_stays_where_another_kind_alone_explains_more(plant):
-    wanted = Wanted(("theta_1",), ("position",))
+    wanted = FreeParameters(("theta_1",), ("position",))
     # only the friction has moved, less than tells a change; the supply alone would explain nearly as much
     names, shift = ("D_v@w", "P_S@w"), np.array([0.036, 0.0])
     here = Score(names, shift, np.array([[1e-4, -0.9e-4], [-0.9e-4, 1e-4]]))
@@ -170,7 +170,7 @@ def test_the_supply_stays_where_another_kind_alone_explains_more(plant):
 
 
 def test_numbers_that_a_score_does_not_know_stay(plant):
-    wanted = Wanted(("theta_1",), ("position",))
+    wanted = FreeParameters(("theta_1",), ("position",))
     assert with_changes(wanted, Score((), np.zeros(0), np.zeros((0, 0))), scored(), plant) is wanted
     alone = Score(("tau_y@w",), np.array([9.0]), np.eye(1))
     assert with_changes(wanted, alone, scored(), plant) is wanted
@@ -206,7 +206,7 @@ def test_scores_of_several_recordings_are_averaged():
 
 
 def test_a_search_that_failed_has_no_score(task_of, drive_log, plant):
-    shot = Shot(task_of([drive_log], plant, ["C_vs"]), (), Failure("no end"))
+    shot = SearchResult(task_of([drive_log], plant, ["C_vs"]), (), Failure("no end"))
     assert score(shot).message == "no end"
 
 

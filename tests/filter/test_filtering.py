@@ -32,15 +32,17 @@ def uncompressed(monkeypatch):
 
 
 def followed(task, x=None, noise=ALL_IN, held=None):
-    return filtered(task.tracks[0], task.view(np.zeros(len(NAMES)) if x is None else x, "log"), BOTH, noise, held)
+    return filtered(
+        task.tracks[0], task.parameter_map(np.zeros(len(NAMES)) if x is None else x, "log"), BOTH, noise, held
+    )
 
 
 def textbook(task, actuator, length):
     """Errors with variances, and states, of an extended Kalman filter that multiplies covariances out."""
     track, p = task.tracks[0], actuator.parameters
     segment, n = track.segment, len(VARIANTS[actuator.model])
-    seen = task.view(np.zeros(len(NAMES)), "log")
-    which = columns(actuator, [*seen.bases, *(f"start of {name}" for name in VARIANTS[actuator.model])])
+    mapped = task.parameter_map(np.zeros(len(NAMES)), "log")
+    which = columns(actuator, [*mapped.bases, *(f"start of {name}" for name in VARIANTS[actuator.model])])
     Q = np.vstack([np.zeros(n), process_noise(segment, actuator, ALL_IN)]) ** 2
     x, P = start_state(segment, actuator), np.diag(start_deviations(track.segment, actuator, True, ALL_IN) ** 2)
     C = np.zeros((2, n))
@@ -50,9 +52,9 @@ def textbook(task, actuator, length):
         old_x, Phi = x, np.eye(n)
         if i > 0:
             one = one_interval(segment, i - 1)
-            S = np.column_stack([np.zeros((n, len(seen.bases))), np.eye(n)])
-            out, _, end, _ = run_to_end(one, seen.numbers, (x, S), which, (0,))
-            x, Phi = out[-1], end[:, len(seen.bases) :]
+            S = np.column_stack([np.zeros((n, len(mapped.bases))), np.eye(n)])
+            out, _, end, _ = run_to_end(one, mapped.numbers, (x, S), which, (0,))
+            x, Phi = out[-1], end[:, len(mapped.bases) :]
         rate = (x[2] - old_x[2]) / segment.dt[i - 1] if i > 0 else 0.0
         # the pressure sensor lags: it also sees the state of the sample before
         part = p.tau_p / segment.dt[i - 1] if i > 0 else 0.0
@@ -149,7 +151,7 @@ def test_missing_samples_are_left_out_one_by_one(task):
     holes[500:520] = np.nan
     holes[600] = np.inf
     torn = replace(track, measured=track.measured.with_columns(position=holes))
-    found = filtered(torn, task.view(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
+    found = filtered(torn, task.parameter_map(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
     missing = np.isnan(found.errors[:, 0, 0])
     assert np.flatnonzero(missing).tolist() == [*range(500, 520), 600]
     assert not np.isnan(found.errors[:, 1]).any()
@@ -158,7 +160,7 @@ def test_missing_samples_are_left_out_one_by_one(task):
 
 
 def test_without_pressure_in_use_only_the_position_counts(task):
-    found = filtered(task.tracks[0], task.view(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    found = filtered(task.tracks[0], task.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
     assert np.isnan(found.errors[:, 1]).all()
     assert np.isfinite(found.errors[:, 0]).all()
     assert found.rows[:, NAMES.index("e_p")] == pytest.approx(0.0)
@@ -167,7 +169,7 @@ def test_without_pressure_in_use_only_the_position_counts(task):
 def test_what_the_filter_says_of_the_pressure_holds_the_truth(plant, recorded_by, task_of):
     log = recorded_by(plant, 3.0)
     task = task_of(log, plant, NAMES, ("position",))
-    found = filtered(task.tracks[0], task.view(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    found = filtered(task.tracks[0], task.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
     truth = recorded_by(plant.replace({"tau_p": 0.0}), 3.0, seed=None)["pressure_a"]
     off = (found.states[:, 2] - truth) / found.pressures[:, -1]
     # the model made the recording without process noise: the filter is surer than it says
@@ -193,7 +195,7 @@ def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_tim
     broken[700:, 0] = np.nan
     found = filtered(
         replace(track, segment=replace(track.segment, inputs=broken)),
-        task.view(np.zeros(len(NAMES)), "log"),
+        task.parameter_map(np.zeros(len(NAMES)), "log"),
         BOTH,
         ALL_IN,
     )

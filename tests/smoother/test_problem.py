@@ -11,7 +11,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepared
 from clutchid.simulation.windows import first_guess, tracks, units
 from clutchid.smoother.elimination import recover
-from clutchid.smoother.problem import FARTHEST, Shooting, condense, linearise, prior_rows
+from clutchid.smoother.problem import FARTHEST, FitProblem, condense, linearise, prior_rows
 from clutchid.uncertainty.coordinates import Prior, coordinates
 from clutchid.uncertainty.noise import Noise
 
@@ -44,7 +44,7 @@ def test_the_cost_of_the_linearised_problem_is_the_cost_without_derivatives(task
 
 def whole(chain):
     """Rows ``[state | theta | r]`` of every window of a chain."""
-    told = chain.passage.told
+    told = chain.windows.linearised
     return np.concatenate([told.own, told.r[:, :, None]], axis=2)
 
 
@@ -193,12 +193,12 @@ def test_prior_rows_hold_every_number_and_the_shape_of_a_free_load(task, plant):
 
 def test_what_is_remembered_of_a_point_is_that_of_its_values(task):
     x = np.linspace(-1, 1, len(NAMES))
-    seen, rows = task.views(x), prior_rows(task, x)
-    assert task.views(x.copy()) is seen
+    mapped, rows = task.parameter_maps(x), prior_rows(task, x)
+    assert task.parameter_maps(x.copy()) is mapped
     assert prior_rows(task, x.copy()) is rows
-    before = seen["log"].actuator
+    before = mapped["log"].actuator
     x += 0.1
-    assert task.views(x)["log"].actuator == task.actuator_of(x, "log") != before
+    assert task.parameter_maps(x)["log"].actuator == task.actuator_of(x, "log") != before
     assert np.array_equal(prior_rows(task, x)[: x.size, -1], x)
     with pytest.raises(ValueError, match="read-only"):
         rows[0, 0] = 2.0
@@ -221,7 +221,9 @@ def test_numbers_that_contradict_each_other_are_a_failure(drive_log, plant):
     names = ("R_0vs", "R_1vs")
     plans = [prepared(drive_log.slice(0, 500), plant, ("position",))]
     priors = {"R_0vs": Prior(0.07, 0.5)}
-    task = Shooting(plant, coordinates(plant, names, {}, priors), tracks(plans), ("log",), ("position",), Noise(), 3e8)
+    task = FitProblem(
+        plant, coordinates(plant, names, {}, priors), tracks(plans), ("log",), ("position",), Noise(), 3e8
+    )
     x, X = np.array([1.8, 0.0]), [np.zeros((len(task.tracks[0].windows), N))]
     answer = linearise(task, x, X)
     assert isinstance(answer, Failure)

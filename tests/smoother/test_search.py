@@ -10,7 +10,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.smoother import projection, trial
 from clutchid.smoother import search as module
 from clutchid.smoother.problem import condense, linearise
-from clutchid.smoother.search import FROM_AFAR, FROM_NEAR, Found, search
+from clutchid.smoother.search import FROM_AFAR, FROM_NEAR, ShootingSolution, search
 from clutchid.smoother.settling import followed
 from clutchid.smoother.trial import attempt
 
@@ -78,7 +78,7 @@ def test_from_afar_and_from_near_the_search_ends_in_the_same_load(task, start, f
 
 def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(task, start, found, monkeypatch):
     calls = {"attempt": 0, "told": 0}
-    told_by = trial.told_by
+    linearise_windows = trial.linearise_windows
 
     def failing_attempt(*arguments):
         calls["attempt"] += 1
@@ -86,13 +86,13 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(task, star
 
     def failing_told(*arguments):
         calls["told"] += 1
-        return Failure("no such state.") if calls["told"] % 7 == 3 else told_by(*arguments)
+        return Failure("no such state.") if calls["told"] % 7 == 3 else linearise_windows(*arguments)
 
     monkeypatch.setattr(projection, "attempt", failing_attempt)
     monkeypatch.setattr("clutchid.smoother.settling.attempt", failing_attempt)
-    monkeypatch.setattr(trial, "told_by", failing_told)
+    monkeypatch.setattr(trial, "linearise_windows", failing_told)
     answer = search(task, *start, (1.0,))
-    assert isinstance(answer, Found)
+    assert isinstance(answer, ShootingSolution)
     assert min(calls.values()) >= 4, "several of the trial points have failed"
     assert np.isfinite(answer.x).all()
     # where a step has failed a shorter one is taken
@@ -141,7 +141,7 @@ def test_absurd_numbers_at_the_start_fail_or_are_left(plant, worn_log, task_of, 
     task = task_of([worn_log], plant, ("M", "C_vs"), ("position",))
     # 1 g of piston at a stiffness for which the steps were not made
     answer = search(task, np.array([np.log(1e-4) / 0.15, 0.0]), starts_of(task), (8.0, 1.0))
-    if isinstance(answer, Found):
+    if isinstance(answer, ShootingSolution):
         assert np.isfinite(answer.x).all()
         assert np.isfinite(answer.at.cost)
     else:

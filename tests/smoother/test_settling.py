@@ -7,7 +7,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.smoother import settling
 from clutchid.smoother.problem import condense, linearise
 from clutchid.smoother.settling import FIRM, followed, loose, settle, stepped
-from clutchid.smoother.trial import attempt, with_theta_held
+from clutchid.smoother.trial import attempt, with_theta_fixed
 
 NAMES = ("theta_5", "theta_9", "C_vs", "F_C")
 
@@ -21,7 +21,7 @@ def task(plant, recorded_by, task_of):
 def here(task, starts_of):
     """The problem of the states alone, far from where they would be."""
     x = np.array([0.05, -0.05, 0.3, 0.2])
-    return with_theta_held(task, linearise(task, x, starts_of(task)))
+    return with_theta_fixed(task, linearise(task, x, starts_of(task)))
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.smoother.problem import linearise
-from clutchid.smoother.search import Found
+from clutchid.smoother.search import ShootingSolution
 from clutchid.smoother.trajectory import noise_scales, recorded, trajectory
 from clutchid.states import STATES
 
@@ -21,7 +21,7 @@ def exact(plant, recorded_by, task_of):
     states = np.column_stack([simulated[name] for name in columns])
     X = tuple(states[[window.start for window in track.windows]] for track in task.tracks)
     x = np.zeros(4)
-    return log, task, Found(x, X, linearise(task, x, X), "converged", 1), states
+    return log, task, ShootingSolution(x, X, linearise(task, x, X), "converged", 1), states
 
 
 def test_from_the_true_starts_the_trajectory_is_the_simulation(exact):
@@ -42,7 +42,7 @@ def test_the_sensors_record_along_the_trajectory_what_the_log_holds(exact):
 def test_the_record_along_given_states_has_the_lags_and_offsets_of_its_sensors(exact):
     _, task, found, states = exact
     x = np.array([c.of(v) for c, v in zip(task.coordinates, (3e-3, 2.5e-3, 4e-5, 700.0), strict=True)])
-    moved = recorded(task, Found(x, found.X, found.at, "converged", 1), 0, states)
+    moved = recorded(task, ShootingSolution(x, found.X, found.at, "converged", 1), 0, states)
     plain = recorded(task, found, 0, states)
     position = lagged(states[:, 0], 3e-3, 1e-3) - lagged(states[:, 0], 1e-3, 1e-3) + 4e-5
     pressure = lagged(states[:, 2], 2.5e-3, 1e-3) - lagged(states[:, 2], 1.5e-3, 1e-3) + 700.0
@@ -53,7 +53,7 @@ def test_the_record_along_given_states_has_the_lags_and_offsets_of_its_sensors(e
 def test_a_late_sensor_records_what_was_before(exact):
     _, task, found, states = exact
     x = np.array([task.coordinates[0].of(2e-3), 0.0, 0.0, 0.0])
-    late = recorded(task, Found(x, found.X, found.at, "converged", 1), 0, states)["position"]
+    late = recorded(task, ShootingSolution(x, found.X, found.at, "converged", 1), 0, states)["position"]
     # two samples late, to first order in the lag: off by half the acceleration times its square
     assert np.median(np.abs(late[2:] - states[:-2, 0])) < 1e-6
     assert np.corrcoef((late - states[:, 0])[2:], (states[:-2, 0] - states[2:, 0]))[0, 1] > 0.99
@@ -89,7 +89,7 @@ def test_between_segments_there_are_no_states(exact, plant, task_of, starts_of):
     duty[1500:1510] = np.nan
     task = task_of([log.with_columns(duty_supply=duty)], plant, ("e_y",))
     X = tuple(starts_of(task))
-    found = Found(np.zeros(1), X, linearise(task, np.zeros(1), X), "converged", 1)
+    found = ShootingSolution(np.zeros(1), X, linearise(task, np.zeros(1), X), "converged", 1)
     states = trajectory(task, found, 0)
     assert np.isnan(states[1500:1510]).all()
     assert np.isfinite(states[:1500]).all()

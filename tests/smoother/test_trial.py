@@ -8,7 +8,7 @@ from clutchid.simulation.windows import units
 from clutchid.smoother import trial as module
 from clutchid.smoother.problem import condense, linearise
 from clutchid.smoother.settling import stepped
-from clutchid.smoother.trial import DRIFT, NEAR_COST, accept, attempt, with_theta_free, with_theta_held
+from clutchid.smoother.trial import DRIFT, NEAR_COST, accept, attempt, with_theta_fixed, with_theta_free
 
 NAMES = ("theta_5", "theta_9", "C_vs", "F_C", "tau_y")
 
@@ -27,7 +27,7 @@ def here(task, starts_of):
 def counted(monkeypatch):
     """How many windows are simulated, and how many linearised."""
     counts = {"simulated": 0, "linearised": 0}
-    cost, told = module.window_cost, module.told_by
+    cost, told = module.window_cost, module.linearise_windows
 
     def simulated(*arguments, **options):
         counts["simulated"] += 1
@@ -38,7 +38,7 @@ def counted(monkeypatch):
         return told(*arguments)
 
     monkeypatch.setattr(module, "window_cost", simulated)
-    monkeypatch.setattr(module, "told_by", linearised)
+    monkeypatch.setattr(module, "linearise_windows", linearised)
     return counts
 
 
@@ -54,14 +54,14 @@ def test_a_step_that_moves_nothing_is_not_simulated_and_keeps_every_derivative(t
     assert trial.cost == pytest.approx(here.cost, rel=1e-12)
     there = accept(task, trial)
     assert counted == {"simulated": 0, "linearised": 0}
-    assert np.array_equal(there.chains[0].passage.told.own, here.chains[0].passage.told.own)
+    assert np.array_equal(there.chains[0].windows.linearised.own, here.chains[0].windows.linearised.own)
 
 
 def test_only_the_window_that_moves_is_simulated(task, here, counted, cost_at):
     X = nudged(task, here, 9, 0.1)
     trial = attempt(task, here, here.x, X)
     assert counted["simulated"] == 1
-    assert trial.passages[0].drift[9] == 0.0
+    assert trial.simulated[0].drift[9] == 0.0
     # the window itself is simulated, and with it the links before and after
     assert trial.cost == pytest.approx(cost_at(task, here.x, X), rel=1e-9)
 
@@ -72,7 +72,7 @@ def test_a_window_that_did_otherwise_is_linearised_again_and_no_other(task, here
     assert abs(trial.excess[0][9]) > NEAR_COST, "the step must be far from linear, or nothing is tested"
     there = accept(task, trial)
     assert counted["linearised"] == 1
-    fresh, old, new = (one.chains[0].passage.told for one in (linearise(task, here.x, X), here, there))
+    fresh, old, new = (one.chains[0].windows.linearised for one in (linearise(task, here.x, X), here, there))
     assert new.own[9] == pytest.approx(fresh.own[9], rel=1e-9)
     assert np.array_equal(np.delete(new.own, 9, axis=0), np.delete(old.own, 9, axis=0))
 
@@ -83,7 +83,7 @@ def test_small_steps_one_after_another_add_up_until_the_window_is_simulated(task
         X = nudged(task, here, 9, 2e-5 * number)
         trial = attempt(task, at, here.x, X)
         simulated.append(counted["simulated"])
-        assert np.all(trial.passages[0].drift <= DRIFT)
+        assert np.all(trial.simulated[0].drift <= DRIFT)
         assert trial.cost == pytest.approx(cost_at(task, here.x, X), abs=0.2)
         at = accept(task, trial)
     assert simulated[0] == 0
@@ -96,13 +96,13 @@ def test_what_the_linear_problem_says_of_a_step_is_what_happens_to_first_order(t
     move, by = rng.standard_normal(here.X[0].shape), rng.standard_normal(len(NAMES))
     costs = []
     for h in (1e-5, -1e-5):
-        told = here.chains[0].passage.told.moved(h * move, h * by)
+        told = here.chains[0].windows.linearised.moved(h * move, h * by)
         costs.append(float(np.sum(told.cost)))
     windows = [
         sum(
-            module.window_cost(track, window, start + h * m * unit, task.view(h * by, "log"), task.measure, task.noise)[
-                1
-            ]
+            module.window_cost(
+                track, window, start + h * m * unit, task.parameter_map(h * by, "log"), task.measure, task.noise
+            )[1]
             for track in task.tracks
             for window, start, m in zip(track.windows, here.X[0], move, strict=True)
         )
@@ -133,7 +133,7 @@ def test_the_last_trial_is_where_the_next_one_begins(task, here, counted):
 
 
 def test_held_and_free_again_the_problem_is_the_same(task, here):
-    held = with_theta_held(task, here)
+    held = with_theta_fixed(task, here)
     n = units(task.actuator).size
     assert held.chains[0].first.shape == (n, n + 1)
     assert held.cost == here.cost

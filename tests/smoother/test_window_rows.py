@@ -9,7 +9,7 @@ from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
 from clutchid.smoother import window_rows as module
-from clutchid.smoother.linearised_windows import Told
+from clutchid.smoother.linearised_windows import LinearisedWindows
 from clutchid.smoother.links import link_costs, link_rows, link_sigma
 from clutchid.smoother.window_rows import window_cost, window_rows
 from clutchid.states import NOISE_SPAN
@@ -52,9 +52,9 @@ def busy(task, starts_of):
 @pytest.fixture(scope="module")
 def telling(task, starts_of):
     """For each number the window that tells most of it, and its start."""
-    track, seen = task.tracks[0], task.view(np.zeros(len(NAMES)), "log")
+    track, mapped = task.tracks[0], task.parameter_map(np.zeros(len(NAMES)), "log")
     pairs = list(zip(track.windows, starts_of(task)[0], strict=True))
-    rows = [window_rows(track, window, start, seen, BOTH, ALL_IN).own for window, start in pairs]
+    rows = [window_rows(track, window, start, mapped, BOTH, ALL_IN).own for window, start in pairs]
     told = np.array([np.linalg.norm(own[:, len(STATES) : -1], axis=0) for own in rows])
     return {name: (track, *pairs[int(best)]) for name, best in zip(NAMES, told.argmax(axis=0), strict=True)}
 
@@ -66,7 +66,7 @@ def uncompressed(monkeypatch):
 
 def rows_at(task, busy, x, start, noise=ALL_IN):
     track, window, _ = busy
-    return window_rows(track, window, start, task.view(x, "log"), task.measure, noise)
+    return window_rows(track, window, start, task.parameter_map(x, "log"), task.measure, noise)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -168,10 +168,10 @@ def test_load_weights_that_the_measured_position_does_not_tell_of_are_carried_al
     position = np.full(len(track.measured), told)
     stuck = replace(track, measured=track.measured.with_columns(position=position))
     for window, start in zip(track.windows, starts_of(task)[0], strict=True):
-        seen, unseen = (rows_at(task, (one, window, start), x, start) for one in (track, stuck))
-        assert unseen.to_theta == pytest.approx(seen.to_theta, rel=1e-9, abs=1e-15)
-        assert unseen.end == pytest.approx(seen.end, rel=1e-12)
-        moved = max(moved, abs(seen.end[0] - start[0]))
+        mapped, unseen = (rows_at(task, (one, window, start), x, start) for one in (track, stuck))
+        assert unseen.to_theta == pytest.approx(mapped.to_theta, rel=1e-9, abs=1e-15)
+        assert unseen.end == pytest.approx(mapped.end, rel=1e-12)
+        moved = max(moved, abs(mapped.end[0] - start[0]))
     assert moved > 2e-3, "the piston must go where the sensor is not, or nothing is tested"
 
 
@@ -189,18 +189,18 @@ def test_cost_and_end_are_those_of_the_run_without_derivatives(task, busy, outli
     track, window, start = busy
     noise, x = replace(Noise(), outlier=outlier), np.full(len(NAMES), 0.1)
     rows = rows_at(task, busy, x, start, noise)
-    end, cost = window_cost(track, window, start, task.view(x, "log"), BOTH, noise)
+    end, cost = window_cost(track, window, start, task.parameter_map(x, "log"), BOTH, noise)
     assert cost == pytest.approx(rows.cost, rel=1e-9)
     assert end == pytest.approx(rows.end, rel=1e-9, abs=1e-12)
 
 
 def test_the_border_sample_is_compared_once(task, starts_of):
-    track, seen = task.tracks[0], task.view(np.zeros(len(NAMES)), "log")
+    track, mapped = task.tracks[0], task.parameter_map(np.zeros(len(NAMES)), "log")
     # a kilometre off, every sample costs the same linear loss but for millimetres: the cost counts the samples
     far = replace(track, measured=track.measured.with_columns(position=track.measured["position"] + 1e3))
     noise, total = Noise(), 0.0
     for window, start in zip(track.windows, starts_of(task)[0], strict=True):
-        total += window_cost(far, window, start, seen, ("position",), noise)[1]
+        total += window_cost(far, window, start, mapped, ("position",), noise)[1]
     assert total / (2 * noise.outlier * 1e3 / 5e-5) == pytest.approx(len(track.segment), rel=1e-5)
 
 
@@ -208,10 +208,10 @@ def test_a_start_that_is_not_finite_is_a_failure_with_a_sentence(task, busy):
     track, window, start = busy
     bad = start.copy()
     bad[2] = np.nan
-    seen = task.view(np.zeros(len(NAMES)), "log")
+    mapped = task.parameter_map(np.zeros(len(NAMES)), "log")
     for answer in (
-        window_rows(track, window, bad, seen, BOTH, Noise()),
-        window_cost(track, window, bad, seen, BOTH, Noise()),
+        window_rows(track, window, bad, mapped, BOTH, Noise()),
+        window_cost(track, window, bad, mapped, BOTH, Noise()),
     ):
         assert isinstance(answer, Failure)
         assert "log" in answer.message
@@ -249,11 +249,11 @@ def test_links_tie_the_end_of_a_window_to_the_next_start(task, busy):
     actuator, x, n = task.actuator, np.zeros(len(NAMES)), len(STATES)
     number = [one.start for one in track.windows].index(window.start)
     sigma = link_sigma(track, actuator, ALL_IN)[[number, number]]
-    told = Told.by([rows_at(task, busy, x, start)] * 2)
+    told = LinearisedWindows.by([rows_at(task, busy, x, start)] * 2)
     starts = np.array([start, told.end[0] + 0.5 * sigma[0] * np.arange(n)])
 
     def links_at(x):
-        moved = Told.by([rows_at(task, busy, x, start)] * 2)
+        moved = LinearisedWindows.by([rows_at(task, busy, x, start)] * 2)
         return link_rows(moved, moved.end, starts, sigma, actuator, 1e9)
 
     (rows,) = links_at(x)
@@ -267,7 +267,7 @@ def test_links_tie_the_end_of_a_window_to_the_next_start(task, busy):
 
 def test_a_link_far_off_counts_linearly_only(task, busy):
     start, sigma = busy[2], np.ones((2, len(STATES)))
-    told = Told.by([rows_at(task, busy, np.zeros(len(NAMES)), start)] * 2)
+    told = LinearisedWindows.by([rows_at(task, busy, np.zeros(len(NAMES)), start)] * 2)
     starts = np.array([start, told.end[0] + np.where(np.arange(len(STATES)) == 2, 9.0, 1.0)])
     cost = link_costs(told.end, starts, sigma, 4.0)[0]
     assert cost == pytest.approx(len(STATES) - 1 + 4.0 * (2 * 9.0 - 4.0))
@@ -281,6 +281,8 @@ def test_a_memory_of_ten_samples_weighs_each_a_tenth(task, busy):
     lasting = replace(ALL_IN, memory=0.01)
     every, tenth = (rows_at(task, busy, x, start, noise) for noise in (ALL_IN, lasting))
     assert tenth.cost == pytest.approx(every.cost / 10.0)
-    assert window_cost(track, window, start, task.view(x, "log"), task.measure, lasting)[1] == pytest.approx(tenth.cost)
+    assert window_cost(track, window, start, task.parameter_map(x, "log"), task.measure, lasting)[1] == pytest.approx(
+        tenth.cost
+    )
     information = [rows.own.T @ rows.own for rows in (every, tenth)]
     assert information[1] == pytest.approx(information[0] / 10.0, rel=1e-6, abs=1e-9 * information[0].max())

@@ -16,7 +16,7 @@ from clutchid.estimate.doubt import doubted
 from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.result import Fit
 from clutchid.estimate.shooting.checks import checked
-from clutchid.estimate.shooting.fit import EndT, Shot, Wanted, reads_load, shoot
+from clutchid.estimate.shooting.fit import FreeParameters, SearchResult, SolutionT, reads_load, shoot
 from clutchid.estimate.shooting.summary import failed, position_only, summary
 from clutchid.estimate.shooting.uncertainty import deviation
 from clutchid.estimate.verification import on_samples
@@ -44,21 +44,23 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimator(Generic[EndT]):
+class SearchMethod(Generic[SolutionT]):
     """A way to fit: its name, the search for the wanted numbers, what its end means to the user, and its checks.
 
     `score` says where numbers that are held would go, for a method that looks for what has changed since a calibration.
     """
 
     name: str
-    search: Callable[[Sequence[Log], Actuator, Wanted, Calibration | None, Progress | None], Shot[EndT]]
-    summary: Callable[[Shot[EndT], Calibration | None], Fit | Failure]
-    check: Callable[[Fit, Shot[EndT], Calibration | None, Sequence[str], int], Fit] | None = None
-    score: Callable[[Shot[EndT]], Score | Failure] | None = None
+    search: Callable[
+        [Sequence[Log], Actuator, FreeParameters, Calibration | None, Progress | None], SearchResult[SolutionT]
+    ]
+    summary: Callable[[SearchResult[SolutionT], Calibration | None], Fit | Failure]
+    check: Callable[[Fit, SearchResult[SolutionT], Calibration | None, Sequence[str], int], Fit] | None = None
+    score: Callable[[SearchResult[SolutionT]], Score | Failure] | None = None
 
 
 def fit_by(
-    estimator: Estimator[EndT],
+    estimator: SearchMethod[SolutionT],
     logs: Sequence[Log],
     actuator: Actuator,
     request: Request,
@@ -68,7 +70,7 @@ def fit_by(
 
     Parameters
     ----------
-    estimator : Estimator
+    estimator : SearchMethod
         `SHOOTING`, or that of `clutchid.estimate.prediction_error`.
     logs : several
         Recordings with the measured columns of the request.
@@ -113,13 +115,13 @@ def fit_by(
 
 
 def _adapted(
-    estimator: Estimator[EndT],
+    estimator: SearchMethod[SolutionT],
     logs: Sequence[Log],
     actuator: Actuator,
-    wanted: Wanted,
+    wanted: FreeParameters,
     calibration: Calibration | None,
     progress: Progress | None,
-) -> tuple[Shot[EndT], Wanted, Score | None]:
+) -> tuple[SearchResult[SolutionT], FreeParameters, Score | None]:
     """The search; where a load is read from position alone and more has changed, again with that free; its score."""
     shot = estimator.search(logs, actuator, wanted, calibration, progress)
     if not (estimator.score and calibration and calibration.score and reads_load(wanted, actuator)):
@@ -136,7 +138,7 @@ def _adapted(
     return shot, wanted, None if isinstance(here, Failure) else here
 
 
-def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, Wanted]:
+def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, FreeParameters]:
     """The actuator to start from, and the free numbers with their priors.
 
     Raises
@@ -164,7 +166,7 @@ def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tupl
     bounds = {name: given[name] for name in request.bounds}
     if request.calibration:
         priors = {**_calibrated(names, actuator, request.calibration), **priors}
-    return actuator, Wanted(names, request.measure, bounds, priors)
+    return actuator, FreeParameters(names, request.measure, bounds, priors)
 
 
 def _without_shared(names: Sequence[str]) -> tuple[str, ...]:
@@ -183,7 +185,7 @@ def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibrati
     }
 
 
-def _check_profiled(request: Request, wanted: Wanted) -> None:
+def _check_profiled(request: Request, wanted: FreeParameters) -> None:
     """Refuse, before any work, to profile what is not free; numbers that only wear are free where a load is read."""
     alien = [name for name in request.profile if name not in wanted.names and "@" not in name]
     if alien:
@@ -191,7 +193,7 @@ def _check_profiled(request: Request, wanted: Wanted) -> None:
         raise ParameterError(f"profile of {', '.join(alien)}, which is not free; free are {free}, or NAME@STEM.")
 
 
-def check_size(logs: Sequence[Log], wanted: Wanted) -> None:
+def check_size(logs: Sequence[Log], wanted: FreeParameters) -> None:
     """Refuse a request with nothing free, and recordings that are too short for it.
 
     Raises
@@ -220,7 +222,7 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
 
 
 def with_missed(
-    estimator: Estimator[EndT],
+    estimator: SearchMethod[SolutionT],
     logs: Sequence[Log],
     actuator: Actuator,
     kept: Calibration,
@@ -237,7 +239,7 @@ def with_missed(
     missed, scores = [], []
     for log in logs:
         shot = estimator.search(
-            [position_only(log)], actuator, Wanted(actuator.load.names, ("position",)), kept, progress
+            [position_only(log)], actuator, FreeParameters(actuator.load.names, ("position",)), kept, progress
         )
         if isinstance(shot.found, Failure):
             continue
@@ -250,4 +252,4 @@ def with_missed(
 
 
 #: Multiple shooting with soft continuity.
-SHOOTING = Estimator("shooting", shoot, summary, checked, score)
+SHOOTING = SearchMethod("shooting", shoot, summary, checked, score)

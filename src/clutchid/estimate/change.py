@@ -15,12 +15,12 @@ import numpy as np
 
 from clutchid.estimate.calibration import Score
 from clutchid.estimate.result import Fit
-from clutchid.estimate.shooting.fit import Shot, Wanted
+from clutchid.estimate.shooting.fit import FreeParameters, SearchResult
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import condense, linearise
-from clutchid.smoother.projection import Found
+from clutchid.smoother.projection import ShootingSolution
 from clutchid.uncertainty.coordinates import SHARES, Prior, coordinates
 
 
@@ -70,7 +70,7 @@ _ALL = {**CHANGES, **SUPPLY}
 CHANGED, SINGLE_CHANGED = 3.0, 2.5
 
 
-def score(shot: Shot[Found]) -> Score | Failure:
+def score(shot: SearchResult[ShootingSolution]) -> Score | Failure:
     """Where held numbers of `CHANGES` and `SUPPLY` would go at the end of a search, each in each recording."""
     task, found = shot.task, shot.found
     if isinstance(found, Failure):
@@ -103,7 +103,7 @@ def mean_score(scores: Sequence[Score]) -> Score:
     return Score(names, shift, np.mean([one.covariance for one in scores], axis=0) / len(scores))
 
 
-def with_changes(wanted: Wanted, here: Score, before: Score, actuator: Actuator) -> Wanted:
+def with_changes(wanted: FreeParameters, here: Score, before: Score, actuator: Actuator) -> FreeParameters:
     """`wanted` with the numbers free that have changed since the calibration, whose score is `before`.
 
     They have values of their own in the recording that has changed most; what others seem to have changed may be its

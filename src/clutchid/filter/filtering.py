@@ -15,7 +15,7 @@ from clutchid.measured import MEASURED
 from clutchid.model.compiled import kernels
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
-from clutchid.simulation.parameter_map import View
+from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.process_noise import process_noise, start_deviations
 from clutchid.simulation.run import Columns, columns, inputs_of, start_sensitivities, start_state
 from clutchid.simulation.simulation import failure_message
@@ -23,7 +23,7 @@ from clutchid.simulation.windows import Track
 from clutchid.uncertainty.noise import Noise
 
 if TYPE_CHECKING:
-    from clutchid.filter.recursion import Told
+    from clutchid.filter.recursion import FilterOutput
 
 _KERNELS = "clutchid.filter.recursion"
 
@@ -51,7 +51,7 @@ class Filtered:
 
 
 def filtered(
-    track: Track, seen: View, measure: Sequence[str], noise: Noise, held: FloatArray | None = None
+    track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, held: FloatArray | None = None
 ) -> Filtered | Failure:
     """Filter a segment with the numbers of one recording.
 
@@ -59,7 +59,7 @@ def filtered(
     ----------
     track : Track
         The segment; its windows do not matter.
-    seen : View
+    mapped : ParameterMap
         The actuator of the recording, and where the derivatives belong in theta.
     measure : 'position', 'pressure_a'
         Measured columns that the filter takes in.
@@ -69,21 +69,21 @@ def filtered(
         Gains and variances of another filter to take over. Then the derivatives are exact, and nothing is said of the
         spread of the states.
     """
-    states = seen.actuator.states
-    n, k, length = len(states), len(seen.bases), len(track.segment)
+    states = mapped.actuator.states
+    n, k, length = len(states), len(mapped.bases), len(track.segment)
     errors, passed, pressures = np.empty((length, 2, 2)), np.full((length, n), np.nan), np.empty((length, k + 1))
-    filter_ = _Filter.of(track, seen, measure, noise, held)
+    filter_ = _Filter.of(track, mapped, measure, noise, held)
     factor, cost = np.zeros((0, k + 1)), 0.0
     for begin in range(0, length, BLOCK):
         at = slice(begin, min(begin + BLOCK, length))
         told = (np.empty((at.stop - begin, 2, k + 1)), errors[at], passed[at], pressures[at])
         failed = filter_.follow(at, told)
         if failed >= 0:
-            return Failure(failure_message(track.measured, track.segment, passed, failed, states, seen.actuator))
+            return Failure(failure_message(track.measured, track.segment, passed, failed, states, mapped.actuator))
         rows = told[0].reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
         factor = triangular(np.vstack([factor, rows]))
-    return Filtered(_spread(factor, seen), cost, errors, passed, _spread(pressures, seen), filter_.gains)
+    return Filtered(_spread(factor, mapped), cost, errors, passed, _spread(pressures, mapped), filter_.gains)
 
 
 def _loss(r: FloatArray, outlier: float) -> float:
@@ -93,10 +93,10 @@ def _loss(r: FloatArray, outlier: float) -> float:
     return float(np.sum(r**2) + np.sum(r[far] ** 2 - outlier**2))
 
 
-def _spread(rows: FloatArray, seen: View) -> FloatArray:
+def _spread(rows: FloatArray, mapped: ParameterMap) -> FloatArray:
     """Rows on the numbers of one recording in SI, as rows on theta."""
-    wide = np.zeros((rows.shape[0], seen.size + 1))
-    wide[:, list(seen.places)] = rows[:, :-1] * seen.slopes
+    wide = np.zeros((rows.shape[0], mapped.size + 1))
+    wide[:, list(mapped.places)] = rows[:, :-1] * mapped.slopes
     wide[:, -1] = rows[:, -1]
     return wide
 
@@ -106,7 +106,7 @@ class _Filter:
     """A filter on its way through a segment: x, S and `before` go with it, see `recursion`."""
 
     track: Track
-    seen: View
+    mapped: ParameterMap
     which: Columns
     now: tuple[FloatArray, FloatArray, FloatArray]
     measured: FloatArray
@@ -117,14 +117,16 @@ class _Filter:
     held: bool
 
     @classmethod
-    def of(cls, track: Track, seen: View, measure: Sequence[str], noise: Noise, held: FloatArray | None) -> _Filter:
+    def of(
+        cls, track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, held: FloatArray | None
+    ) -> _Filter:
         """The filter at the start of a segment."""
-        segment, p, k = track.segment, seen.actuator.parameters, len(seen.bases)
-        n, inside = len(seen.actuator.states), slice(segment.start, segment.stop)
-        inputs_of(segment, seen.actuator.model)
-        which = columns(seen.actuator, seen.bases)
-        S = start_sensitivities(segment, seen.actuator, which, estimated=False)
-        L = np.diag(start_deviations(segment, seen.actuator, "pressure_a" in measure, noise))
+        segment, p, k = track.segment, mapped.actuator.parameters, len(mapped.bases)
+        n, inside = len(mapped.actuator.states), slice(segment.start, segment.stop)
+        inputs_of(segment, mapped.actuator.model)
+        which = columns(mapped.actuator, mapped.bases)
+        S = start_sensitivities(segment, mapped.actuator, which, estimated=False)
+        L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in measure, noise))
         S = np.column_stack([S[:, :k], L]) if held is None else np.ascontiguousarray(S[:, :k])
         measured = np.full((len(segment), 2), np.nan)
         for column, name in enumerate(MEASURED):
@@ -135,20 +137,20 @@ class _Filter:
         sigma = [noise.measured.get(name, np.inf) for name in MEASURED]
         return cls(
             track=track,
-            seen=seen,
+            mapped=mapped,
             which=which,
-            now=(start_state(segment, seen.actuator), S, np.zeros(1 + S.shape[1])),
+            now=(start_state(segment, mapped.actuator), S, np.zeros(1 + S.shape[1])),
             measured=measured,
-            noise=np.vstack([np.zeros(n), process_noise(segment, seen.actuator, noise)]),
+            noise=np.vstack([np.zeros(n), process_noise(segment, mapped.actuator, noise)]),
             sensors=np.array([*(getattr(p, name) for name in names), *sigma, noise.outlier]),
-            own=np.array([seen.bases.index(name) if name in seen.bases else -1 for name in names]),
+            own=np.array([mapped.bases.index(name) if name in mapped.bases else -1 for name in names]),
             gains=np.zeros((len(segment), 2, n + 1)) if held is None else held,
             held=held is not None,
         )
 
-    def follow(self, at: slice, told: Told) -> int:
+    def follow(self, at: slice, told: FilterOutput) -> int:
         """Go on through the samples `at`; the first that is not finite, or -1."""
-        segment, numbers, which = self.track.segment, self.seen.numbers, self.which
+        segment, numbers, which = self.track.segment, self.mapped.numbers, self.which
         module, update = kernels(numbers.model), kernels_in(_KERNELS).update
         move = module.run_all if which.needs_parameters else module.run_table
         x, S, _ = self.now

@@ -23,7 +23,7 @@ TAU, OFFSET, SIGMA, OUTLIER = 0, 2, 4, 6
 #: measured over its deviation, 0 for none; the errors of prediction and their variances (samples, 2, 2), NaN for none;
 #: the states that it ends each sample with (samples, n); the derivatives of the pressure in chamber A and its standard
 #: deviation (samples, k + 1).
-Told = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+FilterOutput = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 @kernel
@@ -189,7 +189,7 @@ def update(
     sensors: FloatArray,
     own: NDArray[np.int64],
     gains: FloatArray,
-    told: Told,
+    told: FilterOutput,
     held: bool,
 ) -> None:
     """Sample `at`: from the predicted state, in place, to the one that knows the measurements of this sample too.
@@ -210,7 +210,7 @@ def update(
         Numbers of the sensors; columns of tau_y, tau_p, e_y and e_p in S, or -1.
     gains : (samples, 2, n + 1)
         Receives the gain of every state and the variance of each error of prediction.
-    told : Told
+    told : FilterOutput
         Receives what the filter finds.
     held : bool
         Take the gains as they are instead: then S has no columns for L.

@@ -16,7 +16,7 @@ from clutchid.simulation.windows import units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Layout:
+class ActiveColumns:
     """What a window that is simulated needs to know of theta: which of it matters there, and where it stands.
 
     The simulation carries the columns `which` from `start`; the rows of the window go on with numbers of sensors, which
@@ -33,16 +33,16 @@ class Layout:
     carried: IntArray
 
 
-#: Layouts by the first and the last part of the load's table that a window meets.
-Layouts = dict[tuple[int, int], Layout]
+#: ColumnCache by the first and the last part of the load's table that a window meets.
+ColumnCache = dict[tuple[int, int], ActiveColumns]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class ParameterMap:
     """How theta looks from one recording: its actuator, and the parameters `bases` at its `places`.
 
     `slopes` are dSI/dtheta, `sensors` lag and offset of the sensor of each measured column;
-    `layouts` keeps what windows have asked for.
+    `cache` keeps what windows have asked for.
     """
 
     actuator: Actuator
@@ -52,29 +52,29 @@ class View:
     slopes: FloatArray
     size: int
     sensors: Mapping[str, tuple[float, float]]
-    layouts: Layouts
+    cache: ColumnCache
 
-    def held(self) -> View:
+    def fixed(self) -> ParameterMap:
         """The same with theta held: no parameters, their values in the actuator only."""
-        return View(self.actuator, self.numbers, (), (), np.zeros(0), 0, self.sensors, {})
+        return ParameterMap(self.actuator, self.numbers, (), (), np.zeros(0), 0, self.sensors, {})
 
     def met(self, low: float, high: float) -> tuple[int, int]:
         """First and last part of the load's table between two positions in m."""
         return bisect_right(self.numbers.breakpoints, low), bisect_right(self.numbers.breakpoints, high)
 
-    def layout(self, met: tuple[int, int]) -> Layout:
-        """The layout of a window that meets these parts of the load's table.
+    def active_columns(self, met: tuple[int, int]) -> ActiveColumns:
+        """The columns of a window that meets these parts of the load's table.
 
         A load weight matters to the states where its basis function is not zero, a number of a sensor nowhere.
         """
-        if met not in self.layouts:
+        if met not in self.cache:
             touched = np.any(self.numbers.basis[:, met[0] : met[1] + 1] != 0.0, axis=(1, 2))
             idle = {name for name, meets in zip(self.actuator.load.names, touched.tolist(), strict=True) if not meets}
             active = [i for i, name in enumerate(self.bases) if name not in idle and name not in SENSOR_PARAMETERS]
-            self.layouts[met] = self._layout(active)
-        return self.layouts[met]
+            self.cache[met] = self._active_columns(active)
+        return self.cache[met]
 
-    def _layout(self, active: Sequence[int]) -> Layout:
+    def _active_columns(self, active: Sequence[int]) -> ActiveColumns:
         states, unit = self.actuator.states, units(self.actuator)
         n, theta = len(states), [*active, *(i for i, name in enumerate(self.bases) if name in SENSOR_PARAMETERS)]
         which = columns(self.actuator, [*(f"start of {name}" for name in states), *(self.bases[i] for i in active)])
@@ -84,21 +84,21 @@ class View:
         own = {name: (column.get(s.lag, -1), column.get(s.offset, -1)) for name, s in MEASURED.items()}
         carried = np.array([self.places[i] for i in theta], dtype=np.int64)
         placed = np.concatenate([np.arange(n), n + carried, [n + self.size]])
-        return Layout(which, start, own, np.array(theta, dtype=np.int64), placed, carried[: len(active)])
+        return ActiveColumns(which, start, own, np.array(theta, dtype=np.int64), placed, carried[: len(active)])
 
 
-def view(
+def parameter_map(
     actuator: Actuator,
     bases: Sequence[str],
     places: Sequence[int],
     slopes: FloatArray,
     size: int,
-    layouts: Layouts | None = None,
-) -> View:
+    cache: ColumnCache | None = None,
+) -> ParameterMap:
     """The view of a recording in which theta's `places` are the parameters `bases`, with dSI/dtheta `slopes`.
 
-    `layouts` may be those of another view, which differs in values only.
+    `cache` may be those of another view, which differs in values only.
     """
     sensors = {name: (actuator.value(s.lag), actuator.value(s.offset)) for name, s in MEASURED.items()}
-    known = {} if layouts is None else layouts
-    return View(actuator, Numbers.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, known)
+    known = {} if cache is None else cache
+    return ParameterMap(actuator, Numbers.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, known)

@@ -13,7 +13,7 @@ from clutchid.smoother.window_rows import Rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class LinearisedWindows:
     """The `Rows` of all windows of a track; the first axis is that of the windows.
 
     Where theta is held there are no columns for it.
@@ -27,7 +27,7 @@ class Told:
     cost: FloatArray
 
     @classmethod
-    def by(cls, windows: Sequence[Rows]) -> Told:
+    def by(cls, windows: Sequence[Rows]) -> LinearisedWindows:
         """What `windows` say; rows that one has less than another are zero."""
         width = windows[0].own.shape[1]
         padded = np.zeros((len(windows), width, width))
@@ -57,19 +57,19 @@ class Told:
         rows = np.concatenate([self.own[:, n:, n:], self.r[:, n:, None]], axis=2)
         return rows.reshape(-1, rows.shape[2])
 
-    def moved(self, starts: FloatArray, step: FloatArray) -> Told:
+    def moved(self, starts: FloatArray, step: FloatArray) -> LinearisedWindows:
         """What these rows say where the starts move by `starts` (windows, n), in units, and theta by `step`."""
         both = np.column_stack([starts, np.broadcast_to(step, (starts.shape[0], step.size))])
         r = self.r + np.einsum("wij,wj->wi", self.own, both)
         end = self.end + np.einsum("wij,wj->wi", self.to_start, starts) + self.to_theta @ step
         return replace(self, r=r, end=end, cost=self.cost + np.sum(r**2 - self.r**2, axis=1))
 
-    def held(self) -> Told:
+    def states_only(self) -> LinearisedWindows:
         """The same with theta held: only what tells of the starts."""
         n = self.states
         return replace(self, own=self.own[:, :n, :n], r=self.r[:, :n], to_theta=self.to_theta[:, :, :0])
 
-    def renewed(self, places: NDArray[np.intp], new: Told) -> Told:
+    def renewed(self, places: NDArray[np.intp], new: LinearisedWindows) -> LinearisedWindows:
         """The same with the windows `places` as in `new`."""
         height = self.own.shape[1]
 
@@ -78,7 +78,7 @@ class Told:
             both[places] = other
             return both
 
-        return Told(
+        return LinearisedWindows(
             of(self.own, new.own[:, :height]),
             of(self.r, new.r[:, :height]),
             of(self.end, new.end),

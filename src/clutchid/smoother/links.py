@@ -6,11 +6,11 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.simulation.parameter_map import View
+from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.process_noise import opening_of_valves, start_deviations, state_deviations
 from clutchid.simulation.run import columns, start_sensitivities, start_state
 from clutchid.simulation.windows import Track, units
-from clutchid.smoother.linearised_windows import Told
+from clutchid.smoother.linearised_windows import LinearisedWindows
 from clutchid.smoother.window_rows import losses, robust
 from clutchid.uncertainty.noise import Noise
 
@@ -34,31 +34,36 @@ def link_costs(ends: FloatArray, starts: FloatArray, sigma: FloatArray, outlier:
 
 
 def link_rows(
-    told: Told, ends: FloatArray, starts: FloatArray, sigma: FloatArray, actuator: Actuator, outlier: float
+    linearised: LinearisedWindows,
+    ends: FloatArray,
+    starts: FloatArray,
+    sigma: FloatArray,
+    actuator: Actuator,
+    outlier: float,
 ) -> FloatArray:
     """Rows ``[state | next state | theta | r]`` that tie the `ends` of windows to the next `starts`.
 
     Shape (windows - 1, n, 2 n + k + 1).
     """
-    n = told.states
-    rows = np.empty((starts.shape[0] - 1, n, 2 * n + told.to_theta.shape[2] + 1))
-    rows[:, :, :n], rows[:, :, n : 2 * n] = -told.to_start[:-1], np.diag(units(actuator))
-    rows[:, :, 2 * n : -1], rows[:, :, -1] = -told.to_theta[:-1], starts[1:] - ends[:-1]
+    n = linearised.states
+    rows = np.empty((starts.shape[0] - 1, n, 2 * n + linearised.to_theta.shape[2] + 1))
+    rows[:, :, :n], rows[:, :, n : 2 * n] = -linearised.to_start[:-1], np.diag(units(actuator))
+    rows[:, :, 2 * n : -1], rows[:, :, -1] = -linearised.to_theta[:-1], starts[1:] - ends[:-1]
     rows /= sigma[:-1, :, None]
     robust(rows.reshape(-1, rows.shape[2]), outlier)
     return rows
 
 
 def first_rows(
-    track: Track, start: FloatArray, seen: View, with_pressure: bool, noise: Noise
+    track: Track, start: FloatArray, mapped: ParameterMap, with_pressure: bool, noise: Noise
 ) -> tuple[FloatArray, float]:
     """Rows of what is known of the first state of a track, and their cost."""
     segment = track.segment
-    sigma = start_deviations(segment, seen.actuator, with_pressure, noise)
-    known = start_sensitivities(segment, seen.actuator, columns(seen.actuator, seen.bases), estimated=False)
-    r = (start - start_state(segment, seen.actuator)) / sigma
-    rows = np.zeros((start.size, start.size + seen.size + 1))
-    rows[:, : start.size] = np.diag(units(seen.actuator) / sigma)
-    rows[:, [start.size + place for place in seen.places]] = -known * seen.slopes / sigma[:, None]
+    sigma = start_deviations(segment, mapped.actuator, with_pressure, noise)
+    known = start_sensitivities(segment, mapped.actuator, columns(mapped.actuator, mapped.bases), estimated=False)
+    r = (start - start_state(segment, mapped.actuator)) / sigma
+    rows = np.zeros((start.size, start.size + mapped.size + 1))
+    rows[:, : start.size] = np.diag(units(mapped.actuator) / sigma)
+    rows[:, [start.size + place for place in mapped.places]] = -known * mapped.slopes / sigma[:, None]
     rows[:, -1] = r
     return rows, float(r @ r)

@@ -14,10 +14,10 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.numerics.threads import each
-from clutchid.simulation.parameter_map import Layouts, View, view
+from clutchid.simulation.parameter_map import ColumnCache, ParameterMap, parameter_map
 from clutchid.simulation.windows import Track
 from clutchid.smoother.elimination import Eliminated, eliminate
-from clutchid.smoother.linearised_windows import Told
+from clutchid.smoother.linearised_windows import LinearisedWindows
 from clutchid.smoother.links import first_rows, link_costs, link_rows, link_sigma
 from clutchid.smoother.window_rows import window_rows
 from clutchid.states import STATES
@@ -33,7 +33,7 @@ FEW = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Shooting:
+class FitProblem:
     """Free numbers and recordings of a fit.
 
     `curvature` is the standard deviation of the load's second derivative from that of the weights `reference`, N/m².
@@ -59,7 +59,7 @@ class Shooting:
         return tuple(link_sigma(track, self.actuator, self.noise) for track in self.tracks)
 
     @cached_property
-    def layouts(self) -> dict[str, Layouts]:
+    def column_caches(self) -> dict[str, ColumnCache]:
         """What windows of each recording have asked of theta, which is the same wherever theta is."""
         return {stem: {} for stem in self.stems}
 
@@ -92,23 +92,25 @@ class Shooting:
         value = self.si(x)
         return self.actuator.replace({self.coordinates[i].base: float(value[i]) for i in self.places(stem)})
 
-    def view(self, x: FloatArray, stem: str) -> View:
+    def parameter_map(self, x: FloatArray, stem: str) -> ParameterMap:
         """The view of the recording `stem` on x."""
         places = self.places(stem)
         bases = [self.coordinates[i].base for i in places]
-        return view(self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size, self.layouts[stem])
+        return parameter_map(
+            self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size, self.column_caches[stem]
+        )
 
-    def views(self, x: FloatArray) -> dict[str, View] | Failure:
+    def parameter_maps(self, x: FloatArray) -> dict[str, ParameterMap] | Failure:
         """The view of every recording on x, by stem; a `Failure` where values contradict each other."""
         return self._views_at(x.tobytes())
 
     @cached_property
-    def _views_at(self) -> Callable[[bytes], dict[str, View] | Failure]:
+    def _views_at(self) -> Callable[[bytes], dict[str, ParameterMap] | Failure]:
         return lru_cache(maxsize=FEW)(self._views)
 
-    def _views(self, x: bytes) -> dict[str, View] | Failure:
+    def _views(self, x: bytes) -> dict[str, ParameterMap] | Failure:
         try:
-            return {stem: self.view(np.frombuffer(x), stem) for stem in self.stems}
+            return {stem: self.parameter_map(np.frombuffer(x), stem) for stem in self.stems}
         except ParameterError as error:
             return Failure(str(error))
 
@@ -119,14 +121,14 @@ class Shooting:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Passage:
+class SimulatedWindows:
     """A track at a point: what its windows said where they were linearised, taken along to here, and simulated.
 
     `ends` (windows, n) and `costs` (windows,) are those of the simulation, from which the windows have moved by `drift`
     standard deviations of what they say.
     """
 
-    told: Told
+    linearised: LinearisedWindows
     ends: FloatArray
     costs: FloatArray
     drift: FloatArray
@@ -134,15 +136,15 @@ class Passage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """A track at a point, as rows: of its first state, of its windows in `passage`, and of the links between them."""
+    """A track at a point, as rows: of its first state, of its windows in `windows`, and of the links between them."""
 
     first: FloatArray
-    passage: Passage
+    windows: SimulatedWindows
     links: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Linear:
+class LinearisedProblem:
     """The problem linearised at a point: prior rows ``[theta | r]``, chains, and its cost there (sum of losses).
 
     Where theta is held, its chains have no columns for it.
@@ -155,50 +157,56 @@ class Linear:
     cost: float
 
 
-def linearise(task: Shooting, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
+def linearise(task: FitProblem, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
     """The problem at parameters `x` and window starts `X`, one array a track; a failed simulation is an answer."""
-    views = task.views(x)
-    if isinstance(views, Failure):
-        return views
-    passages = []
+    parameter_maps = task.parameter_maps(x)
+    if isinstance(parameter_maps, Failure):
+        return parameter_maps
+    simulated = []
     for track, starts in zip(task.tracks, X, strict=True):
-        told = told_by(task, track, views, starts, range(len(track.windows)))
-        if isinstance(told, Failure):
-            return told
-        passages.append(Passage(told, told.end, told.cost, np.zeros(len(track.windows))))
-    cost = cost_of(task, views, x, X, passages)
-    return assembled(task, views, (x, X), passages, cost) if np.isfinite(cost) else NOT_FINITE
+        linearised = linearise_windows(task, track, parameter_maps, starts, range(len(track.windows)))
+        if isinstance(linearised, Failure):
+            return linearised
+        simulated.append(SimulatedWindows(linearised, linearised.end, linearised.cost, np.zeros(len(track.windows))))
+    cost = cost_of(task, parameter_maps, x, X, simulated)
+    return assembled(task, parameter_maps, (x, X), simulated, cost) if np.isfinite(cost) else NOT_FINITE
 
 
-def told_by(
-    task: Shooting, track: Track, views: Mapping[str, View], starts: FloatArray, places: Sequence[int]
-) -> Told | Failure:
+def linearise_windows(
+    task: FitProblem,
+    track: Track,
+    parameter_maps: Mapping[str, ParameterMap],
+    starts: FloatArray,
+    places: Sequence[int],
+) -> LinearisedWindows | Failure:
     """What the windows `places` of a track say, linearised at their own `starts`."""
-    work = partial(window_rows, track, seen=views[task.stems[track.log]], measure=task.measure, noise=task.noise)
+    work = partial(
+        window_rows, track, mapped=parameter_maps[task.stems[track.log]], measure=task.measure, noise=task.noise
+    )
     rows = []
     for answer in each(work, [track.windows[i] for i in places], [starts[i] for i in places]):
         if isinstance(answer, Failure):
             return answer
         rows.append(answer)
-    return Told.by(rows)
+    return LinearisedWindows.by(rows)
 
 
 def assembled(
-    task: Shooting,
-    views: Mapping[str, View],
+    task: FitProblem,
+    parameter_maps: Mapping[str, ParameterMap],
     at: tuple[FloatArray, Sequence[FloatArray]],
-    passages: Sequence[Passage],
+    simulated: Sequence[SimulatedWindows],
     cost: float,
-) -> Linear:
+) -> LinearisedProblem:
     """The problem at a point whose windows, and so its cost, are known."""
     x, X = at
     chains = []
-    for track, sigma, starts, passage in zip(task.tracks, task.sigmas, X, passages, strict=True):
-        seen = views[task.stems[track.log]]
-        first, _ = first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)
-        links = link_rows(passage.told, passage.ends, starts, sigma, seen.actuator, task.noise.outlier)
-        chains.append(Chain(first, passage, links))
-    return Linear(x, tuple(X), prior_rows(task, x), tuple(chains), cost)
+    for track, sigma, starts, windows in zip(task.tracks, task.sigmas, X, simulated, strict=True):
+        mapped = parameter_maps[task.stems[track.log]]
+        first, _ = first_rows(track, starts[0], mapped, "pressure_a" in task.measure, task.noise)
+        links = link_rows(windows.linearised, windows.ends, starts, sigma, mapped.actuator, task.noise.outlier)
+        chains.append(Chain(first, windows, links))
+    return LinearisedProblem(x, tuple(X), prior_rows(task, x), tuple(chains), cost)
 
 
 #: What is said of a point whose simulation has no end.
@@ -206,23 +214,27 @@ NOT_FINITE = Failure("the cost is not finite")
 
 
 def cost_of(
-    task: Shooting, views: Mapping[str, View], x: FloatArray, X: Sequence[FloatArray], passages: Sequence[Passage]
+    task: FitProblem,
+    parameter_maps: Mapping[str, ParameterMap],
+    x: FloatArray,
+    X: Sequence[FloatArray],
+    simulated: Sequence[SimulatedWindows],
 ) -> float:
     """The cost of a point whose windows are known."""
     total = float(np.sum(prior_rows(task, x)[:, -1] ** 2))
-    for track, sigma, starts, passage in zip(task.tracks, task.sigmas, X, passages, strict=True):
-        seen = views[task.stems[track.log]]
-        total += first_rows(track, starts[0], seen, "pressure_a" in task.measure, task.noise)[1]
-        total += float(np.sum(passage.costs + link_costs(passage.ends, starts, sigma, task.noise.outlier)))
+    for track, sigma, starts, windows in zip(task.tracks, task.sigmas, X, simulated, strict=True):
+        mapped = parameter_maps[task.stems[track.log]]
+        total += first_rows(track, starts[0], mapped, "pressure_a" in task.measure, task.noise)[1]
+        total += float(np.sum(windows.costs + link_costs(windows.ends, starts, sigma, task.noise.outlier)))
     return total
 
 
-def prior_rows(task: Shooting, x: FloatArray) -> FloatArray:
+def prior_rows(task: FitProblem, x: FloatArray) -> FloatArray:
     """Rows ``[theta | r]`` of what is known before the data: every number, and the smoothness of the load."""
     return task.prior_at(x.tobytes())
 
 
-def _prior(task: Shooting, x: FloatArray) -> FloatArray:
+def _prior(task: FitProblem, x: FloatArray) -> FloatArray:
     rows = np.column_stack([np.eye(x.size), x])
     if task.actuator.load.basis == "b-spline" and set(task.names) & set(task.actuator.load.names):
         value = dict(zip(task.names, task.si(x).tolist(), strict=True))
@@ -235,7 +247,7 @@ def _prior(task: Shooting, x: FloatArray) -> FloatArray:
 
 
 def condense(
-    task: Shooting, linear: Linear, damping: Sequence[FloatArray] | None = None
+    task: FitProblem, linear: LinearisedProblem, damping: Sequence[FloatArray] | None = None
 ) -> tuple[FloatArray, list[Eliminated]]:
     """Triangular factor of all rows on theta, ``[R | q]``, and the chains that were eliminated into it.
 
@@ -245,7 +257,7 @@ def condense(
     weight = np.diag([STATES[name].step for name in names])
     chains = []
     for track, chain in enumerate(linear.chains):
-        own = chain.passage.told.of_states
+        own = chain.windows.linearised.of_states
         if damping is not None:
             still = np.zeros_like(own)
             still[:, :, : len(names)] = np.sqrt(damping[track])[:, None, None] * weight
@@ -254,6 +266,6 @@ def condense(
     size = linear.chains[0].first.shape[1] - len(names) - 1
     if size == 0:
         return np.zeros((0, 1)), chains
-    alone = [triangular(chain.passage.told.of_theta) for chain in linear.chains]
+    alone = [triangular(chain.windows.linearised.of_theta) for chain in linear.chains]
     factor = triangular(np.vstack([linear.prior, *alone, *(chain.rows for chain in chains)]))
     return factor[: size + 1], chains

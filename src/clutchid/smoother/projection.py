@@ -16,9 +16,9 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
-from clutchid.smoother.problem import Linear, Shooting, condense, linearise
+from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
 from clutchid.smoother.settling import Damping, States, followed, loose, settle
-from clutchid.smoother.trial import NO_GAIN, Trial, accept, attempt, with_theta_free, with_theta_held
+from clutchid.smoother.trial import NO_GAIN, Trial, accept, attempt, with_theta_fixed, with_theta_free
 
 #: Most steps of the free numbers, how often one is tried shorter, and the gain of a whole one that ends the search.
 STEPS, SHORTER, SETTLED = 25, 4, 0.1
@@ -33,22 +33,24 @@ DOUBTED = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class ShootingSolution:
     """Where the search ended: parameters, window starts of every track, and the problem there."""
 
     x: FloatArray
     X: States
-    at: Linear
+    at: LinearisedProblem
     status: Literal["converged", "stalled", "limit"]
     evaluations: int
 
 
-def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callable[[int], None]) -> Found | Failure:
+def project(
+    task: FitProblem, x: FloatArray, X: Sequence[FloatArray], tell: Callable[[int], None]
+) -> ShootingSolution | Failure:
     """Minimise the cost of `task` by Gauss-Newton steps of the free numbers, each judged where the states have settled.
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         The problem.
     x, X : 1, SI
         Free numbers, within their bounds, and window starts, one array a track.
@@ -57,7 +59,7 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
 
     Returns
     -------
-    found : Found
+    found : ShootingSolution
         "converged" where a step would gain less than `SETTLED`, or gains less where less than `DOUBTED` was hoped for;
         "stalled" where more is hoped for and no short step gains it, even with derivatives renewed.
 
@@ -72,8 +74,8 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
         return begin
     here, longest, renewed = begin, LONGEST, False
 
-    def end(status: Literal["converged", "stalled", "limit"]) -> Found:
-        return Found(here.x, here.X, here, status, next(counter))
+    def end(status: Literal["converged", "stalled", "limit"]) -> ShootingSolution:
+        return ShootingSolution(here.x, here.X, here, status, next(counter))
 
     for _ in range(STEPS):
         there, hoped, longest = way.step(here, longest)
@@ -96,21 +98,21 @@ def project(task: Shooting, x: FloatArray, X: Sequence[FloatArray], tell: Callab
 class _Way:
     """The way of a search: its problem, how firmly its windows are held by now, and who is told of each evaluation."""
 
-    task: Shooting
+    task: FitProblem
     damping: Damping
     tell: Callable[[], None]
 
-    def begin(self, x: FloatArray, X: Sequence[FloatArray]) -> Linear | Failure:
+    def begin(self, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
         """The problem at `x`, its states settled from `X`, with derivatives of its own."""
         self.tell()
         here = linearise(self.task, x, X)
         if isinstance(here, Failure):
             return here
         return with_theta_free(
-            self.task, here, settle(self.task, with_theta_held(self.task, here), self.damping, self.tell)
+            self.task, here, settle(self.task, with_theta_fixed(self.task, here), self.damping, self.tell)
         )
 
-    def step(self, here: Linear, longest: float) -> tuple[Linear, float, float]:
+    def step(self, here: LinearisedProblem, longest: float) -> tuple[LinearisedProblem, float, float]:
         """The problem after a step, or `here` where none gains; what a whole one would; the longest to try next."""
         factor, chains = condense(self.task, here)
         hoped = _gain(factor, bounded_step(self.task, factor, here.x))
@@ -119,12 +121,12 @@ class _Way:
         for trial in range(1 + SHORTER):
             step = bounded_step(self.task, factor, here.x, longest=longest)
             there = self._reached(here, here.x + step, followed(self.task, here.X, chains, step))
-            if isinstance(there, Linear):
+            if isinstance(there, LinearisedProblem):
                 return there, hoped, min(longest / PART, LONGEST) if trial == 0 else longest
             longest *= PART
         return here, hoped, longest
 
-    def _reached(self, here: Linear, x: FloatArray, X: States) -> Linear | Failure:
+    def _reached(self, here: LinearisedProblem, x: FloatArray, X: States) -> LinearisedProblem | Failure:
         """The problem at `x`, its states settled from `X`, where that costs less than `here`."""
         self.tell()
         trial = attempt(self.task, here, x, X)
@@ -144,13 +146,13 @@ def _gain(factor: FloatArray, step: FloatArray) -> float:
 
 
 def bounded_step(
-    task: Shooting, factor: FloatArray, x: FloatArray, damping: float = 0.0, longest: float = LONGEST
+    task: FitProblem, factor: FloatArray, x: FloatArray, damping: float = 0.0, longest: float = LONGEST
 ) -> FloatArray:
     """The damped step of the free numbers from `x` that stays within their bounds.
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         Says the bounds.
     factor : (k + 1, k + 1)
         Triangular factor of all rows on the free numbers, ``[R | q]``.

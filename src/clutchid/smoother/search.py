@@ -10,8 +10,8 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
-from clutchid.smoother.problem import Linear, Shooting, condense, linearise
-from clutchid.smoother.projection import Found, bounded_step, project
+from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
+from clutchid.smoother.projection import ShootingSolution, bounded_step, project
 from clutchid.smoother.settling import stepped
 from clutchid.smoother.trial import NO_GAIN, accept, attempt
 
@@ -23,18 +23,18 @@ STEPS, ROUGH = 5, 1e-2
 
 
 def search(
-    task: Shooting,
+    task: FitProblem,
     x: FloatArray,
     X: Sequence[FloatArray],
     stages: Sequence[float],
     progress: Progress | None = None,
-) -> Found | Failure:
+) -> ShootingSolution | Failure:
     """Minimise the cost of `task` from `x` and `X`, in stages of growing trust.
 
     In coarse stages parameters and states move together. With nothing trusted, the states follow what was measured and
     the parameters move little; so a poor start does not end far away. In the one that is meant, `project`.
     """
-    found: Found | Failure = Failure("no stage to search in")
+    found: ShootingSolution | Failure = Failure("no stage to search in")
     count = 0
     for softness in stages:
         tell = _counted(progress, softness, count)
@@ -45,7 +45,7 @@ def search(
         if isinstance(found, Failure):
             return found
         x, X, count = found.x, found.X, count + found.evaluations
-    return replace(found, evaluations=count) if isinstance(found, Found) else found
+    return replace(found, evaluations=count) if isinstance(found, ShootingSolution) else found
 
 
 def _counted(progress: Progress | None, softness: float, before: int) -> Callable[[int], None]:
@@ -54,8 +54,8 @@ def _counted(progress: Progress | None, softness: float, before: int) -> Callabl
 
 
 def _stage(
-    task: Shooting, start: tuple[FloatArray, Sequence[FloatArray]], tell: Callable[[int], None]
-) -> Found | Failure:
+    task: FitProblem, start: tuple[FloatArray, Sequence[FloatArray]], tell: Callable[[int], None]
+) -> ShootingSolution | Failure:
     """Levenberg-Marquardt on parameters and states together, for a problem that is nearly linear."""
     begin = linearise(task, *start)
     if isinstance(begin, Failure):
@@ -64,21 +64,21 @@ def _stage(
     for count in range(1, 4 * STEPS):
         tell(count)
         there = _step(task, here, damping)
-        if isinstance(there, Linear):
+        if isinstance(there, LinearisedProblem):
             settled = here.cost - there.cost < ROUGH * here.cost
             here = there
             damping, growth = max(damping / 5, 1e-7), 2.0
             steps -= 1
             if settled or steps == 0:
-                return Found(here.x, here.X, here, "converged" if settled else "limit", count + 1)
+                return ShootingSolution(here.x, here.X, here, "converged" if settled else "limit", count + 1)
         else:
             damping, growth = max(damping * growth, 1e-4), 2 * growth
             if damping > 1e9:
-                return Found(here.x, here.X, here, "stalled", count + 1)
-    return Found(here.x, here.X, here, "limit", 4 * STEPS)
+                return ShootingSolution(here.x, here.X, here, "stalled", count + 1)
+    return ShootingSolution(here.x, here.X, here, "limit", 4 * STEPS)
 
 
-def _step(task: Shooting, here: Linear, damping: float) -> Linear | Failure:
+def _step(task: FitProblem, here: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
     """The problem after a damped step of parameters, within their bounds, and states, where that costs less."""
     factor, chains = condense(task, here, [np.full(len(track.windows), damping) for track in task.tracks])
     step = bounded_step(task, factor, here.x, damping)

@@ -14,7 +14,7 @@ from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
 from clutchid.smoother.elimination import Eliminated, recover
-from clutchid.smoother.problem import Linear, Shooting, condense
+from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense
 from clutchid.smoother.trial import Trial, accept, attempt
 
 #: Most steps of the states, most trials of one, and the gain that ends them.
@@ -30,19 +30,19 @@ States = tuple[FloatArray, ...]
 Damping = list[FloatArray]
 
 
-def loose(task: Shooting) -> Damping:
+def loose(task: FitProblem) -> Damping:
     """How firmly windows are held before any step: an array a track, which settling changes in place."""
     return [np.full(len(track.windows), LOOSE) for track in task.tracks]
 
 
-def settle(task: Shooting, here: Linear, damping: Damping, tell: Callable[[], None]) -> Linear:
+def settle(task: FitProblem, here: LinearisedProblem, damping: Damping, tell: Callable[[], None]) -> LinearisedProblem:
     """The problem of the states alone, from `here`, where it costs least.
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         The problem.
-    here : Linear
+    here : LinearisedProblem
         With theta held.
     damping : an array a track
         How firmly each window is held; changed in place, for the next time.
@@ -51,7 +51,7 @@ def settle(task: Shooting, here: Linear, damping: Damping, tell: Callable[[], No
 
     Returns
     -------
-    settled : Linear
+    settled : LinearisedProblem
         Costs no more than `here`.
     """
     for _ in range(STEPS):
@@ -63,7 +63,7 @@ def settle(task: Shooting, here: Linear, damping: Damping, tell: Callable[[], No
     return here
 
 
-def _step(task: Shooting, here: Linear, damping: Damping) -> Linear:
+def _step(task: FitProblem, here: LinearisedProblem, damping: Damping) -> LinearisedProblem:
     """A step of the states that lowers the cost, or none."""
     trial: Trial | None = None
     for _ in range(TRIALS):
@@ -76,16 +76,16 @@ def _step(task: Shooting, here: Linear, damping: Damping) -> Linear:
         hoped = _learn(here, trial, damping)
         if trial.cost < here.cost:
             reached = accept(task, trial, free=False)
-            if isinstance(reached, Linear):
+            if isinstance(reached, LinearisedProblem):
                 return reached
         if hoped < CALM:
             break
     return here
 
 
-def _learn(here: Linear, trial: Trial, damping: Damping) -> float:
+def _learn(here: LinearisedProblem, trial: Trial, damping: Damping) -> float:
     """Hold windows in which a trial went wrong more firmly, others less where it gains; what was hoped to gain."""
-    known = [chain.passage.costs - chain.passage.told.cost for chain in here.chains]
+    known = [chain.windows.costs - chain.windows.linearised.cost for chain in here.chains]
     excess = [now - before for now, before in zip(trial.excess, known, strict=True)]
     gain = here.cost - trial.cost
     hoped = gain + sum(float(more.sum()) for more in excess)
@@ -97,13 +97,13 @@ def _learn(here: Linear, trial: Trial, damping: Damping) -> float:
     return hoped
 
 
-def stepped(task: Shooting, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
+def stepped(task: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
     """States `X` after their own step that goes with a `step` of the free numbers, empty where those are held."""
     unit = units(task.actuator)
     return tuple(x + recover(chain, step[:, None])[:, :, 0] * unit for x, chain in zip(X, chains, strict=True))
 
 
-def followed(task: Shooting, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
+def followed(task: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
     """Settled states `X` as they follow a `step` of the free numbers."""
     stay, go = (stepped(task, X, chains, by) for by in (np.zeros_like(step), step))
     return tuple(x + (there - here) for x, here, there in zip(X, stay, go, strict=True))

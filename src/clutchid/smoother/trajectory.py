@@ -7,15 +7,15 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.simulation.run import Numbers, run
 from clutchid.simulation.sensors import seen
-from clutchid.smoother.problem import Shooting
-from clutchid.smoother.projection import Found
+from clutchid.smoother.problem import FitProblem
+from clutchid.smoother.projection import ShootingSolution
 
 #: A noise scale is re-estimated within these factors of what sensors usually have: a sensor may be better, but what the
 #: model leaves out within a window is not.
 LEAST, MOST = 1.0, 10.0
 
 
-def trajectory(task: Shooting, found: Found, log: int) -> FloatArray:
+def trajectory(task: FitProblem, found: ShootingSolution, log: int) -> FloatArray:
     """States of recording `log` at its samples, shape (n, n_states); NaN between segments."""
     mine = [(track, X) for track, X in zip(task.tracks, found.X, strict=True) if track.log == log]
     n = len(mine[0][0].measured) if mine else 0
@@ -28,7 +28,7 @@ def trajectory(task: Shooting, found: Found, log: int) -> FloatArray:
     return states
 
 
-def recorded(task: Shooting, found: Found, log: int, states: FloatArray) -> dict[str, FloatArray]:
+def recorded(task: FitProblem, found: ShootingSolution, log: int, states: FloatArray) -> dict[str, FloatArray]:
     """What the sensors would record along `states`: shifted by their lags and offsets."""
     p = task.actuator_of(found.x, task.stems[log]).parameters
     names = task.actuator.states
@@ -37,7 +37,7 @@ def recorded(task: Shooting, found: Found, log: int, states: FloatArray) -> dict
     return {"position": seen(y, time, p.tau_y, p.e_y), "pressure_a": seen(p_A, time, p.tau_p, p.e_p)}
 
 
-def noise_scales(task: Shooting, found: Found) -> dict[str, float]:
+def noise_scales(task: FitProblem, found: ShootingSolution) -> dict[str, float]:
     """Noise scale of each measured column: the median residual, as a standard deviation, within bounds."""
     scales = {}
     for name in task.measure:

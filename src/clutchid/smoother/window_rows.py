@@ -13,7 +13,7 @@ from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
-from clutchid.simulation.parameter_map import View
+from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.plan import Segment
 from clutchid.simulation.run import run, run_to_end
 from clutchid.simulation.simulation import failure_message
@@ -47,46 +47,46 @@ class Rows:
 
 
 def window_rows(
-    track: Track, window: Segment, start: FloatArray, seen: View, measure: Sequence[str], noise: Noise
+    track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, measure: Sequence[str], noise: Noise
 ) -> Rows | Failure:
     """Simulate a window from `start` and compare it with what was measured.
 
     Load weights that the piston does not meet in the window have no influence in it and are left out of the simulation.
     """
-    n, by, met = start.size, _kernels(), _expected(track, window, start, seen)
+    n, by, met = start.size, _kernels(), _expected(track, window, start, mapped)
     while True:
-        layout = seen.layout(met)
-        out, sens, end, failed = run_to_end(window, seen.numbers, (start, layout.start), layout.which, WATCHED)
+        active = mapped.active_columns(met)
+        out, sens, end, failed = run_to_end(window, mapped.numbers, (start, active.start), active.which, WATCHED)
         if failed >= 0 or not np.isfinite(end).all():
-            return _failure(track, window, out, failed, seen)
+            return _failure(track, window, out, failed, mapped)
         low, high = by.reach(out[:, 0], start[0])
-        needed = seen.met(low - BEYOND, high + BEYOND)
-        if not seen.bases or (met[0] <= needed[0] and needed[1] <= met[1]):
+        needed = mapped.met(low - BEYOND, high + BEYOND)
+        if not mapped.bases or (met[0] <= needed[0] and needed[1] <= met[1]):
             break
         met = min(met[0], needed[0]), max(met[1], needed[1])
-    sensors, measured = _sensed(track, window, seen, measure, noise)
-    rows, slopes = np.empty((measured.size, layout.columns.size)), np.ones(layout.columns.size - 1)
-    slopes[n:] = seen.slopes[layout.theta]
-    own = np.array([layout.own[name] for name in measure])
+    sensors, measured = _sensed(track, window, mapped, measure, noise)
+    rows, slopes = np.empty((measured.size, active.columns.size)), np.ones(active.columns.size - 1)
+    slopes[n:] = mapped.slopes[active.theta]
+    own = np.array([active.own[name] for name in measure])
     rows = rows[: by.compare(out, sens[: measured.shape[1]], sensors, own, measured, slopes, rows)]
     cost = robust(rows, noise.outlier)
     small = triangular(rows)
     if not np.isfinite(small).all():
-        return _failure(track, window, out, failed, seen)
-    told, to_theta = np.empty((small.shape[0], n + seen.size + 1)), np.empty((n, seen.size))
-    by.spread(small, layout.columns, told)
-    by.spread(end[:, n:] * slopes[n : end.shape[1]], layout.carried, to_theta)
-    return Rows(told, out[-1], end[:, :n], to_theta, cost)
+        return _failure(track, window, out, failed, mapped)
+    linearised, to_theta = np.empty((small.shape[0], n + mapped.size + 1)), np.empty((n, mapped.size))
+    by.spread(small, active.columns, linearised)
+    by.spread(end[:, n:] * slopes[n : end.shape[1]], active.carried, to_theta)
+    return Rows(linearised, out[-1], end[:, :n], to_theta, cost)
 
 
 def window_cost(
-    track: Track, window: Segment, start: FloatArray, seen: View, measure: Sequence[str], noise: Noise
+    track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, measure: Sequence[str], noise: Noise
 ) -> tuple[FloatArray, float] | Failure:
     """End of a window from `start`, and the cost of its residuals; without derivatives, so much cheaper."""
-    out, failed = run(window, seen.numbers, start)
+    out, failed = run(window, mapped.numbers, start)
     if failed >= 0:
-        return _failure(track, window, out, failed, seen)
-    sensors, measured = _sensed(track, window, seen, measure, noise)
+        return _failure(track, window, out, failed, mapped)
+    sensors, measured = _sensed(track, window, mapped, measure, noise)
     stop = _compared_samples(track, window)
     return out[-1], _kernels().compare_cost(out[:stop], sensors, measured, noise.outlier)
 
@@ -95,12 +95,12 @@ def _kernels() -> Any:
     return kernels_in("clutchid.simulation.comparison")
 
 
-def _expected(track: Track, window: Segment, start: FloatArray, seen: View) -> tuple[int, int]:
+def _expected(track: Track, window: Segment, start: FloatArray, mapped: ParameterMap) -> tuple[int, int]:
     """Parts of the load's table that a window will meet, as far as its start and its measured position tell."""
-    if not seen.bases:
+    if not mapped.bases:
         return 0, 0
     low, high = _kernels().reach(track.measured["position"][window.start : window.stop], start[0])
-    return seen.met(low - EXPECTED, high + EXPECTED)
+    return mapped.met(low - EXPECTED, high + EXPECTED)
 
 
 def _compared_samples(track: Track, window: Segment) -> int:
@@ -109,21 +109,21 @@ def _compared_samples(track: Track, window: Segment) -> int:
 
 
 def _sensed(
-    track: Track, window: Segment, seen: View, measure: Sequence[str], noise: Noise
+    track: Track, window: Segment, mapped: ParameterMap, measure: Sequence[str], noise: Noise
 ) -> tuple[FloatArray, FloatArray]:
     """Sensors as `kernels.compare` wants them, and what they measured in a window."""
     step, at = float(window.dt[0]), slice(window.start, window.start + _compared_samples(track, window))
-    states = seen.actuator.states
+    states = mapped.actuator.states
     sensors = [
-        (states.index(MEASURED[name].state), *seen.sensors[name], step, noise.of_samples(name, track.spacing))
+        (states.index(MEASURED[name].state), *mapped.sensors[name], step, noise.of_samples(name, track.spacing))
         for name in measure
     ]
     return np.array(sensors), np.array([track.measured[name][at] for name in measure])
 
 
-def _failure(track: Track, window: Segment, out: FloatArray, failed: int, seen: View) -> Failure:
-    names = seen.actuator.states
-    return Failure(failure_message(track.measured, window, out, max(failed, 0), names, seen.actuator))
+def _failure(track: Track, window: Segment, out: FloatArray, failed: int, mapped: ParameterMap) -> Failure:
+    names = mapped.actuator.states
+    return Failure(failure_message(track.measured, window, out, max(failed, 0), names, mapped.actuator))
 
 
 def losses(r: FloatArray, outlier: float) -> FloatArray:

@@ -11,7 +11,7 @@ from clutchid.estimate.calibrate import Request, fit_by, with_missed
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.prediction_error import fit as module
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR, predict
-from clutchid.estimate.shooting.fit import Wanted, problem_of
+from clutchid.estimate.shooting.fit import FreeParameters, problem_of
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.numerics.failure import Failure
 
@@ -108,7 +108,7 @@ def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
 
 def test_the_search_tells_its_stages_and_counts_all_its_work(plant, worn_log):
     told = []
-    wanted = Wanted(("theta_5",), ("position",))
+    wanted = FreeParameters(("theta_5",), ("position",))
     log = worn_log.slice(0, 800)
     found = predict([log], plant, wanted, EXACT, lambda stage, count: told.append((stage, count))).found
     assert [stage for stage, _ in told] == sorted([stage for stage, _ in told])
@@ -117,7 +117,7 @@ def test_the_search_tells_its_stages_and_counts_all_its_work(plant, worn_log):
 
 
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
-    task, _, _ = problem_of([worn_log.slice(0, 500)], plant, Wanted(("theta_5",), ("position",)), EXACT)
+    task, _, _ = problem_of([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
     seen = []
 
     def swinging(task, x, here, evaluate):

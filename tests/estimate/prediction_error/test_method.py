@@ -57,9 +57,9 @@ def test_what_a_calibration_left_is_gone_on_with_by_its_method(calibrated, recor
 def test_a_recording_is_verified_as_its_sensors_would_see_it(plant, recorded_by, recording):
     other = recorded_by(plant, 2.0, seed=8, name="other")
     found = fit(recording, plant, free=("C_vs",), verify=[other], method=METHOD)
-    seen = verification(found.actuator, [other], None, through_sensors=True)[0]["other"]
-    assert found.verification["other"].errors == seen.errors
-    assert seen.errors.position_rms == pytest.approx(Noise().measured["position"], rel=0.2)
+    mapped = verification(found.actuator, [other], None, through_sensors=True)[0]["other"]
+    assert found.verification["other"].errors == mapped.errors
+    assert mapped.errors.position_rms == pytest.approx(Noise().measured["position"], rel=0.2)
 
 
 def test_a_partition_is_refused(plant, recording):
@@ -91,7 +91,9 @@ def test_a_segment_that_was_planned_for_another_model_is_refused(plant, recordin
     task = task_of(recording, plant, ("C_vs",))
     foreign = replace(plant, model="isothermal")
     with pytest.raises(ParameterError, match="plan the recording"):
-        filtering.filtered(task.tracks[0], replace(task, actuator=foreign).view(np.zeros(1), "log"), BOTH, Noise())
+        filtering.filtered(
+            task.tracks[0], replace(task, actuator=foreign).parameter_map(np.zeros(1), "log"), BOTH, Noise()
+        )
 
 
 def test_the_machine_code_of_the_filter_lies_in_the_cache_folder():

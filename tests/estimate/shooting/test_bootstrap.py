@@ -8,9 +8,9 @@ import pytest
 from clutchid.estimate.shooting.bootstrap import FEWEST, bootstrap, ratio, steps, strokes
 from clutchid.log import Log
 from clutchid.numerics.least_squares import triangular
-from clutchid.smoother.linearised_windows import Told
-from clutchid.smoother.problem import Chain, Linear, Passage, condense, linearise
-from clutchid.smoother.projection import SETTLED, Found
+from clutchid.smoother.linearised_windows import LinearisedWindows
+from clutchid.smoother.problem import Chain, LinearisedProblem, SimulatedWindows, condense, linearise
+from clutchid.smoother.projection import SETTLED, ShootingSolution
 from clutchid.smoother.search import FROM_NEAR, search
 from clutchid.uncertainty.noise import Noise
 
@@ -56,7 +56,7 @@ def resting(task_of, plant, excursions, low=0.0, missing=(), name="log"):
 
 def whole(chain):
     """Rows ``[state | theta | r]`` of every window of a chain."""
-    told = chain.passage.told
+    told = chain.windows.linearised
     return np.concatenate([told.own, told.r[:, :, None]], axis=2)
 
 
@@ -92,9 +92,11 @@ def white(rng, count, k):
     first = rng.standard_normal((STATES, width))
     nothing, end = np.zeros(windows), np.zeros((windows, STATES))
     to_start, to_theta = np.zeros((windows, STATES, STATES)), np.zeros((windows, STATES, k))
-    told = Told(own[:, :, :-1], own[:, :, -1], end, to_start, to_theta, nothing)
-    chain = Chain(first, Passage(told, end, nothing, nothing), links)
-    return Linear(np.zeros(k), (end,), np.zeros((0, k + 1)), (chain,), 0.0), (np.repeat(np.arange(count), 2),)
+    told = LinearisedWindows(own[:, :, :-1], own[:, :, -1], end, to_start, to_theta, nothing)
+    chain = Chain(first, SimulatedWindows(told, end, nothing, nothing), links)
+    return LinearisedProblem(np.zeros(k), (end,), np.zeros((0, k + 1)), (chain,), 0.0), (
+        np.repeat(np.arange(count), 2),
+    )
 
 
 def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
@@ -110,7 +112,7 @@ def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
 def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, found, monkeypatch):
     task, linear, numbers = small
     monkeypatch.setattr("clutchid.estimate.shooting.bootstrap.strokes", lambda _: numbers)
-    x = bootstrap(task, Found(found.x, (), linear, "converged", 1), draws=20000)
+    x = bootstrap(task, ShootingSolution(found.x, (), linear, "converged", 1), draws=20000)
     moves = dense_moves(linear, numbers)[0][:, 1:]
     # numbers of draws that add up to the number of strokes: less the part in which all strokes agree
     apart = moves - moves.mean(axis=1, keepdims=True)
@@ -161,8 +163,8 @@ def test_white_residuals_scatter_as_the_covariance_says(task):
 def test_residuals_that_come_four_times_each_are_counted_once():
     linear, numbers = white(np.random.default_rng(1), 12, 5)
     chain = linear.chains[0]
-    told = chain.passage.told
-    twice = replace(chain.passage, told=replace(told, own=2 * told.own, r=2 * told.r))
+    told = chain.windows.linearised
+    twice = replace(chain.windows, linearised=replace(told, own=2 * told.own, r=2 * told.r))
     fourfold = Chain(2 * chain.first, twice, 2 * chain.links)
     once, again = (steps(replace(linear, chains=(c,)), numbers)[1] for c in (chain, fourfold))
     assert again == pytest.approx(once, abs=1e-9)
@@ -236,6 +238,6 @@ def test_strokes_of_several_recordings_are_numbered_without_gaps(task_of, plant)
 def test_one_stroke_alone_does_not_say_how_it_scatters(small, found, task):
     few, linear, _ = small
     second = replace(few.tracks[0], segment=replace(task.tracks[0].segment, dt=task.tracks[0].segment.dt[:1200]))
-    x = bootstrap(replace(few, tracks=(second,)), Found(found.x, (), linear, "converged", 1), draws=3)
+    x = bootstrap(replace(few, tracks=(second,)), ShootingSolution(found.x, (), linear, "converged", 1), draws=3)
     assert np.isnan(x).all()
     assert np.isnan(ratio(few, x, np.eye(22)))

@@ -6,14 +6,14 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.shooting import fit as module
-from clutchid.estimate.shooting.fit import MEMORY, Wanted, shoot
+from clutchid.estimate.shooting.fit import MEMORY, FreeParameters, shoot
 from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
 from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepared
 from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.stiffness import stiffness
-from clutchid.smoother.search import Found
+from clutchid.smoother.search import ShootingSolution
 from clutchid.uncertainty.coordinates import Prior
 
 EXACT = Calibration((), np.zeros((0, 0)))
@@ -35,8 +35,8 @@ def test_noise_scales_are_those_of_the_recording(plant, recorded_by):
     log = recorded_by(plant, 4.0, seed=None)
     rng = np.random.default_rng(1)
     rough = log.with_columns(position=log["position"] + 1.5e-4 * rng.standard_normal(len(log)))
-    shot = shoot([rough], plant, Wanted(plant.load.names, ("position",)), EXACT)
-    assert isinstance(shot.found, Found)
+    shot = shoot([rough], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
+    assert isinstance(shot.found, ShootingSolution)
     # 4000 samples tell a median to 2 %; the windows follow some of the noise
     assert shot.task.noise.measured["position"] == pytest.approx(1.5e-4, rel=0.1)
     assert set(shot.task.noise.measured) == {"position"}
@@ -45,7 +45,7 @@ def test_noise_scales_are_those_of_the_recording(plant, recorded_by):
 def test_evaluations_of_all_stages_are_counted(plant, drive_log):
     told = []
     log = position_only(drive_log.slice(0, 2000))
-    wanted = Wanted(plant.load.names, ("position",))
+    wanted = FreeParameters(plant.load.names, ("position",))
     shot = shoot([log], plant, wanted, EXACT, lambda stage, count: told.append(stage))
     assert set(told) == {"coarse", "fine"}
     assert shot.found.evaluations >= len(told)
@@ -53,7 +53,7 @@ def test_evaluations_of_all_stages_are_counted(plant, drive_log):
 
 def test_the_reference_of_the_shape_is_the_calibrated_load_or_none(plant, drive_log):
     log = position_only(drive_log.slice(0, 1000))
-    wanted = Wanted(("theta_5",), ("position",))
+    wanted = FreeParameters(("theta_5",), ("position",))
     assert shoot([log], plant, wanted, EXACT).task.reference == plant.load.theta
     assert shoot([log], plant, wanted).task.reference == (0.0,) * 22
 
@@ -61,19 +61,19 @@ def test_the_reference_of_the_shape_is_the_calibrated_load_or_none(plant, drive_
 def test_a_start_that_cannot_be_simulated_is_a_failure_with_a_sentence(plant, drive_log, monkeypatch):
     failure = Failure("y is not finite at 0.1 s.")
     monkeypatch.setattr(module, "first_guess", lambda *_: failure)
-    shot = shoot([drive_log.slice(0, 2000)], plant, Wanted(("theta_5",), ("position",)))
+    shot = shoot([drive_log.slice(0, 2000)], plant, FreeParameters(("theta_5",), ("position",)))
     assert shot.found is failure
     assert len(shot.plans) == 1
 
 
 def test_a_recording_without_a_single_position_leaves_what_was_known(plant, drive_log):
     nothing = drive_log.slice(0, 2000).with_columns(position=np.full(2000, np.nan))
-    shot = shoot([position_only(nothing)], plant, Wanted(("C_vs",), ("position",)))
+    shot = shoot([position_only(nothing)], plant, FreeParameters(("C_vs",), ("position",)))
     assert shot.found.x == pytest.approx([0.0], abs=1e-6)
 
 
 def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):
-    anchor = Wanted(("P_S",), ("position",), priors={"P_S": Prior(8.5e5, 10.0)})
+    anchor = FreeParameters(("P_S",), ("position",), priors={"P_S": Prior(8.5e5, 10.0)})
     shot = shoot([position_only(drive_log.slice(0, 1500))], plant, anchor, EXACT)
     assert shot.task.si(shot.found.x)[0] == pytest.approx(8.5e5, abs=100.0), "5000 deviations from where it started"
 
@@ -81,12 +81,12 @@ def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):
 def test_a_recording_without_inputs_is_refused(plant):
     time = np.arange(100) * 1e-3
     with pytest.raises(DataError, match="no column 'duty_supply'"):
-        shoot([Log(time, {"position": np.zeros(100)})], plant, Wanted(("theta_5",), ("position",)))
+        shoot([Log(time, {"position": np.zeros(100)})], plant, FreeParameters(("theta_5",), ("position",)))
 
 
 def test_residuals_have_a_memory_where_a_load_is_read_from_position_alone(plant, drive_log):
     def memory(names, measure, calibration):
-        return shoot([drive_log.slice(0, 1000)], plant, Wanted(names, measure), calibration).task.noise.memory
+        return shoot([drive_log.slice(0, 1000)], plant, FreeParameters(names, measure), calibration).task.noise.memory
 
     assert memory(("theta_5",), ("position",), EXACT) == MEMORY
     assert memory(("theta_5",), ("position", "pressure_a"), EXACT) == 0.0
@@ -115,7 +115,7 @@ def test_without_a_carrier_the_actuator_stays(plant, drive_log):
 
 def test_each_recording_has_the_phase_of_its_own_carrier(switched, carried):
     logs = [position_only(log) for log in carried]
-    shot = shoot(logs, switched, Wanted(("theta_9", "theta_10"), ("position",)), EXACT)
+    shot = shoot(logs, switched, FreeParameters(("theta_9", "theta_10"), ("position",)), EXACT)
     phases_and_wear = [f"{name}@{stem}" for name in ("s_pwm", "F_C", "V_0A", "y_max") for stem in ("one", "two")]
     assert sorted(shot.task.names) == sorted(["theta_9", "theta_10", *phases_and_wear])
     phases = [shot.task.actuator_of(shot.found.x, stem).value("s_pwm") for stem in ("one", "two")]
@@ -124,7 +124,7 @@ def test_each_recording_has_the_phase_of_its_own_carrier(switched, carried):
 
 
 def test_where_the_valves_phases_are_free_the_first_recording_keeps_its_own(switched, carried):
-    shot = shoot(carried, switched, Wanted(("s_vs", "s_ve"), ("position", "pressure_a")), EXACT)
+    shot = shoot(carried, switched, FreeParameters(("s_vs", "s_ve"), ("position", "pressure_a")), EXACT)
     assert shot.task.names == ("s_vs", "s_ve", "s_pwm@two")
     opened = [shot.task.actuator_of(shot.found.x, stem) for stem in ("one", "two")]
     phases = [actuator.value("s_pwm") + actuator.value("s_vs") for actuator in opened]
@@ -133,5 +133,5 @@ def test_where_the_valves_phases_are_free_the_first_recording_keeps_its_own(swit
 
 def test_a_prior_of_the_user_on_a_phase_wins(switched, carried):
     own = {"s_pwm@one": Prior(0.25, 1e-6)}
-    shot = shoot([carried[0]], switched, Wanted(("theta_9",), ("position",), priors=own), EXACT)
+    shot = shoot([carried[0]], switched, FreeParameters(("theta_9",), ("position",), priors=own), EXACT)
     assert shot.task.actuator_of(shot.found.x, "one").value("s_pwm") == pytest.approx(0.25, abs=1e-5)

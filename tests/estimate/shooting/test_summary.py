@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.shooting.fit import Wanted, shoot
+from clutchid.estimate.shooting.fit import FreeParameters, shoot
 from clutchid.estimate.shooting.summary import QUANTILE, corrected, failed, position_only, summary
 from clutchid.estimate.shooting.uncertainty import scale
 from clutchid.numerics.failure import Failure
@@ -23,7 +23,7 @@ def known():
 @pytest.fixture(scope="module")
 def shot(plant, worn_log, known):
     """The load of the worn plant from position alone, all else exactly as it is."""
-    return shoot([worn_log], plant, Wanted(plant.load.names, ("position",)), known)
+    return shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), known)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_no_note_names_a_load_weight(fit):
 
 def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, worn_log, known):
     most = 1.02 * plant.value("theta_9")
-    wanted = Wanted(plant.load.names, ("position",), bounds={"theta_9": (0.0, most)})
+    wanted = FreeParameters(plant.load.names, ("position",), bounds={"theta_9": (0.0, most)})
     bounded = summary(shoot([worn_log], plant, wanted, known), known)
     assert bounded.status == "warning"
     assert bounded.warnings == (f"theta_9 lies at its upper bound {most:g} N.",)

@@ -19,7 +19,7 @@ from clutchid.estimate.shooting.uncertainty import (
 )
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import linearise
-from clutchid.smoother.projection import SETTLED, Found
+from clutchid.smoother.projection import SETTLED, ShootingSolution
 from clutchid.smoother.search import FROM_NEAR, search
 
 NAMES = ("C_vs", "P_S", "F_C")
@@ -80,7 +80,7 @@ def dense_rows(of, x, X, share):
     linear = linearise(wide, np.concatenate([x, np.zeros(m)]), X)
     chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
     rows = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
-    told = chain.passage.told
+    told = chain.windows.linearised
     own = np.concatenate([told.own, told.r[:, :, None]], axis=2)
     placed = [(chain.first, 0, s), *((share * rows, i, s) for i, rows in enumerate(own))]
     placed += [(share * link, i, 2 * s) for i, link in enumerate(chain.links)]
@@ -112,7 +112,9 @@ def small(task, found):
     """Twelve windows of the problem, so that a dense matrix holds them, with an unsure calibration."""
     track = replace(task.tracks[0], windows=task.tracks[0].windows[6:18])
     X = (found.X[0][6:18],)
-    return spread(replace(task, tracks=(track,)), Found(found.x, X, found.at, "converged", 1), calibration(10.0)), X
+    return spread(
+        replace(task, tracks=(track,)), ShootingSolution(found.x, X, found.at, "converged", 1), calibration(10.0)
+    ), X
 
 
 def test_the_covariance_is_that_of_the_dense_problem(small, found):
@@ -186,4 +188,4 @@ def test_a_measured_pressure_makes_its_band_narrow(plant, drive_log, task_of, st
 
 def test_states_that_cannot_be_simulated_are_a_failure(task, found):
     X = (np.full_like(found.X[0], np.nan),)
-    assert isinstance(spread(task, Found(found.x, X, found.at, "converged", 1), None), Failure)
+    assert isinstance(spread(task, ShootingSolution(found.x, X, found.at, "converged", 1), None), Failure)

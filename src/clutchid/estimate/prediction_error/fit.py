@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimate.calibrate import Estimator
+from clutchid.estimate.calibrate import SearchMethod
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.prediction_error.innovations import noise_scales
-from clutchid.estimate.prediction_error.problem import Predicted, Prediction, predict_errors
+from clutchid.estimate.prediction_error.problem import FilterSolution, Prediction, predict_errors
 from clutchid.estimate.prediction_error.summary import summary
-from clutchid.estimate.shooting.fit import Shot, Wanted, problem_of
+from clutchid.estimate.shooting.fit import FreeParameters, SearchResult, problem_of
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise
-from clutchid.smoother.problem import Shooting
+from clutchid.smoother.problem import FitProblem
 
 #: A round ends when the cost falls by less than this share of it.
 TOLERANCE = 1e-5
@@ -34,10 +34,10 @@ COARSE, FINE, STEPS = 1, 12, 6
 def predict(
     logs: Sequence[Log],
     actuator: Actuator,
-    wanted: Wanted,
+    wanted: FreeParameters,
     calibration: Calibration | None = None,
     progress: Progress | None = None,
-) -> Shot[Predicted]:
+) -> SearchResult[FilterSolution]:
     """Search for the numbers `wanted` with the least errors of prediction: the problem with its plans, and the end.
 
     Raises
@@ -48,14 +48,14 @@ def predict(
     task, plans, _ = problem_of(logs, actuator, wanted, calibration)
     coarse = search(task, np.zeros(len(task.coordinates)), COARSE, progress)
     if isinstance(coarse, Failure):
-        return Shot(task, plans, coarse)
+        return SearchResult(task, plans, coarse)
     task = replace(task, noise=replace(task.noise, measured=noise_scales(task, coarse.at)))
-    return Shot(task, plans, search(task, coarse.x, FINE, progress, coarse.evaluations))
+    return SearchResult(task, plans, search(task, coarse.x, FINE, progress, coarse.evaluations))
 
 
 def search(
-    task: Shooting, x: FloatArray, rounds: int, progress: Progress | None = None, before: int = 0
-) -> Predicted | Failure:
+    task: FitProblem, x: FloatArray, rounds: int, progress: Progress | None = None, before: int = 0
+) -> FilterSolution | Failure:
     """The free numbers at which the errors of prediction do not tell of better ones, from `x`, within their bounds.
 
     The least sum of squares would not be that: a filter that trusts less predicts errors with larger variances, so a
@@ -81,14 +81,16 @@ def search(
         share = max(0.5 * share, LEAST_SHARE) if turned else min(2.0 * share, 1.0)
         there = evaluate(x + share * move)
         if isinstance(there, Failure):
-            return Predicted(x, here, "stalled", count)
+            return FilterSolution(x, here, "stalled", count)
         x, here, last = x + share * move, there, move
         if float(np.linalg.norm(R @ move)) < SETTLED:
-            return Predicted(x, here, "converged", count)
-    return here if isinstance(here, Failure) else Predicted(x, here, "limit", count)
+            return FilterSolution(x, here, "converged", count)
+    return here if isinstance(here, Failure) else FilterSolution(x, here, "limit", count)
 
 
-def _round(task: Shooting, x: FloatArray, here: Prediction, evaluate: Callable[..., Prediction | Failure]) -> Solution:
+def _round(
+    task: FitProblem, x: FloatArray, here: Prediction, evaluate: Callable[..., Prediction | Failure]
+) -> Solution:
     """The least sum of squares with the gains and variances of the filter at `x`."""
 
     def linearise(at: FloatArray) -> Linearisation | Failure:
@@ -100,4 +102,4 @@ def _round(task: Shooting, x: FloatArray, here: Prediction, evaluate: Callable[.
 
 
 #: Prediction error through a Kalman filter.
-PREDICTION_ERROR = Estimator("prediction-error", predict, summary)
+PREDICTION_ERROR = SearchMethod("prediction-error", predict, summary)

@@ -9,7 +9,7 @@ import numpy as np
 from clutchid.estimate.prediction_error.problem import Prediction
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
-from clutchid.smoother.problem import Shooting
+from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.trajectory import LEAST, MOST
 
 #: Errors this many samples apart are taken as independent when their colour is counted.
@@ -59,7 +59,7 @@ def _colour(correlation: FloatArray) -> float:
     return float(1.0 + 2.0 * np.sum(correlation[: below[0] if below.size else correlation.size]))
 
 
-def noise_scales(task: Shooting, prediction: Prediction) -> dict[str, float]:
+def noise_scales(task: FitProblem, prediction: Prediction) -> dict[str, float]:
     """Noise scale of each measured column: the median error beyond what the spread of the state explains, bounded."""
     scales = {}
     for column, name in enumerate(MEASURED):

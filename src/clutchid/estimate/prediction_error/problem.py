@@ -11,7 +11,7 @@ from clutchid.filter.filtering import Filtered, filtered
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, triangular
-from clutchid.smoother.problem import Shooting, prior_rows
+from clutchid.smoother.problem import FitProblem, prior_rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,14 +30,14 @@ class Prediction:
         return Linearisation(factor[:k, :k], factor[:k, k], 0.5 * self.cost, int(count))
 
 
-def predict_errors(task: Shooting, x: FloatArray, held: Prediction | None = None) -> Prediction | Failure:
+def predict_errors(task: FitProblem, x: FloatArray, held: Prediction | None = None) -> Prediction | Failure:
     """Errors of prediction at the free numbers `x`, standardised, with their derivatives.
 
     The gains of the filter are held fixed in the derivatives, as in pseudo-linear regression.
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         Free numbers, recordings and noise, as for a fit by shooting; its windows do not matter.
     x : 1
         Free numbers as coordinates, see `clutchid.uncertainty.coordinates`.
@@ -48,15 +48,15 @@ def predict_errors(task: Shooting, x: FloatArray, held: Prediction | None = None
     -------
     prediction : Prediction, or Failure where a simulation leaves the finite numbers or values contradict each other.
     """
-    views = task.views(x)
-    if isinstance(views, Failure):
-        return views
+    parameter_maps = task.parameter_maps(x)
+    if isinstance(parameter_maps, Failure):
+        return parameter_maps
     prior = prior_rows(task, x)
     cost = float(np.sum(prior[:, -1] ** 2))
     segments = []
     for number, track in enumerate(task.tracks):
         gains = held.segments[number].gains if held else None
-        segment = filtered(track, views[task.stems[track.log]], task.measure, task.noise, gains)
+        segment = filtered(track, parameter_maps[task.stems[track.log]], task.measure, task.noise, gains)
         if isinstance(segment, Failure):
             return segment
         segments.append(segment)
@@ -65,7 +65,7 @@ def predict_errors(task: Shooting, x: FloatArray, held: Prediction | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Predicted:
+class FilterSolution:
     """Where a search ended: free numbers, the recordings filtered with them, how it ended, and after how much work."""
 
     x: FloatArray

@@ -9,9 +9,9 @@ import numpy as np
 
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.prediction_error.innovations import innovations
-from clutchid.estimate.prediction_error.problem import Predicted, predict_errors
+from clutchid.estimate.prediction_error.problem import FilterSolution, predict_errors
 from clutchid.estimate.result import Fit, Recording, errors_over
-from clutchid.estimate.shooting.fit import Shot
+from clutchid.estimate.shooting.fit import SearchResult
 from clutchid.estimate.shooting.summary import QUANTILE, described
 from clutchid.estimate.shooting.uncertainty import SCALE, considered
 from clutchid.log import FloatArray, Log
@@ -19,7 +19,7 @@ from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.simulation import simulated_log
-from clutchid.smoother.problem import Shooting
+from clutchid.smoother.problem import FitProblem
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,12 +38,12 @@ class Spread:
         return self.full[: self.size, : self.size]
 
 
-def summary(shot: Shot[Predicted], calibration: Calibration | None) -> Fit | Failure:
+def summary(shot: SearchResult[FilterSolution], calibration: Calibration | None) -> Fit | Failure:
     """The result of a search for the least errors of prediction.
 
     Parameters
     ----------
-    shot : Shot
+    shot : SearchResult
         The problem, its plans, and where the search ended.
     calibration : Calibration, optional
         What the fit builds on: its bias is taken off, its covariance counts.
@@ -60,7 +60,7 @@ def summary(shot: Shot[Predicted], calibration: Calibration | None) -> Fit | Fai
     return replace(result, recordings=recordings, errors=errors_over(compared), notes=notes)
 
 
-def uncertainty(task: Shooting, found: Predicted, calibration: Calibration | None) -> Spread | Failure:
+def uncertainty(task: FitProblem, found: FilterSolution, calibration: Calibration | None) -> Spread | Failure:
     """How uncertain the free numbers are: what the noise leaves, and what is only taken as known (Schmidt 1966).
 
     Errors of prediction are coloured where the model is not the truck; as many neighbours count as one as their own
@@ -86,7 +86,7 @@ def uncertainty(task: Shooting, found: Predicted, calibration: Calibration | Non
 
 
 def _recordings(
-    shot: Shot[Predicted], found: Predicted, spread: Spread
+    shot: SearchResult[FilterSolution], found: FilterSolution, spread: Spread
 ) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
     """The recordings by name, and each as measured and as it was foreseen sample by sample."""
     task, names = shot.task, shot.task.actuator.states
@@ -116,7 +116,7 @@ def _band(pressure: FloatArray, half: FloatArray) -> Mapping[str, FloatArray]:
     return {"pressure_a low": pressure - half, "pressure_a high": pressure + half}
 
 
-def _statistics(task: Shooting, found: Predicted) -> tuple[str, ...]:
+def _statistics(task: FitProblem, found: FilterSolution) -> tuple[str, ...]:
     """What the errors of prediction look like, in words."""
     notes = []
     for name in task.measure:

@@ -13,8 +13,8 @@ from clutchid.log import FloatArray
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.windows import Track
 from clutchid.smoother.elimination import eliminate
-from clutchid.smoother.problem import Linear, Shooting
-from clutchid.smoother.projection import Found
+from clutchid.smoother.problem import FitProblem, LinearisedProblem
+from clutchid.smoother.projection import ShootingSolution
 
 #: Below this share of its stroke the piston rests.
 REST = 0.1
@@ -25,7 +25,7 @@ FEWEST, PIECE = 8, 1.0
 Numbers = tuple[NDArray[np.int64], ...]
 
 
-def strokes(task: Shooting) -> Numbers:
+def strokes(task: FitProblem) -> Numbers:
     """The stroke that each window belongs to, an array a track; numbers go on from track to track.
 
     A stroke begins with the first window in which the piston is back at rest, and ends before the next such one: the
@@ -37,7 +37,7 @@ def strokes(task: Shooting) -> Numbers:
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         The problem, its tracks in the order of their recordings.
 
     Returns
@@ -83,7 +83,7 @@ def _pieces(track: Track) -> NDArray[np.int64]:
     return np.arange(windows, dtype=np.int64) * pieces // windows
 
 
-def bootstrap(task: Shooting, found: Found, draws: int = 200, seed: int = 0) -> FloatArray:
+def bootstrap(task: FitProblem, found: ShootingSolution, draws: int = 200, seed: int = 0) -> FloatArray:
     """Free numbers x as they would be found on strokes drawn with replacement, shape (draws, k).
 
     Each is one Gauss-Newton step from the end of the search, so no simulation is repeated. Bounds of x are not kept:
@@ -91,9 +91,9 @@ def bootstrap(task: Shooting, found: Found, draws: int = 200, seed: int = 0) -> 
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         The problem.
-    found : Found
+    found : ShootingSolution
         Where its search ended.
     draws : 1
         How many, above 0; 200 know a deviation to 5 %, the strokes seldom do.
@@ -118,7 +118,7 @@ def bootstrap(task: Shooting, found: Found, draws: int = 200, seed: int = 0) -> 
     return found.x + known + times @ moves.T
 
 
-def steps(linear: Linear, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
+def steps(linear: LinearisedProblem, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
     """The Gauss-Newton step as the sum of what is known before the data, shape (k,), and of each stroke, (k, strokes).
 
     A stroke that is drawn n times pulls n times; the information, so how far a pull moves, stays that of all strokes.
@@ -131,10 +131,10 @@ def steps(linear: Linear, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
     count = 2 + max(int(track.max()) for track in numbers)
     parts = [_spread_out(linear.prior, 0, count)]
     for chain, track in zip(linear.chains, numbers, strict=True):
-        told, at = chain.passage.told, track + 1
-        own, links = _spread_out(told.of_states, at, count), _spread_out(chain.links, at[:-1], count)
+        linearised, at = chain.windows.linearised, track + 1
+        own, links = _spread_out(linearised.of_states, at, count), _spread_out(chain.links, at[:-1], count)
         parts.append(eliminate(_spread_out(chain.first, 0, count), own, links).rows)
-        alone = told.of_theta
+        alone = linearised.of_theta
         parts.append(_spread_out(alone, np.repeat(at, alone.shape[0] // at.size), count))
     factor = triangular(np.vstack(parts))[:k]
     pulls = -np.linalg.lstsq(factor[:, :k], factor[:, k:], rcond=None)[0].astype(np.float64)
@@ -148,7 +148,7 @@ def _spread_out(rows: FloatArray, places: NDArray[np.int64] | int, count: int) -
     return np.concatenate([rows[..., :-1], residual], axis=-1)
 
 
-def ratio(task: Shooting, x: FloatArray, known: FloatArray) -> float:
+def ratio(task: FitProblem, x: FloatArray, known: FloatArray) -> float:
     """How many times wider the load scatters in the draws `x` than the covariance of the noise says.
 
     The median over those points of the load's grid that the piston has passed: beyond, what was known before stands,
@@ -158,7 +158,7 @@ def ratio(task: Shooting, x: FloatArray, known: FloatArray) -> float:
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         The problem.
     x : (draws, k)
         Draws of `bootstrap`.
@@ -172,17 +172,17 @@ def ratio(task: Shooting, x: FloatArray, known: FloatArray) -> float:
     """
     load = task.actuator.load
     places = [(i, load.names.index(c.base)) for i, c in enumerate(task.coordinates) if c.base in load.names]
-    y = _passed(task)
+    y = _moved_windows(task)
     if not places or not y.size or not np.isfinite(x).all():
         return float("nan")
     rows, columns = (list(side) for side in zip(*places, strict=True))
     phi = load.phi(y)[:, columns] * task.slopes(np.mean(x, axis=0))[rows]
-    drawn, told = np.std(phi @ x[:, rows].T, axis=1), np.linalg.norm(phi @ known[rows], axis=1)
-    seen = told > 0.0
-    return float(np.median(drawn[seen] / told[seen]))
+    drawn, expected = np.std(phi @ x[:, rows].T, axis=1), np.linalg.norm(phi @ known[rows], axis=1)
+    known_at = expected > 0.0
+    return float(np.median(drawn[known_at] / expected[known_at]))
 
 
-def _passed(task: Shooting) -> FloatArray:
+def _moved_windows(task: FitProblem) -> FloatArray:
     """Points of the load's grid, in m, between the lowest and the highest measured position."""
     y = np.linspace(0.0, task.actuator.parameters.y_max, 101)
     measured = [track.measured["position"][track.segment.start : track.segment.stop] for track in task.tracks]

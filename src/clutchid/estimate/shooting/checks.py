@@ -10,19 +10,23 @@ import numpy as np
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.result import Fit
 from clutchid.estimate.shooting.bootstrap import bootstrap, ratio, strokes
-from clutchid.estimate.shooting.fit import Shot
+from clutchid.estimate.shooting.fit import SearchResult
 from clutchid.estimate.shooting.profile import bent, profile_interval
 from clutchid.estimate.shooting.uncertainty import Spread, spread
 from clutchid.numerics.failure import Failure
-from clutchid.smoother.problem import Shooting
-from clutchid.smoother.projection import Found
+from clutchid.smoother.problem import FitProblem
+from clutchid.smoother.projection import ShootingSolution
 
 #: Bands are too narrow where the bootstrap scatters so many times as far: eight strokes know a deviation to a quarter.
 TOO_NARROW = 1.5
 
 
 def checked(
-    result: Fit, shot: Shot[Found], calibration: Calibration | None, profiled: Sequence[str], draws: int
+    result: Fit,
+    shot: SearchResult[ShootingSolution],
+    calibration: Calibration | None,
+    profiled: Sequence[str],
+    draws: int,
 ) -> Fit:
     """`result` with the intervals of `profiled` numbers by profile likelihood, and its bands checked by a bootstrap.
 
@@ -30,7 +34,7 @@ def checked(
     ----------
     result : Fit
         Of the search.
-    shot : Shot
+    shot : SearchResult
         Where the search ended.
     calibration : Calibration, optional
         What the fit was built on.
@@ -52,7 +56,7 @@ def checked(
     return _bootstrapped(result, shot.task, shot.found, of, draws) if draws else result
 
 
-def _profiled(result: Fit, task: Shooting, found: Found, of: Spread, name: str) -> Fit:
+def _profiled(result: Fit, task: FitProblem, found: ShootingSolution, of: Spread, name: str) -> Fit:
     interval = profile_interval(task, found, of, name)
     estimate = result.parameters[name]
     if isinstance(interval, Failure):
@@ -69,7 +73,7 @@ def _profiled(result: Fit, task: Shooting, found: Found, of: Spread, name: str) 
     return replace(result, parameters=parameters, notes=(*result.notes, note + "."))
 
 
-def _bootstrapped(result: Fit, task: Shooting, found: Found, of: Spread, draws: int) -> Fit:
+def _bootstrapped(result: Fit, task: FitProblem, found: ShootingSolution, of: Spread, draws: int) -> Fit:
     times = ratio(task, bootstrap(task, found, draws), of.known)
     if not np.isfinite(times):
         return replace(result, notes=(*result.notes, "no bootstrap: it needs a free load and two strokes."))

@@ -19,8 +19,8 @@ from clutchid.preparation.prepare import CALIBRATED_MARGIN, MARGIN, prepared
 from clutchid.preparation.pulses import Pulsed, pulsed
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.windows import first_guess, tracks
-from clutchid.smoother.problem import Shooting
-from clutchid.smoother.projection import Found
+from clutchid.smoother.problem import FitProblem
+from clutchid.smoother.projection import ShootingSolution
 from clutchid.smoother.search import FROM_AFAR, FROM_NEAR, search
 from clutchid.smoother.trajectory import noise_scales
 from clutchid.uncertainty.coordinates import Prior, coordinates, far_stop
@@ -53,20 +53,20 @@ class End(Protocol):
         """After how many evaluations."""
 
 
-EndT = TypeVar("EndT", bound=End)
+SolutionT = TypeVar("SolutionT", bound=End)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shot(Generic[EndT]):
+class SearchResult(Generic[SolutionT]):
     """The problem of a fit, the plans of its recordings, and where its search ended."""
 
-    task: Shooting
+    task: FitProblem
     plans: tuple[Plan, ...]
-    found: EndT | Failure
+    found: SolutionT | Failure
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class FreeParameters:
     """What is to be fitted, and what is known of it: names, measured columns, bounds and priors in SI."""
 
     names: tuple[str, ...]
@@ -82,10 +82,10 @@ class Wanted:
 def shoot(
     logs: Sequence[Log],
     actuator: Actuator,
-    wanted: Wanted,
+    wanted: FreeParameters,
     calibration: Calibration | None = None,
     progress: Progress | None = None,
-) -> Shot[Found]:
+) -> SearchResult[ShootingSolution]:
     """Fit `wanted` to recordings by multiple shooting.
 
     With a `calibration` the search starts near its end, from the calibrated values.
@@ -102,24 +102,24 @@ def shoot(
     for track in task.tracks:
         guess = first_guess(track, phased[track.log], "pressure_a" in wanted.measure)
         if isinstance(guess, Failure):
-            return Shot(task, plans, guess)
+            return SearchResult(task, plans, guess)
         X.append(guess)
     # from what is known of every number: a start far outside a narrow prior is out of reach of bounded steps
     x = np.zeros(len(task.coordinates))
     stages = FROM_NEAR if calibration else FROM_AFAR
     coarse = search(task, x, X, stages[:-1], progress)
     if isinstance(coarse, Failure):
-        return Shot(task, plans, coarse)
+        return SearchResult(task, plans, coarse)
     task = replace(task, noise=replace(task.noise, measured=noise_scales(task, coarse)))
     fine = search(task, coarse.x, coarse.X, stages[-1:], progress)
-    if isinstance(fine, Found):
+    if isinstance(fine, ShootingSolution):
         fine = replace(fine, evaluations=fine.evaluations + coarse.evaluations)
-    return Shot(task, plans, fine)
+    return SearchResult(task, plans, fine)
 
 
 def problem_of(
-    logs: Sequence[Log], actuator: Actuator, wanted: Wanted, calibration: Calibration | None = None
-) -> tuple[Shooting, tuple[Plan, ...], list[Actuator]]:
+    logs: Sequence[Log], actuator: Actuator, wanted: FreeParameters, calibration: Calibration | None = None
+) -> tuple[FitProblem, tuple[Plan, ...], list[Actuator]]:
     """The problem of a fit, the plans of its recordings, and `actuator` with the carrier's phase in each.
 
     Raises
@@ -133,7 +133,7 @@ def problem_of(
     margin = CALIBRATED_MARGIN if calibration else MARGIN
     own = {**_phases(wanted, seen), **_wearing(wanted, logs, actuator, calibration)}
     free, priors = (*wanted.names, *own), {**own, **wanted.priors}
-    task = Shooting(
+    task = FitProblem(
         actuator=phased[0],
         coordinates=coordinates(phased[0], free, wanted.bounds, priors),
         tracks=tuple(paced(track, phased[track.log], margin) for track in tracks(plans)),
@@ -152,7 +152,7 @@ def _planned(seen: Pulsed, measure: Sequence[str]) -> Plan:
     return replace(done, warnings=(*done.warnings, seen.warning)) if seen.warning else done
 
 
-def _phases(wanted: Wanted, seen: Sequence[Pulsed]) -> dict[str, Prior]:
+def _phases(wanted: FreeParameters, seen: Sequence[Pulsed]) -> dict[str, Prior]:
     """The phase of the carrier in each recording, where the valves' own phases are not free."""
     later = 1 if "s_vs" in wanted.names else 0
     return {
@@ -162,13 +162,13 @@ def _phases(wanted: Wanted, seen: Sequence[Pulsed]) -> dict[str, Prior]:
     }
 
 
-def reads_load(wanted: Wanted, actuator: Actuator) -> bool:
+def reads_load(wanted: FreeParameters, actuator: Actuator) -> bool:
     """Whether a load is read from position alone."""
     return "pressure_a" not in wanted.measure and bool(set(wanted.names) & set(actuator.load.names))
 
 
 def _wearing(
-    wanted: Wanted, logs: Sequence[Log], actuator: Actuator, calibration: Calibration | None
+    wanted: FreeParameters, logs: Sequence[Log], actuator: Actuator, calibration: Calibration | None
 ) -> dict[str, Prior]:
     """What wears beside the clutch, in each recording, where a load is read from position alone."""
     if calibration is None or not reads_load(wanted, actuator):

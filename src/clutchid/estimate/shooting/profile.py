@@ -16,8 +16,8 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.shooting.summary import QUANTILE
 from clutchid.estimate.shooting.uncertainty import Spread
 from clutchid.numerics.failure import Failure
-from clutchid.smoother.problem import Shooting, condense
-from clutchid.smoother.projection import SETTLED, Found, project
+from clutchid.smoother.problem import FitProblem, condense
+from clutchid.smoother.projection import SETTLED, ShootingSolution, project
 
 #: Most evaluations a side, how near to `QUANTILE` as a share is near enough, and how many half widths of the covariance
 #: an end may lie away.
@@ -33,14 +33,14 @@ AGAIN = 3
 BENT = 0.2
 
 
-def profile_interval(task: Shooting, found: Found, of: Spread, name: str) -> tuple[float, float] | Failure:
+def profile_interval(task: FitProblem, found: ShootingSolution, of: Spread, name: str) -> tuple[float, float] | Failure:
     """95 % interval of one free number: where the cost with it fixed, and all others free, has grown too much.
 
     Parameters
     ----------
-    task : Shooting
+    task : FitProblem
         The problem.
-    found : Found
+    found : ShootingSolution
         Where its search ended, with `task`'s own noise.
     of : Spread
         How uncertain the free numbers are there.
@@ -116,7 +116,7 @@ def bent(quadratic: tuple[float, float], profiled: tuple[float, float]) -> bool:
     return any(abs(one - other) > most for one, other in zip(quadratic, profiled, strict=True))
 
 
-def _deviation(task: Shooting, found: Found, i: int) -> float:
+def _deviation(task: FitProblem, found: ShootingSolution, i: int) -> float:
     """Standard deviation of x_i that the curvature of the cost means: as far away the cost is 1 higher."""
     factor, _ = condense(task, found.at)
     return float(np.linalg.norm(np.linalg.pinv(factor[:-1, :-1])[i]))
@@ -129,7 +129,7 @@ class _Profile:
     the estimate itself is searched again first, with x_i held.
     """
 
-    def __init__(self, task: Shooting, i: int, found: Found, scale: float) -> None:
+    def __init__(self, task: FitProblem, i: int, found: ShootingSolution, scale: float) -> None:
         self.task, self.i, self.scale = task, i, scale
         self.seen, self.least = [found], found.at.cost
         for _ in range(AGAIN):
@@ -140,14 +140,14 @@ class _Profile:
             if before - self.least < SETTLED:
                 break
 
-    def search(self, value: float) -> Found | Failure:
+    def search(self, value: float) -> ShootingSolution | Failure:
         """Where the cost is least with x_i at `value`."""
         near = min(self.seen, key=lambda one: abs(float(one.x[self.i]) - value))
         x = near.x.copy()
         x[self.i] = value
         task = _fixed(self.task, self.i, value)
         there = project(task, np.clip(x, *task.bounds()), near.X, lambda _: None)
-        if isinstance(there, Found):
+        if isinstance(there, ShootingSolution):
             self.seen.append(there)
         return there
 
@@ -162,7 +162,7 @@ class _Profile:
         return self.scale * float(np.sqrt(max(0.0, there.at.cost - self.least)))
 
 
-def _fixed(task: Shooting, i: int, value: float) -> Shooting:
+def _fixed(task: FitProblem, i: int, value: float) -> FitProblem:
     """`task` with the number x_i held at `value`, which its prior still judges."""
     coordinates = list(task.coordinates)
     si = coordinates[i].si(value)

@@ -9,15 +9,15 @@ import numpy as np
 
 from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
-from clutchid.estimate.shooting.fit import EndT, Shot
+from clutchid.estimate.shooting.fit import SearchResult, SolutionT
 from clutchid.estimate.shooting.uncertainty import Spread, pressure_spread, scale, spread
 from clutchid.estimate.simulation_error.summary import plan_warnings
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.simulation import simulated_log
-from clutchid.smoother.problem import Shooting
-from clutchid.smoother.projection import Found
+from clutchid.smoother.problem import FitProblem
+from clutchid.smoother.projection import ShootingSolution
 from clutchid.smoother.trajectory import recorded, trajectory
 from clutchid.uncertainty.identifiability import listed
 
@@ -28,7 +28,7 @@ QUANTILE = 1.96
 NOT_TOLD = 0.9
 
 
-def summary(shot: Shot[Found], calibration: Calibration | None) -> Fit | Failure:
+def summary(shot: SearchResult[ShootingSolution], calibration: Calibration | None) -> Fit | Failure:
     """The result of a search by multiple shooting."""
     found = shot.found
     if isinstance(found, Failure):
@@ -41,7 +41,9 @@ def summary(shot: Shot[Found], calibration: Calibration | None) -> Fit | Failure
     return replace(result, recordings=recordings, errors=errors_over(compared))
 
 
-def described(shot: Shot[EndT], found: EndT, matrix: FloatArray, calibration: Calibration | None, method: str) -> Fit:
+def described(
+    shot: SearchResult[SolutionT], found: SolutionT, matrix: FloatArray, calibration: Calibration | None, method: str
+) -> Fit:
     """What the end of a search says of numbers and load, with the covariance `matrix` of x; no recordings yet."""
     task = shot.task
     bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(task.actuator.load.theta))
@@ -74,7 +76,7 @@ def corrected(actuator: Actuator, bias: FloatArray) -> Actuator:
 
 
 def _recordings(
-    shot: Shot[Found], found: Found, uncertain: Spread
+    shot: SearchResult[ShootingSolution], found: ShootingSolution, uncertain: Spread
 ) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
     """The recordings by name, and each as measured and as its sensors would record the simulation."""
     task = shot.task
@@ -97,7 +99,7 @@ def _recordings(
     return recordings, pairs
 
 
-def _band(task: Shooting, log: int, deviations: list[FloatArray], pressure: FloatArray) -> Mapping[str, FloatArray]:
+def _band(task: FitProblem, log: int, deviations: list[FloatArray], pressure: FloatArray) -> Mapping[str, FloatArray]:
     """Lower and upper end of the 95 % band of the pressure, between window starts by interpolation."""
     half = np.full(pressure.size, np.nan)
     for track, deviation in zip(task.tracks, deviations, strict=True):
@@ -108,7 +110,7 @@ def _band(task: Shooting, log: int, deviations: list[FloatArray], pressure: Floa
     return {"pressure_a low": pressure - half, "pressure_a high": pressure + half}
 
 
-def estimates_of(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
+def estimates_of(task: FitProblem, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
     """The free numbers in SI with their 95 % intervals, from x and its covariance `matrix`."""
     estimates = {}
     for i, c in enumerate(task.coordinates):
@@ -120,7 +122,9 @@ def estimates_of(task: Shooting, x: FloatArray, matrix: FloatArray, fitted: Actu
     return estimates
 
 
-def load_curve(task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: FloatArray, bias: FloatArray) -> LoadCurve:
+def load_curve(
+    task: FitProblem, fitted: Actuator, matrix: FloatArray, slopes: FloatArray, bias: FloatArray
+) -> LoadCurve:
     """The load with its band; the bias that was taken off is as uncertain as it is large."""
     y = np.linspace(0.0, fitted.parameters.y_max, 101)
     load, force = fitted.load, fitted.load.force(y)
@@ -133,7 +137,7 @@ def load_curve(task: Shooting, fitted: Actuator, matrix: FloatArray, slopes: Flo
     return LoadCurve(y, force, force - half, force + half)
 
 
-def at_bounds(task: Shooting, x: FloatArray) -> list[str]:
+def at_bounds(task: FitProblem, x: FloatArray) -> list[str]:
     """Which free numbers lie at a bound, in words."""
     low, high = task.bounds()
     warnings = []
@@ -152,7 +156,7 @@ def unsettled(status: str, evaluations: int) -> list[str]:
     return [f"the search stopped after {evaluations} evaluations without settling."]
 
 
-def not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
+def not_told(task: FitProblem, matrix: FloatArray) -> tuple[str, ...]:
     """In words, from the information matrix: for which numbers what was known before the data still stands."""
     weights = task.actuator.load.names
     stands = [
@@ -169,7 +173,7 @@ def not_told(task: Shooting, matrix: FloatArray) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def failed(shot: Shot[EndT], method: str, message: str) -> Fit:
+def failed(shot: SearchResult[SolutionT], method: str, message: str) -> Fit:
     """The result of a search whose start cannot be simulated."""
     task, nan = shot.task, float("nan")
     y = np.linspace(0.0, task.actuator.parameters.y_max, 101)

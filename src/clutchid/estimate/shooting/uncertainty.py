@@ -14,8 +14,8 @@ from clutchid.numerics.failure import Failure
 from clutchid.parameters import Parameters
 from clutchid.simulation.windows import units
 from clutchid.smoother.elimination import Eliminated, recover
-from clutchid.smoother.problem import Chain, Shooting, condense, linearise
-from clutchid.smoother.projection import Found
+from clutchid.smoother.problem import Chain, FitProblem, condense, linearise
+from clutchid.smoother.projection import ShootingSolution
 from clutchid.uncertainty.coordinates import Coordinate
 from clutchid.uncertainty.noise import Noise
 
@@ -54,7 +54,7 @@ def deviation(actuator: Actuator, name: str, calibration: Calibration) -> float:
     return float(np.sqrt(calibration.covariance_of((name,))[0, 0] + drift(actuator, name) ** 2))
 
 
-def considered(task: Shooting, calibration: Calibration | None) -> tuple[tuple[Coordinate, ...], FloatArray]:
+def considered(task: FitProblem, calibration: Calibration | None) -> tuple[tuple[Coordinate, ...], FloatArray]:
     """Numbers that a fit takes as known although they are not exactly, and the square root of their covariance.
 
     Each is a coordinate of width one standard deviation; the root, shape (m, m), holds their correlations.
@@ -84,7 +84,7 @@ class Spread:
     `known` is the part that the recording's noise leaves, `moved` the shift of x with the considered numbers.
     """
 
-    task: Shooting
+    task: FitProblem
     chains: tuple[Eliminated, ...]
     known: FloatArray
     moved: FloatArray
@@ -96,7 +96,7 @@ class Spread:
         return scale(self.task.noise) ** 2 * (self.known @ self.known.T + self.moved @ self.moved.T)
 
 
-def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spread | Failure:
+def spread(task: FitProblem, found: ShootingSolution, calibration: Calibration | None) -> Spread | Failure:
     """How uncertain the free numbers are.
 
     The considered numbers (Schmidt 1966) are not estimated: their spread moves the estimate through the information
@@ -119,9 +119,9 @@ def spread(task: Shooting, found: Found, calibration: Calibration | None) -> Spr
 
 def _counted(chain: Chain) -> Chain:
     """A chain with `COLOUR` neighbouring samples counted as one; what is known of its first state stands."""
-    share, told = 1.0 / np.sqrt(COLOUR), chain.passage.told
-    passage = replace(chain.passage, told=replace(told, own=share * told.own, r=share * told.r))
-    return replace(chain, passage=passage, links=share * chain.links)
+    share, linearised = 1.0 / np.sqrt(COLOUR), chain.windows.linearised
+    windows = replace(chain.windows, linearised=replace(linearised, own=share * linearised.own, r=share * linearised.r))
+    return replace(chain, windows=windows, links=share * chain.links)
 
 
 def pressure_spread(of: Spread) -> list[FloatArray]:
