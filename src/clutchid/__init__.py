@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
     from clutchid.estimate import Fit, fit
-    from clutchid.estimate.calibration import Calibration
     from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
     from clutchid.io import read, read_pieces, write
     from clutchid.io.look import look
@@ -25,11 +24,12 @@ if TYPE_CHECKING:
     from clutchid.parameters import Parameters
     from clutchid.simulation import Partition, Simulation, simulate
     from clutchid.study import bundled_recording
+    from clutchid.uncertainty.calibration import Calibration
     from clutchid.uncertainty.coordinates import Prior
 
 _HOME = {
     "Actuator": "clutchid.model",
-    "Calibration": "clutchid.estimate.calibration",
+    "Calibration": "clutchid.uncertainty.calibration",
     "ClutchidError": "clutchid.errors",
     "DataError": "clutchid.errors",
     "ExportError": "clutchid.errors",

@@ -97,6 +97,10 @@ class Log:
         columns = {name: values[start:stop] for name, values in self.columns.items()}
         return replace(self, time=self.time[start:stop], columns=columns)
 
+    def without(self, *names: str) -> Log:
+        """A copy without the columns `names`."""
+        return replace(self, columns={name: values for name, values in self.columns.items() if name not in names})
+
     def with_columns(self, **columns: FloatArray) -> Log:
         """The same log with columns added or replaced."""
         return replace(self, columns={**self.columns, **columns})

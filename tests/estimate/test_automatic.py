@@ -18,7 +18,6 @@ from clutchid.estimate.automatic import (
     VENTED_STD,
     automatic,
 )
-from clutchid.estimate.shooting.summary import position_only
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS
 from clutchid.preparation.carrier import centred, duty_grid
@@ -175,7 +174,7 @@ def test_the_lags_of_the_sensors_begin_at_what_sensors_have(drive_log, model):
 def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive_log, plant):
     sentence = "log: no pressure_a; 'auto' needs a recording with pressure"
     with pytest.raises(DataError, match=sentence) as caught:
-        automatic([position_only(drive_log)], plant)
+        automatic([drive_log.without("pressure_a")], plant)
     assert "--start CALIBRATION.toml --free load" in str(caught.value)
     nothing = drive_log.with_columns(pressure_a=np.full(len(drive_log), np.nan))
     with pytest.raises(DataError, match=sentence):
@@ -192,6 +191,6 @@ def test_a_recording_that_never_vents_is_one_sentence_with_its_lowest_pressure(d
 def test_all_recordings_with_a_problem_are_named(drive_log, plant):
     held = replace(drive_log.with_columns(pressure_a=np.full(len(drive_log), 3e5)), name="held")
     with pytest.raises(DataError) as caught:
-        automatic([held, drive_log, replace(position_only(drive_log), name="bare")], plant)
+        automatic([held, drive_log, replace(drive_log.without("pressure_a"), name="bare")], plant)
     lines = str(caught.value).splitlines()
     assert [line.partition(":")[0] for line in lines] == ["held", "bare"]

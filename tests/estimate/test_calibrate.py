@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.calibrate import SHOOTING, Request, fit_by
-from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.calibrate import fit_with_priors
+from clutchid.estimate.request import FitRequest
 from clutchid.estimate.shooting import fit as module
-from clutchid.estimate.shooting.summary import position_only
-from clutchid.estimate.shooting.uncertainty import drift
+from clutchid.estimate.shooting.fit import SHOOTING
 from clutchid.numerics.failure import Failure
+from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior
+from clutchid.uncertainty.drift import drift
 
 BOTH = ("position", "pressure_a")
 
@@ -47,10 +48,10 @@ def test_a_calibration_leaves_the_covariance_of_its_numbers_without_the_load(cal
 
 
 def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log):
-    request = Request(("position",), ("load",), calibration=calibrated.calibration)
-    once = fit_by(SHOOTING, [worn_log], calibrated.actuator, request)
+    request = FitRequest(("position",), ("load",), calibration=calibrated.calibration)
+    once = fit_with_priors(SHOOTING, [worn_log], calibrated.actuator, request)
     assert once.calibration is calibrated.calibration
-    again = fit_by(SHOOTING, [worn_log], once.actuator, replace(request, calibration=once.calibration))
+    again = fit_with_priors(SHOOTING, [worn_log], once.actuator, replace(request, calibration=once.calibration))
     y = np.linspace(0.5e-3, 20e-3, 40)
     first, second = once.actuator.load.force(y), again.actuator.load.force(y)
     # its load is now what the curvature is compared with
@@ -60,12 +61,15 @@ def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log)
 def test_the_bias_is_what_position_alone_misses_on_the_calibration_recording(calibrated, drive_log):
     bias = np.array(calibrated.calibration.bias)
     blind = replace(calibrated.calibration, bias=())
-    request = Request(("position",), ("load",), calibration=blind)
-    again = fit_by(SHOOTING, [position_only(drive_log)], calibrated.actuator, request)
+    request = FitRequest(("position",), ("load",), calibration=blind)
+    again = fit_with_priors(SHOOTING, [drive_log.without("pressure_a")], calibrated.actuator, request)
     missed = np.asarray(again.actuator.load.theta) - np.asarray(calibrated.actuator.load.theta)
     assert bias == pytest.approx(missed, abs=1e-6 * np.abs(calibrated.actuator.load.theta).max())
-    corrected = fit_by(
-        SHOOTING, [position_only(drive_log)], calibrated.actuator, replace(request, calibration=calibrated.calibration)
+    corrected = fit_with_priors(
+        SHOOTING,
+        [drive_log.without("pressure_a")],
+        calibrated.actuator,
+        replace(request, calibration=calibrated.calibration),
     )
     assert corrected.actuator.load.theta == pytest.approx(calibrated.actuator.load.theta, abs=0.01)
 
@@ -82,42 +86,42 @@ def test_a_worn_load_is_read_from_position_alone(adapted, worn):
 
 
 def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated, worn_log):
-    request = Request(("position",), ("P_S",), calibration=calibrated.calibration)
-    fit = fit_by(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
+    request = FitRequest(("position",), ("P_S",), calibration=calibrated.calibration)
+    fit = fit_with_priors(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
     variance = calibrated.parameters["P_S"].std ** 2 + drift(calibrated.actuator, "P_S") ** 2
-    own = Request(
+    own = FitRequest(
         ("position",), ("P_S",), priors={"P_S": Prior(calibrated.actuator.value("P_S"), np.sqrt(variance))},
         calibration=calibrated.calibration,
     )  # fmt: skip
     one, other = (
         fit.parameters["P_S"],
-        fit_by(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own).parameters["P_S"],
+        fit_with_priors(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own).parameters["P_S"],
     )
     assert (one.value, one.std) == pytest.approx((other.value, other.std), rel=1e-6)
 
 
 def test_an_anchor_of_the_user_wins_over_the_calibration(calibrated, worn_log):
     anchor = {"P_S": Prior(8.7e5, 10.0)}
-    request = Request(("position",), ("P_S",), priors=anchor, calibration=calibrated.calibration)
-    fit = fit_by(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
+    request = FitRequest(("position",), ("P_S",), priors=anchor, calibration=calibrated.calibration)
+    fit = fit_with_priors(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
     assert fit.parameters["P_S"].value == pytest.approx(8.7e5, abs=100.0)
 
 
 def test_auto_and_more_are_freed_together_and_each_once(plant, short):
-    fit = fit_by(SHOOTING, [short], plant, Request(BOTH, ("auto", "e_y", "C_vs")))
+    fit = fit_with_priors(SHOOTING, [short], plant, FitRequest(BOTH, ("auto", "e_y", "C_vs")))
     assert "e_y" in fit.parameters
     assert list(fit.parameters).count("C_vs") == 1
 
 
 def test_an_own_number_of_every_recording_takes_the_place_of_the_shared_one(plant, short):
     logs = [short, replace(short, name="again")]
-    fit = fit_by(SHOOTING, logs, plant, Request(BOTH, ("C_vs", "P_S", "P_S@EACH")))
+    fit = fit_with_priors(SHOOTING, logs, plant, FitRequest(BOTH, ("C_vs", "P_S", "P_S@EACH")))
     assert list(fit.parameters) == ["C_vs", "P_S@log", "P_S@again"]
     assert fit.calibration is None, "the load was not free"
 
 
 def test_own_numbers_are_not_left_to_other_recordings(plant, short):
-    fit = fit_by(SHOOTING, [short], plant, Request(BOTH, ("load", "C_vs", "P_S@EACH")))
+    fit = fit_with_priors(SHOOTING, [short], plant, FitRequest(BOTH, ("load", "C_vs", "P_S@EACH")))
     assert fit.calibration.names == ("C_vs",)
 
 
@@ -125,42 +129,42 @@ def test_auto_without_pressure_in_use_is_one_sentence(plant, short):
     with pytest.raises(
         DataError, match=r"^'auto' needs a recording with pressure, and --measure position,pressure_a\."
     ):
-        fit_by(SHOOTING, [short], plant, Request(("position",), ("auto",)))
+        fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ("auto",)))
 
 
 def test_a_prior_for_what_is_not_free_is_one_sentence_with_what_is(plant, short):
-    request = Request(("position",), ("load",), priors={"P_S": Prior(9e5, 1e3)})
+    request = FitRequest(("position",), ("load",), priors={"P_S": Prior(9e5, 1e3)})
     with pytest.raises(ParameterError, match=r"^prior for P_S, which is not free; free are theta_1, theta_2"):
-        fit_by(SHOOTING, [short], plant, request)
+        fit_with_priors(SHOOTING, [short], plant, request)
 
 
 def test_crossed_bounds_are_one_sentence(plant, short):
-    request = Request(("position",), ("C_vs",), bounds={"C_vs": (2e-8, 1e-8)})
+    request = FitRequest(("position",), ("C_vs",), bounds={"C_vs": (2e-8, 1e-8)})
     with pytest.raises(ParameterError, match=r"^C_vs: lower bound 2e-08 is not below upper bound 1e-08\.$"):
-        fit_by(SHOOTING, [short], plant, request)
+        fit_with_priors(SHOOTING, [short], plant, request)
 
 
 def test_too_many_numbers_for_a_short_recording_are_refused_with_both_counts(plant, short):
-    with pytest.raises(DataError, match=r"^log: 100 measured samples for 22 free numbers; at least ten for each"):
-        fit_by(SHOOTING, [short.slice(0, 100)], plant, Request(("position",), ("load",)))
+    with pytest.raises(DataError, match=r"^log: 100 measured samples for 22 free parameters; at least ten for each"):
+        fit_with_priors(SHOOTING, [short.slice(0, 100)], plant, FitRequest(("position",), ("load",)))
 
 
 def test_nothing_free_is_refused(plant, short):
     with pytest.raises(ParameterError, match=r"^nothing is free"):
-        fit_by(SHOOTING, [short], plant, Request(("position",), ()))
+        fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ()))
 
 
 def test_a_start_that_cannot_be_simulated_is_a_result_that_says_so(plant, short, monkeypatch):
     monkeypatch.setattr(module, "first_guess", lambda *_: Failure("v is not finite at 0.2 s."))
-    result = fit_by(SHOOTING, [short], plant, Request(("position",), ("load",)))
+    result = fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ("load",)))
     assert result.status == "failed"
     assert result.message == "the start values cannot be simulated. v is not finite at 0.2 s."
 
 
 def test_a_fit_without_its_calibration_says_less_than_one_with_it(calibrated, adapted, worn_log):
     certain = Calibration((), np.zeros((0, 0)), calibrated.calibration.bias)
-    request = Request(("position",), ("load",), calibration=certain)
-    sure = fit_by(SHOOTING, [worn_log], calibrated.actuator, request)
+    request = FitRequest(("position",), ("load",), calibration=certain)
+    sure = fit_with_priors(SHOOTING, [worn_log], calibrated.actuator, request)
     reached = slice(4, 80)
     assert np.all(
         (adapted.load_curve.high - adapted.load_curve.low)[reached]

@@ -6,23 +6,26 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.calibrate import SHOOTING, Request, fit_by
-from clutchid.estimate.calibration import Score
+from clutchid.estimate.calibrate import fit_with_priors
 from clutchid.estimate.change import (
     CHANGED,
     CHANGES,
     SINGLE_CHANGED,
     SUPPLY,
-    changes_told,
     distance,
+    fitted_changes,
     mean_score,
     score,
     with_changes,
 )
+from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
-from clutchid.estimate.shooting.fit import FreeParameters, SearchResult, shoot
-from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.request import FitRequest
+from clutchid.estimate.search_result import SearchResult
+from clutchid.estimate.shooting.fit import SHOOTING, shoot
 from clutchid.numerics.failure import Failure
+from clutchid.report.changes import change_sentences
+from clutchid.uncertainty.calibration import Score
 from clutchid.uncertainty.coordinates import Prior
 
 RANGES = {name: near for kind in (*CHANGES.values(), *SUPPLY.values()) for name, near in kind.items()}
@@ -44,12 +47,12 @@ def cold(worn):
 
 @pytest.fixture(scope="module")
 def cold_log(cold, recorded_by):
-    return position_only(recorded_by(cold, seconds=6.0, seed=6, name="cold", driven=1))
+    return recorded_by(cold, seconds=6.0, seed=6, name="cold", driven=1).without("pressure_a")
 
 
 def reread(calibrated, logs):
-    request = Request(("position",), ("load",), calibration=calibrated.calibration)
-    return fit_by(SHOOTING, logs, calibrated.actuator, request)
+    request = FitRequest(("position",), ("load",), calibration=calibrated.calibration)
+    return fit_with_priors(SHOOTING, logs, calibrated.actuator, request)
 
 
 def released(fit):
@@ -72,7 +75,7 @@ def test_a_score_says_where_a_fit_with_the_number_free_ends(calibrated, worn_log
     shares = {name: 1.0 if name[1:3] == "_0" else off.value(name) for name in asked}
     priors = {f"{name}@worn": Prior(off.value(name), RANGES[name].far * shares[name]) for name in asked}
     free = shoot([worn_log], off, FreeParameters(names, ("position",), priors=priors), kept)
-    found = np.log(free.task.actuator_of(free.found.x, "worn").value("D_v") / off.value("D_v"))
+    found = np.log(free.problem.actuator_of(free.solution.x, "worn").value("D_v") / off.value("D_v"))
     assert said.names == tuple(f"{name}@worn" for name in NAMES)
     said = said.of([f"{name}@worn" for name in asked])
     deviation = np.sqrt(said.covariance[0, 0])
@@ -111,11 +114,11 @@ def test_a_load_is_read_in_the_cold_with_the_thicker_grease_set_free(calibrated,
     assert released(fit) == {"D_v@cold"}
     assert fit.parameters["D_v@cold"].value == pytest.approx(cold.value("D_v"), rel=0.1)
     assert rms(fit.actuator.load, cold.load) < 0.03
-    (note,) = (note for note in fit.notes if "changed" in note)
+    (note,) = change_sentences(fit.changes)
     assert note.startswith("cold: viscous friction has changed since the calibration and was fitted with the load (D")
     blind = replace(calibrated.calibration, score=None)
-    request = Request(("position",), ("load",), calibration=blind)
-    held = fit_by(SHOOTING, [cold_log], calibrated.actuator, request)
+    request = FitRequest(("position",), ("load",), calibration=blind)
+    held = fit_with_priors(SHOOTING, [cold_log], calibrated.actuator, request)
     assert released(held) == set(), "a calibration of an earlier version knows no change"
     assert rms(held.actuator.load, cold.load) > 0.08, "what thick grease costs where it is held"
 
@@ -127,8 +130,8 @@ def test_only_the_recording_in_which_something_has_changed_gets_a_number_of_its_
 def test_a_number_that_the_user_sets_free_is_not_asked(calibrated, cold_log):
     value = calibrated.actuator.value("D_v")
     wide = {"D_v": Prior(value, 0.5 * value)}
-    request = Request(("position",), ("load", "D_v"), priors=wide, calibration=calibrated.calibration)
-    fit = fit_by(SHOOTING, [cold_log], calibrated.actuator, request)
+    request = FitRequest(("position",), ("load", "D_v"), priors=wide, calibration=calibrated.calibration)
+    fit = fit_with_priors(SHOOTING, [cold_log], calibrated.actuator, request)
     assert released(fit) == {"D_v"}
     assert not any("changed" in note for note in fit.notes)
 
@@ -206,16 +209,25 @@ def test_scores_of_several_recordings_are_averaged():
 
 
 def test_a_search_that_failed_has_no_score(task_of, drive_log, plant):
-    shot = SearchResult(task_of([drive_log], plant, ["C_vs"]), (), Failure("no end"))
+    shot = SearchResult("shooting", task_of([drive_log], plant, ["C_vs"]), (), Failure("no end"))
     assert score(shot).message == "no end"
 
 
-def test_changes_are_told_by_recording_and_kind(calibrated, plant):
-    told = calibrated.parameters["C_ve"]
-    fit = replace(calibrated, parameters={"C_vs@a": told, "C_ve@a": told, "D_v@b": told})
+def test_fitted_changes_come_as_data_by_recording_and_group(calibrated, plant):
+    now = calibrated.parameters["C_ve"]
+    fit = replace(calibrated, parameters={"C_vs@a": now, "C_ve@a": now, "D_v@b": now})
     before = plant.replace({"C_vs": 2e-8, "C_ve": 1.5e-8, "D_v": 3000.0})
-    first, second = changes_told(("C_vs@a", "C_ve@a", "D_v@b"), before, fit)
-    value = f"{told.value:.4g}"
+    changes = fitted_changes(("C_vs@a", "C_ve@a", "D_v@b"), before, fit)
+    assert [(c.recording, c.name, c.before, c.group) for c in changes] == [
+        ("a", "C_vs", 2e-8, "flow of the valves"),
+        ("a", "C_ve", 1.5e-8, "flow of the valves"),
+        ("b", "D_v", 3000.0, "viscous friction"),
+    ]
+    assert all(
+        (c.after, c.std, c.unit, c.fitted, c.probability) == (now.value, now.std, now.unit, True, None) for c in changes
+    )
+    first, second = change_sentences(changes)
+    value = f"{now.value:.4g}"
     assert first == (
         "a: flow of the valves has changed since the calibration and was fitted with the load "
         f"(C_vs 2e-08 -> {value} m³/(Pa·s), C_ve 1.5e-08 -> {value} m³/(Pa·s))."

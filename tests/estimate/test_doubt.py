@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.calibrate import SHOOTING, Request, fit_by
-from clutchid.estimate.calibration import Calibration, Score
+from clutchid.estimate.calibrate import fit_with_priors
 from clutchid.estimate.change import CHANGES
 from clutchid.estimate.doubt import SUSPECTED, WARMTH, doubted
-from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.request import FitRequest
+from clutchid.estimate.shooting.fit import SHOOTING
+from clutchid.report.changes import change_sentences
+from clutchid.uncertainty.calibration import Calibration, Score
 
 GREASE = CHANGES["viscous friction"]["D_v"].same
 FLOW = CHANGES["flow of the valves"]
@@ -29,10 +31,11 @@ def known(**shares: float) -> Calibration:
 
 def test_what_moved_less_than_tells_a_change_but_not_little_is_doubted(plant):
     far = (SUSPECTED + 0.3) * GREASE
-    less, (note,) = doubted(known(D_v=0.0), moved("w", D_v=-far), {"w": set()}, set(), plant)
+    less, (change,) = doubted(known(D_v=0.0), moved("w", D_v=-far), {"w": set()}, set(), plant)
     value = plant.value("D_v")
     assert less.covariance[0, 0] == pytest.approx(1.0 + (far * value) ** 2)
     start = f"w: viscous friction may have changed since the calibration (D_v {value:.4g} -> {value * (1 - far):.4g} N"
+    (note,) = change_sentences([change])
     assert note.startswith(start)
     assert "2.3 standard deviations; it was held, and the band is wider" in note
 
@@ -48,20 +51,21 @@ def test_what_moved_little_or_as_at_the_calibration_is_not_doubted(plant):
 
 def test_numbers_of_a_kind_are_doubted_together_along_their_move(plant):
     shift = {name: 2.5 * near.same for name, near in FLOW.items()}
-    less, (note,) = doubted(known(C_vs=0.0, C_ve=0.0), moved("w", **shift), {"w": set()}, set(), plant)
+    less, changes = doubted(known(C_vs=0.0, C_ve=0.0), moved("w", **shift), {"w": set()}, set(), plant)
     by = np.array([shift[name] * plant.value(name) for name in BOTH])
     assert less.names == ("D_v", *BOTH)
     assert less.covariance_of(BOTH) == pytest.approx(np.outer(by, by), rel=1e-9)
-    assert "C_vs" in note
-    assert "C_ve" in note
+    assert [(change.name, change.fitted) for change in changes] == [("C_vs", False), ("C_ve", False)]
+    assert [change.after - change.before for change in changes] == pytest.approx(by.tolist())
+    assert len(change_sentences(changes)) == 1
 
 
 def test_of_several_recordings_the_one_that_moved_most_counts_and_each_is_told(plant):
     one, other = 2.2 * GREASE, 2.7 * GREASE
     here = Score(("D_v@a", "D_v@b"), np.array([one, other]), 1e-16 * np.eye(2))
-    less, notes = doubted(known(D_v=0.0), here, {"a": set(), "b": set()}, set(), plant)
+    less, changes = doubted(known(D_v=0.0), here, {"a": set(), "b": set()}, set(), plant)
     assert less.covariance[0, 0] == pytest.approx(1.0 + (other * plant.value("D_v")) ** 2)
-    assert [note[:2] for note in notes] == ["a:", "b:"]
+    assert [change.recording for change in changes] == ["a", "b"]
 
 
 def test_after_a_change_all_else_is_known_as_two_recordings_tell_it_and_walls_to_30_kelvin(plant):
@@ -86,14 +90,14 @@ def test_of_a_slow_recording_all_is_known_as_two_recordings_tell_it(plant):
 
 def test_a_load_read_with_slightly_thicker_grease_has_a_wider_band_that_holds_it(calibrated, worn, recorded_by):
     thick = worn.replace({"D_v": (1.0 + 2.8 * GREASE) * worn.value("D_v")})
-    log = position_only(recorded_by(thick, seconds=6.0, seed=6, name="cool", driven=1))
+    log = recorded_by(thick, seconds=6.0, seed=6, name="cool", driven=1).without("pressure_a")
     blind = replace(calibrated.calibration, score=None)
     honest, sure = (
-        fit_by(SHOOTING, [log], calibrated.actuator, Request(("position",), ("load",), calibration=c))
+        fit_with_priors(SHOOTING, [log], calibrated.actuator, FitRequest(("position",), ("load",), calibration=c))
         for c in (calibrated.calibration, blind)
     )
     assert honest.actuator.load.theta == sure.actuator.load.theta, "the grease is held"
-    assert any(note.startswith("cool: viscous friction may have changed") for note in honest.notes)
+    assert any(note.startswith("cool: viscous friction may have changed") for note in change_sentences(honest.changes))
     half = [np.mean(fit.load_curve.high - fit.load_curve.low) for fit in (honest, sure)]
     assert half[0] > 1.5 * half[1]
     curve = honest.load_curve

@@ -316,9 +316,9 @@ def test_a_recording_without_what_is_measured_is_refused(drive):
 
 
 def test_three_samples_are_not_enough_and_the_message_says_what_is(drive):
-    with pytest.raises(DataError, match=r"3 measured samples for 3 free numbers.*full stroke"):
+    with pytest.raises(DataError, match=r"3 measured samples for 3 free parameters.*full stroke"):
         fit(drive.slice(0, 3))
-    with pytest.raises(DataError, match="3 measured samples for 5 free numbers"):
+    with pytest.raises(DataError, match="3 measured samples for 5 free parameters"):
         fit(drive.slice(1000, 1003))
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid.estimate.fit import verification
-from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.verification import verification
 from clutchid.parameters import Parameters
 from clutchid.simulation.sensors import sensed, undone
 
@@ -66,13 +65,13 @@ def test_a_verified_recording_keeps_what_was_measured_and_the_models_own_motion(
 
 
 def test_a_recording_without_pressure_is_verified_by_its_position(known, other):
-    errors = verification(known, [position_only(other)], None, BOTH, True)[0]["other"].errors
+    errors = verification(known, [other.without("pressure_a")], None, BOTH, True)[0]["other"].errors
     assert errors.position_rms == pytest.approx(POSITION_NOISE, rel=0.25)
     assert errors.pressure_a_rms is None
 
 
 def test_a_fit_by_shooting_is_verified_so(calibrated, worn, worn_log, recorded_by):
-    held = position_only(recorded_by(worn, seconds=5.0, seed=9, name="held out"))
+    held = recorded_by(worn, seconds=5.0, seed=9, name="held out").without("pressure_a")
     found = clutchid.fit(worn_log, calibrated.actuator, calibration=calibrated.calibration, verify=[held])
     assert found.method == "shooting"
     through, blind = (

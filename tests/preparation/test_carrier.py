@@ -6,7 +6,6 @@ import pytest
 from clutchid import truck as virtual
 from clutchid.errors import DataError
 from clutchid.estimate.automatic import AUTOMATIC
-from clutchid.estimate.shooting.summary import position_only
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import CHANGES, PERIODS, centred, duty_grid, find_carrier, grid_phase, on_off, shows
@@ -79,7 +78,7 @@ def test_missing_pressure_does_not_hide_the_carrier(plant, log):
 
 def test_without_pressure_the_period_cannot_be_found(plant, log):
     with pytest.raises(DataError, match="no column 'pressure_a'"):
-        find_carrier(position_only(log), plant)
+        find_carrier(log.without("pressure_a"), plant)
 
 
 def test_a_late_pressure_sensor_shows_the_carrier_late(plant, switched, recorded_by):
@@ -93,7 +92,7 @@ def test_a_late_pressure_sensor_shows_the_carrier_late(plant, switched, recorded
 @pytest.mark.parametrize("phase", [PHASE, -0.15])
 def test_the_phase_is_found_from_position_alone_whatever_the_lag_of_its_sensor(switched, recorded_by, phase, lag):
     known = switched.replace({"tau_y": lag, "e_y": 3e-5})
-    log = position_only(recorded_by(known.replace({"s_pwm": phase}), seconds=5.0))
+    log = recorded_by(known.replace({"s_pwm": phase}), seconds=5.0).without("pressure_a")
     # the fine grid has steps of 0.02: a neighbour but one at most; a lag taken for a phase would be 0.1 off
     assert apart(find_phase(log, known.replace({"s_pwm": 0.0})), phase) < 0.05
 

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.calibrate import SHOOTING, Request, fit_by
-from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.calibrate import fit_with_priors
+from clutchid.estimate.request import FitRequest
+from clutchid.estimate.shooting.fit import SHOOTING
 from clutchid.estimate.verification import on_samples
 from clutchid.log import Log
 from clutchid.preparation.carrier import centred
 from clutchid.preparation.pulses import LATE, find_phase, pulsed, refined
+from clutchid.uncertainty.calibration import Calibration
 
 #: The carrier of the drives in these tests: a new duty cycle every 10 ms.
 PERIOD = 0.01
@@ -33,7 +34,7 @@ def bus(switched, recorded_by):
     """6 s of the plant with a load that is 8 % higher, at 100 Hz, position only."""
     load = switched.load
     worn = switched.replace({name: 1.08 * value for name, value in zip(load.names, load.theta, strict=True)})
-    return position_only(every(recorded_by(worn, seconds=6.0, name="bus", driven=1), 10, first=4))
+    return every(recorded_by(worn, seconds=6.0, name="bus", driven=1), 10, first=4).without("pressure_a")
 
 
 def slow(duty, step=0.01):
@@ -93,7 +94,7 @@ def test_the_phase_of_a_slow_recording_is_found(switched, bus):
 
 def test_a_load_is_read_from_100_hz(switched, bus):
     known = Calibration((), np.zeros((0, 0)))
-    fit = fit_by(SHOOTING, [bus], switched, Request(("position",), ("load",), calibration=known))
+    fit = fit_with_priors(SHOOTING, [bus], switched, FitRequest(("position",), ("load",), calibration=known))
     y = np.linspace(0.5e-3, 20e-3, 40)
     true = 1.08 * switched.load.force(y)
     assert np.sqrt(np.mean((fit.actuator.load.force(y) - true) ** 2)) < 0.01 * true.max()
@@ -106,7 +107,7 @@ def test_a_load_is_read_from_100_hz(switched, bus):
 
 def test_a_recording_too_slow_for_the_pulses_is_told_so(switched, bus):
     known = Calibration((), np.zeros((0, 0)))
-    fit = fit_by(SHOOTING, [every(bus, 2)], switched, Request(("position",), ("load",), calibration=known))
+    fit = fit_with_priors(SHOOTING, [every(bus, 2)], switched, FitRequest(("position",), ("load",), calibration=known))
     assert fit.warnings[0] == (
         "bus: a sample every 20 ms does not tell the pulses of valves that are switched every 10 ms; they are "
         "averaged, and the load can be far off. Record at 1 kHz."

@@ -9,7 +9,7 @@ from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import Parameters
-from clutchid.preparation.prepare import prepared
+from clutchid.preparation.prepare import prepare
 from clutchid.simulation.windows import first_guess, tracks
 from clutchid.smoother.links import first_rows
 from clutchid.smoother.window_rows import robust
@@ -27,7 +27,7 @@ def rest(n, step, hole=None):
 
 
 def windows_of(log):
-    return tracks([prepared(log, Actuator(Parameters()), ("position",))])
+    return tracks([prepare(log, Actuator(Parameters()), ("position",))])
 
 
 @given(st.integers(2, 1500), st.sampled_from([1e-3, 1e-2]))
@@ -57,12 +57,12 @@ def test_a_hole_ends_a_track_and_no_window_crosses_it():
 def test_a_track_knows_how_far_apart_its_measured_positions_are():
     log = rest(301, 1e-3)
     position = np.where(np.arange(301) % 10 == 0, log["position"], np.nan)
-    plans = [prepared(one, Actuator(), ("position",)) for one in (log, log.with_columns(position=position))]
+    plans = [prepare(one, Actuator(), ("position",)) for one in (log, log.with_columns(position=position))]
     assert [track.spacing for track in tracks(plans)] == pytest.approx([1e-3, 0.01])
 
 
 def test_windows_know_the_recording_that_they_belong_to():
-    plans = [prepared(rest(n, 1e-3), Actuator(), ("position",)) for n in (300, 450)]
+    plans = [prepare(rest(n, 1e-3), Actuator(), ("position",)) for n in (300, 450)]
     assert [(track.log, len(track.measured)) for track in tracks(plans)] == [(0, 300), (1, 450)]
 
 

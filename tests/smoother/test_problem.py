@@ -8,7 +8,7 @@ import pytest
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
-from clutchid.preparation.prepare import prepared
+from clutchid.preparation.prepare import prepare
 from clutchid.simulation.windows import first_guess, tracks, units
 from clutchid.smoother.elimination import recover
 from clutchid.smoother.problem import FARTHEST, FitProblem, condense, linearise, prior_rows
@@ -219,7 +219,7 @@ def test_the_papers_splines_have_no_smoothness_to_pay(drive_log, task_of):
 
 def test_numbers_that_contradict_each_other_are_a_failure(drive_log, plant):
     names = ("R_0vs", "R_1vs")
-    plans = [prepared(drive_log.slice(0, 500), plant, ("position",))]
+    plans = [prepare(drive_log.slice(0, 500), plant, ("position",))]
     priors = {"R_0vs": Prior(0.07, 0.5)}
     task = FitProblem(
         plant, coordinates(plant, names, {}, priors), tracks(plans), ("log",), ("position",), Noise(), 3e8

@@ -33,8 +33,8 @@ from clutchid.errors import ParameterError
 if TYPE_CHECKING:
     from clutchid.assess.evidence import Evidence
     from clutchid.estimate import Fit
-    from clutchid.estimate.calibration import Calibration
     from clutchid.model.actuator import Actuator
+    from clutchid.uncertainty.calibration import Calibration
 
 
 def fit(

@@ -97,7 +97,7 @@ def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, P
 
 def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition: Partition | None) -> Log:
     """`simulated` with a band of its pressure from the recordings `others`, simulated in the same way."""
-    from clutchid.estimate.fit import starts_of
+    from clutchid.estimate.verification import starts_of
     from clutchid.simulation import simulate as simulate_log
     from clutchid.uncertainty.switching_band import switching_band
 
@@ -112,7 +112,7 @@ def _starts(
     recording: Log, content: ParameterFile, partition: Partition | None, file: Path
 ) -> tuple[Starts, tuple[str, ...]]:
     """The starts of the segments, from the parameter file `file` only if it has them for this very recording."""
-    from clutchid.estimate.fit import starts_of
+    from clutchid.estimate.verification import starts_of
 
     kept = content.starts_for(recording)
     if kept is not None:

@@ -1,145 +1,115 @@
-"""A whole fit: what is free, the search by a method, and what a calibration leaves to later fits."""
+"""A fit with priors: what is free, the search, what has changed since a calibration, and what a calibration leaves."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Generic
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimate.automatic import automatic
-from clutchid.estimate.calibration import Calibration, Score
-from clutchid.estimate.change import changes_told, mean_score, score, with_changes
+from clutchid.estimate.change import fitted_changes, mean_score, with_changes
+from clutchid.estimate.changes import Change
 from clutchid.estimate.doubt import doubted
-from clutchid.estimate.free import bounds_of, free_names
+from clutchid.estimate.free import FreeParameters, bounds_of, free_names
+from clutchid.estimate.outcome import failed_fit
+from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
-from clutchid.estimate.shooting.checks import checked
-from clutchid.estimate.shooting.fit import FreeParameters, SearchResult, SolutionT, reads_load, shoot
-from clutchid.estimate.shooting.summary import failed, position_only, summary
-from clutchid.estimate.shooting.uncertainty import deviation
+from clutchid.estimate.search_result import SearchMethod, SearchResult, SolutionT
 from clutchid.estimate.verification import on_samples
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
+from clutchid.uncertainty.calibration import Calibration, Score
 from clutchid.uncertainty.coordinates import Prior
+from clutchid.uncertainty.drift import deviation
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
-    """What the user asks of a fit: measured columns, free names, bounds, priors, and a calibration to build on.
-
-    And how it is to be checked: numbers whose intervals come from profile likelihood, and draws of a bootstrap.
-    """
-
-    measure: tuple[str, ...]
-    free: tuple[str, ...]
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    priors: Mapping[str, Prior] = field(default_factory=dict)
-    calibration: Calibration | None = None
-    profile: tuple[str, ...] = ()
-    bootstrap: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class SearchMethod(Generic[SolutionT]):
-    """A way to fit: its name, the search for the wanted numbers, what its end means to the user, and its checks.
-
-    `score` says where numbers that are held would go, for a method that looks for what has changed since a calibration.
-    """
-
-    name: str
-    search: Callable[
-        [Sequence[Log], Actuator, FreeParameters, Calibration | None, Progress | None], SearchResult[SolutionT]
-    ]
-    summary: Callable[[SearchResult[SolutionT], Calibration | None], Fit | Failure]
-    check: Callable[[Fit, SearchResult[SolutionT], Calibration | None, Sequence[str], int], Fit] | None = None
-    score: Callable[[SearchResult[SolutionT]], Score | Failure] | None = None
-
-
-def fit_by(
-    estimator: SearchMethod[SolutionT],
+def fit_with_priors(
+    method: SearchMethod[SolutionT],
     logs: Sequence[Log],
     actuator: Actuator,
-    request: Request,
+    request: FitRequest,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit what is asked for; where the pressure is in use and the load is free, also calibrate.
+    """Fit what is asked for by `method`; where the pressure is in use and the load is free, also calibrate.
 
-    Parameters
-    ----------
-    estimator : SearchMethod
-        `SHOOTING`, or that of `clutchid.estimate.prediction_error`.
-    logs : several
-        Recordings with the measured columns of the request.
-    actuator : Actuator
-        Model and start values.
-    request : Request
-        What is free, and what is known of it.
-    progress : function(stage, evaluations), optional
-        Called at each evaluation.
-
-    Returns
-    -------
-    fit : Fit
+    A search that cannot start is a fit of status "failed".
 
     Raises
     ------
     DataError, ParameterError
-        As `clutchid.fit`; a failed search is a result of status "failed".
+        As `clutchid.fit`.
     """
-    actuator, wanted = wanted_of(logs, actuator, request)
-    check_size(logs, wanted)
-    _check_profiled(request, wanted)
-    shot, wider, here = _adapted(estimator, logs, actuator, wanted, request.calibration, progress)
-    released = wider.names[len(wanted.names) :]
-    known, doubts = request.calibration, tuple[str, ...]()
-    if known and here:
-        free = {log.name: wider.free_in(log.name) for log in logs}
-        slow = any(len(plan.log) > len(log) for plan, log in zip(shot.plans, logs, strict=True))
-        known, doubts = doubted(known, here, free, {name.partition("@")[0] for name in released}, actuator, slow)
-    result = estimator.summary(shot, known)
-    if isinstance(result, Failure):
-        return failed(shot, estimator.name, result.message)
-    result = replace(result, recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs})
-    result = replace(result, notes=(*changes_told(released, actuator, result), *doubts, *result.notes))
-    if estimator.check and (request.profile or request.bootstrap):
-        result = estimator.check(result, shot, known, request.profile, request.bootstrap)
-    free_load = set(wanted.names) >= set(actuator.load.names)
-    if "pressure_a" not in wanted.measure or not free_load:
-        return replace(result, calibration=request.calibration)
-    kept = calibration_of(result, actuator)
-    return replace(result, calibration=with_missed(estimator, logs, result.actuator, kept, progress))
+    actuator, free = free_parameters(logs, actuator, request)
+    check_size(logs, free)
+    _check_profiled(request, free)
+    done, wider, here = _searched(method, logs, actuator, free, request.calibration, progress)
+    released = wider.names[len(free.names) :]
+    known, suspected = _inflated(request.calibration, here, logs, actuator, done, wider, released)
+    found = method.result(done, known)
+    if isinstance(found, Failure):
+        bounds = {c.name: (c.low, c.high) for c in done.problem.coordinates}
+        return failed_fit(done.problem.actuator, bounds, done.method, found.message, done.plans)
+    found = replace(
+        found,
+        recordings={log.name: on_samples(found.recordings[log.name], log) for log in logs},
+        changes=(*fitted_changes(released, actuator, found), *suspected),
+    )
+    if method.check and request.checks:
+        found = method.check(found, done, known, request.profile, request.bootstrap)
+    if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
+        return replace(found, calibration=request.calibration)
+    kept = calibration_of(found, actuator)
+    return replace(found, calibration=with_position_bias(method, logs, found.actuator, kept, progress))
 
 
-def _adapted(
-    estimator: SearchMethod[SolutionT],
+def _searched(
+    method: SearchMethod[SolutionT],
     logs: Sequence[Log],
     actuator: Actuator,
-    wanted: FreeParameters,
+    free: FreeParameters,
     calibration: Calibration | None,
     progress: Progress | None,
 ) -> tuple[SearchResult[SolutionT], FreeParameters, Score | None]:
     """The search; where a load is read from position alone and more has changed, again with that free; its score."""
-    shot = estimator.search(logs, actuator, wanted, calibration, progress)
-    if not (estimator.score and calibration and calibration.score and reads_load(wanted, actuator)):
-        return shot, wanted, None
-    here = estimator.score(shot)
+    done = method.search(logs, actuator, free, calibration, progress)
+    if not (method.score and calibration and calibration.score and free.reads_load(actuator)):
+        return done, free, None
+    here = method.score(done)
     for _ in logs:
-        wider = wanted if isinstance(here, Failure) else with_changes(wanted, here, calibration.score, actuator)
-        if wider is wanted:
+        wider = free if isinstance(here, Failure) else with_changes(free, here, calibration.score, actuator)
+        if wider is free:
             break
-        again = estimator.search(logs, actuator, wider, calibration, progress)
-        if isinstance(again.found, Failure):
+        again = method.search(logs, actuator, wider, calibration, progress)
+        if isinstance(again.solution, Failure):
             break
-        shot, wanted, here = again, wider, estimator.score(again)
-    return shot, wanted, None if isinstance(here, Failure) else here
+        done, free, here = again, wider, method.score(again)
+    return done, free, None if isinstance(here, Failure) else here
 
 
-def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tuple[Actuator, FreeParameters]:
-    """The actuator to start from, and the free numbers with their priors.
+def _inflated(
+    calibration: Calibration | None,
+    here: Score | None,
+    logs: Sequence[Log],
+    actuator: Actuator,
+    done: SearchResult[SolutionT],
+    free: FreeParameters,
+    released: Sequence[str],
+) -> tuple[Calibration | None, tuple[Change, ...]]:
+    """The calibration with its covariance inflated by what may have changed since, and what that is."""
+    if not (calibration and here):
+        return calibration, ()
+    free_in = {log.name: free.free_in(log.name) for log in logs}
+    slow = any(len(plan.log) > len(log) for plan, log in zip(done.plans, logs, strict=True))
+    return doubted(calibration, here, free_in, {base_of(name) for name in released}, actuator, slow)
+
+
+def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest) -> tuple[Actuator, FreeParameters]:
+    """The actuator to start from, and the free parameters with their priors.
 
     Raises
     ------
@@ -148,7 +118,7 @@ def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tupl
     """
     stems = [log.name for log in logs]
     free, priors = request.free, dict(request.priors)
-    if "auto" in free:
+    if request.automatic:
         if "pressure_a" not in request.measure:
             raise DataError(
                 "'auto' needs a recording with pressure, and --measure position,pressure_a. From position alone free "
@@ -171,13 +141,14 @@ def wanted_of(logs: Sequence[Log], actuator: Actuator, request: Request) -> tupl
 
 def _without_shared(names: Sequence[str]) -> tuple[str, ...]:
     """Names without the shared number where every recording has its own: NAME goes where NAME@STEM stands."""
-    own = {name.partition("@")[0] for name in names if "@" in name}
-    return tuple(name for name in names if "@" in name or name not in own)
+    parsed = [ParameterName.parse(name) for name in names]
+    own = {name.base for name in parsed if name.recording}
+    return tuple(str(name) for name in parsed if name.recording or name.base not in own)
 
 
 def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibration) -> dict[str, Prior]:
     """Priors of calibrated parameters that are freed again: as uncertain as calibrated, and as far as they drift."""
-    bases = {name: name.partition("@")[0] for name in names}
+    bases = {name: base_of(name) for name in names}
     return {
         name: Prior(actuator.value(base), deviation(actuator, base, calibration))
         for name, base in bases.items()
@@ -185,15 +156,15 @@ def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibrati
     }
 
 
-def _check_profiled(request: Request, wanted: FreeParameters) -> None:
-    """Refuse, before any work, to profile what is not free; numbers that only wear are free where a load is read."""
-    alien = [name for name in request.profile if name not in wanted.names and "@" not in name]
+def _check_profiled(request: FitRequest, free: FreeParameters) -> None:
+    """Refuse, before any work, to profile what is not free; what only wears is free where a load is read."""
+    alien = [name for name in request.profile if name not in free.names and base_of(name) == name]
     if alien:
-        free = ", ".join(wanted.names)
-        raise ParameterError(f"profile of {', '.join(alien)}, which is not free; free are {free}, or NAME@STEM.")
+        known = ", ".join(free.names)
+        raise ParameterError(f"profile of {', '.join(alien)}, which is not free; free are {known}, or NAME@STEM.")
 
 
-def check_size(logs: Sequence[Log], wanted: FreeParameters) -> None:
+def check_size(logs: Sequence[Log], free: FreeParameters) -> None:
     """Refuse a request with nothing free, and recordings that are too short for it.
 
     Raises
@@ -201,28 +172,28 @@ def check_size(logs: Sequence[Log], wanted: FreeParameters) -> None:
     ParameterError
         If nothing is free.
     DataError
-        If there are fewer than ten measured samples for each free number.
+        If there are fewer than ten measured samples for each free parameter.
     """
-    samples = sum(int(np.isfinite(log[name]).sum()) for log in logs for name in wanted.measure)
-    if not wanted.names:
+    samples = sum(int(np.isfinite(log[name]).sum()) for log in logs for name in free.measure)
+    if not free.names:
         raise ParameterError("nothing is free; name parameters, for example load.")
-    if samples < 10 * len(wanted.names):
+    if samples < 10 * len(free.names):
         raise DataError(
-            f"{logs[0].name}: {samples} measured samples for {len(wanted.names)} free numbers; at least ten for each "
+            f"{logs[0].name}: {samples} measured samples for {len(free.names)} free parameters; at least ten for each "
             "are needed. Record at least a full stroke, or free less."
         )
 
 
 def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
     """Covariance of the shared parameters of a fit, the load weights left out."""
-    at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and "@" not in name]
+    at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and base_of(name) == name]
     names = tuple(name for i, name in enumerate(result.parameters) if i in at)
     data = {name: r.measured.metadata.get("sha256", "unknown") for name, r in result.recordings.items()}
     return Calibration(names, result.covariance[np.ix_(at, at)], data=data, method=result.method)
 
 
-def with_missed(
-    estimator: SearchMethod[SolutionT],
+def with_position_bias(
+    method: SearchMethod[SolutionT],
     logs: Sequence[Log],
     actuator: Actuator,
     kept: Calibration,
@@ -230,26 +201,23 @@ def with_missed(
 ) -> Calibration:
     """`kept` with what a fit to position alone misses of a calibrated actuator: bias and score over its recordings.
 
+    A recording whose search fails is left out.
+
     Raises
     ------
     DataError, ParameterError
-        As `clutchid.fit`; a recording whose search fails is left out.
+        As `clutchid.fit`.
     """
     theta = np.asarray(actuator.load.theta)
+    free = FreeParameters(actuator.load.names, ("position",))
     missed, scores = [], []
     for log in logs:
-        shot = estimator.search(
-            [position_only(log)], actuator, FreeParameters(actuator.load.names, ("position",)), kept, progress
-        )
-        if isinstance(shot.found, Failure):
+        done = method.search([log.without("pressure_a")], actuator, free, kept, progress)
+        if isinstance(done.solution, Failure):
             continue
-        missed.append(np.asarray(shot.task.actuator_of(shot.found.x, log.name).load.theta) - theta)
-        scored = estimator.score(shot) if estimator.score else None
+        missed.append(np.asarray(done.problem.actuator_of(done.solution.x, log.name).load.theta) - theta)
+        scored = method.score(done) if method.score else None
         if isinstance(scored, Score):
             scores.append(scored)
     bias = tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * theta.size
     return replace(kept, bias=bias, score=mean_score(scores) if scores else None)
-
-
-#: Multiple shooting with soft continuity.
-SHOOTING = SearchMethod("shooting", shoot, summary, checked, score)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.calibration import Calibration, Score
 from clutchid.log import FloatArray
+from clutchid.uncertainty.calibration import Calibration, Score
 
 
 def calibration_section(kept: Calibration) -> dict[str, Any]:

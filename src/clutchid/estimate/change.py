@@ -13,14 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.estimate.calibration import Score
+from clutchid.estimate.changes import Change
+from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.result import Fit
-from clutchid.estimate.shooting.fit import FreeParameters, SearchResult
+from clutchid.estimate.search_result import SearchResult
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
+from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import condense, linearise
 from clutchid.smoother.projection import ShootingSolution
+from clutchid.uncertainty.calibration import Score
 from clutchid.uncertainty.coordinates import SHARES, Prior, coordinates
 
 
@@ -40,12 +43,13 @@ class Move:
     """Where the numbers of a kind would go in one recording, beyond where they went at the calibration.
 
     `shift` (k,) are shares of the value, or in the number's own unit where it may be 0; `far` is their root mean square
-    in standard deviations.
+    in standard deviations, `std` (k,) those of each.
     """
 
     names: tuple[str, ...]
     shift: FloatArray
     far: float
+    std: FloatArray
 
 
 #: What may change, and the numbers that tell: those of one kind are set free together; docs/methods.md.
@@ -70,17 +74,18 @@ _ALL = {**CHANGES, **SUPPLY}
 CHANGED, SINGLE_CHANGED = 3.0, 2.5
 
 
-def score(shot: SearchResult[ShootingSolution]) -> Score | Failure:
+def score(done: SearchResult[ShootingSolution]) -> Score | Failure:
     """Where held numbers of `CHANGES` and `SUPPLY` would go at the end of a search, each in each recording."""
-    task, found = shot.task, shot.found
+    task, found = done.problem, done.solution
     if isinstance(found, Failure):
         return found
     held = [
-        (f"{name}@{stem}", name, near)
+        (str(ParameterName(name, stem)), name, near)
         for stem in task.stems
         for kind in _ALL.values()
         for name, near in kind.items()
-        if not {name, f"{name}@{stem}"} & set(task.names) and (name not in SHARES or task.actuator.value(name) > 0.0)
+        if not {name, str(ParameterName(name, stem))} & set(task.names)
+        and (name not in SHARES or task.actuator.value(name) > 0.0)
     ]
     names = tuple(own for own, _, _ in held)
     asked = coordinates(task.actuator, names, {}, {own: _prior(task.actuator, n, near) for own, n, near in held})
@@ -98,7 +103,7 @@ def score(shot: SearchResult[ShootingSolution]) -> Score | Failure:
 
 def mean_score(scores: Sequence[Score]) -> Score:
     """The mean of the scores of several recordings, of numbers without the name of a recording."""
-    names = tuple(name.partition("@")[0] for name in scores[0].names)
+    names = tuple(base_of(name) for name in scores[0].names)
     shift = np.mean([one.shift for one in scores], axis=0)
     return Score(names, shift, np.mean([one.covariance for one in scores], axis=0) / len(scores))
 
@@ -110,13 +115,16 @@ def with_changes(wanted: FreeParameters, here: Score, before: Score, actuator: A
     doing, as they share the load. The same object where nothing has changed.
     """
     most, released = 0.0, dict[str, Prior]()
-    for stem in dict.fromkeys(name.partition("@")[2] for name in here.names):
+    for stem in dict.fromkeys(ParameterName.parse(name).recording or "" for name in here.names):
         free = wanted.free_in(stem)
         far, found = _changed(here, before, stem, free)
         if not found:
             far, found = _supply_changed(here, before, stem, free)
         if far > most:
-            most, released = far, {f"{name}@{stem}": _prior(actuator, name, near) for name, near in found.items()}
+            most, released = (
+                far,
+                {str(ParameterName(name, stem)): _prior(actuator, name, near) for name, near in found.items()},
+            )
     if not released:
         return wanted
     return replace(wanted, names=(*wanted.names, *released), priors={**wanted.priors, **released})
@@ -155,12 +163,12 @@ def _least(kind: Mapping[str, Range]) -> float:
 
 def _known(here: Score, before: Score, kind: Mapping[str, Range], stem: str) -> list[str]:
     """The numbers of a kind that both scores know."""
-    return [name for name in kind if name in before.names and f"{name}@{stem}" in here.names]
+    return [name for name in kind if name in before.names and str(ParameterName(name, stem)) in here.names]
 
 
 def _held(here: Score, before: Score, names: Sequence[str], stem: str, free: Set[str]) -> tuple[Score, Score]:
     """Both scores of `names` with all others held; what is `free` in the fit here is free in the one before as well."""
-    now = here.of([f"{name}@{stem}" for name in names])
+    now = here.of([str(ParameterName(name, stem)) for name in names])
     return now, before.of([*names, *(name for name in before.names if name in free)])
 
 
@@ -176,35 +184,39 @@ def moves(here: Score, before: Score, stem: str, free: Set[str]) -> dict[str, Mo
     for word, kind in CHANGES.items():
         if names := tuple(name for name in kind if name in shift):
             far = distance(now, then, names, stem)
-            found[word] = Move(names, np.array([shift[name] for name in names]), far)
+            std = np.sqrt(np.diag(_difference(now, names, stem)))
+            found[word] = Move(names, np.array([shift[name] for name in names]), far, std)
     return found
 
 
 def distance(here: Score, before: Score, names: Sequence[str], stem: str) -> float:
     """Root mean square of what `names` have moved since `before` in the recording `stem`, in standard deviations."""
-    at = [here.names.index(f"{name}@{stem}") for name in names]
+    at = [here.names.index(str(ParameterName(name, stem))) for name in names]
     moved = here.shift[at] - before.shift[[before.names.index(name) for name in names]]
+    return float(np.sqrt(moved @ np.linalg.solve(_difference(here, names, stem), moved) / len(names)))
+
+
+def _difference(here: Score, names: Sequence[str], stem: str) -> FloatArray:
+    """Covariance of the difference between two recordings of an unchanged actuator."""
+    at = [here.names.index(str(ParameterName(name, stem))) for name in names]
     same = {name: near.same for kind in _ALL.values() for name, near in kind.items()}
-    spread = here.covariance[np.ix_(at, at)] + np.diag([same[name] ** 2 for name in names])
-    return float(np.sqrt(moved @ np.linalg.solve(spread, moved) / len(names)))
+    spread: FloatArray = here.covariance[np.ix_(at, at)] + np.diag([same[name] ** 2 for name in names])
+    return spread
 
 
-def changes_told(released: Sequence[str], before: Actuator, after: Fit) -> tuple[str, ...]:
-    """In words: what has changed in which recording, from the actuator `before` and the fit with it free."""
-    notes = []
-    for stem in dict.fromkeys(name.partition("@")[2] for name in released):
+def fitted_changes(released: Sequence[str], before: Actuator, after: Fit) -> tuple[Change, ...]:
+    """What has changed in which recording, from the actuator `before` and the fit with `released` free."""
+    found = []
+    for stem in dict.fromkeys(ParameterName.parse(name).recording or "" for name in released):
         for word, kind in _ALL.items():
-            names = [name for name in kind if f"{name}@{stem}" in released]
-            values = [from_to(before, name, after.parameters[f"{name}@{stem}"].value) for name in names]
-            if values:
-                told = f"{word} has changed since the calibration and was fitted with the load"
-                notes.append(f"{stem}: {told} ({', '.join(values)}).")
-    return tuple(notes)
-
-
-def from_to(before: Actuator, name: str, value: float) -> str:
-    """In words: a number of the actuator `before` that goes to another `value`."""
-    return f"{name} {before.value(name):.4g} -> {value:.4g}{before.unit_behind(name)}"
+            for name in kind:
+                own = str(ParameterName(name, stem))
+                if own in released:
+                    now = after.parameters[own]
+                    found.append(
+                        Change(stem, name, before.value(name), now.value, now.std, now.unit, None, word, fitted=True)
+                    )
+    return tuple(found)
 
 
 def in_si(actuator: Actuator, name: str, share: float) -> float:

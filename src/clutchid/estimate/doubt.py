@@ -10,9 +10,10 @@ from collections.abc import Mapping, Set
 
 import numpy as np
 
-from clutchid.estimate.calibration import Calibration, Score
-from clutchid.estimate.change import CHANGES, Move, from_to, in_si, moves
+from clutchid.estimate.change import CHANGES, Move, in_si, moves
+from clutchid.estimate.changes import Change
 from clutchid.model.actuator import Actuator
+from clutchid.uncertainty.calibration import Calibration, Score
 
 #: Root mean square of the shifts of one kind, in standard deviations, from which on it may have changed.
 SUSPECTED = 2.0
@@ -28,8 +29,8 @@ def doubted(
     released: Set[str],
     actuator: Actuator,
     slow: bool = False,
-) -> tuple[Calibration, tuple[str, ...]]:
-    """`calibration`, less sure of what may have changed since, and a note on each kind that seems to have.
+) -> tuple[Calibration, tuple[Change, ...]]:
+    """`calibration`, less sure of what may have changed since, and each parameter of a kind that seems to have.
 
     Parameters
     ----------
@@ -49,11 +50,11 @@ def doubted(
         again all of `CHANGES` are known only so well.
     """
     assert calibration.score is not None, "without a score nothing can be asked"
-    notes, most = list[str](), dict[str, Move]()
+    found, most = list[Change](), dict[str, Move]()
     for stem, names in free.items():
         for word, move in moves(here, calibration.score, stem, names).items():
             if move.far > SUSPECTED:
-                notes.append(_told(stem, word, move, actuator))
+                found += _suspected(stem, word, move, actuator)
                 if word not in most or move.far > most[word].far:
                     most[word] = move
     shifts = [dict(zip(move.names, move.shift.tolist(), strict=True)) for move in most.values()]
@@ -64,13 +65,22 @@ def doubted(
     for shift in shifts:
         by = np.array([in_si(actuator, name, share) for name, share in shift.items()])
         calibration = calibration.less_sure(tuple(shift), np.outer(by, by))
-    return calibration, tuple(notes)
+    return calibration, tuple(found)
 
 
-def _told(stem: str, word: str, move: Move, actuator: Actuator) -> str:
-    values = [
-        from_to(actuator, name, actuator.value(name) + in_si(actuator, name, share))
-        for name, share in zip(move.names, move.shift.tolist(), strict=True)
+def _suspected(stem: str, word: str, move: Move, actuator: Actuator) -> list[Change]:
+    return [
+        Change(
+            stem,
+            name,
+            actuator.value(name),
+            actuator.value(name) + in_si(actuator, name, share),
+            abs(in_si(actuator, name, std)),
+            actuator.unit(name),
+            None,
+            word,
+            fitted=False,
+            distance=move.far,
+        )
+        for name, share, std in zip(move.names, move.shift.tolist(), move.std.tolist(), strict=True)
     ]
-    told = f"{word} may have changed since the calibration ({', '.join(values)}), {move.far:.1f} standard deviations"
-    return f"{stem}: {told}; it was held, and the band is wider. If you know that it has, free it with a prior."

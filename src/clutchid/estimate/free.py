@@ -1,20 +1,39 @@
-"""Which numbers of a fit are free, and within which bounds."""
+"""Which parameters of a fit are free, and within which bounds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.model.actuator import Actuator
+from clutchid.names import EACH, ParameterName, base_of
 from clutchid.parameters import Parameters, unknown_name
+from clutchid.uncertainty.coordinates import Prior
 
 #: A parameter without own bounds stays within this factor of its start value.
 DEFAULT_RANGE = 3.0
 
-#: NAME@EACH stands for an own number of every recording.
-EACH = "EACH"
+
+@dataclass(frozen=True, slots=True)
+class FreeParameters:
+    """What is fitted and what is known of it: names (NAME or NAME@STEM), measured columns, bounds and priors in SI."""
+
+    names: tuple[str, ...]
+    measure: tuple[str, ...]
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    priors: Mapping[str, Prior] = field(default_factory=dict)
+
+    def free_in(self, recording: str) -> frozenset[str]:
+        """Parameters that are free in `recording`, shared or its own."""
+        parsed = map(ParameterName.parse, self.names)
+        return frozenset(name.base for name in parsed if name.holds_in(recording))
+
+    def reads_load(self, actuator: Actuator) -> bool:
+        """Whether a load is read from position alone."""
+        return "pressure_a" not in self.measure and bool(set(self.names) & set(actuator.load.names))
 
 
 def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = ()) -> tuple[str, ...]:
@@ -28,19 +47,20 @@ def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = (
     expanded = [name for item in free for name in (actuator.load.names if item == "load" else (item,))]
     problems = []
     for name in expanded:
-        base, _, stem = name.partition("@")
+        base, stem = ParameterName.parse(name)
         if base not in actuator.names:
             problems.append(unknown_name(base, ("load", *actuator.names)))
         elif sentence := actuator.equipment.missing(base):
             problems.append(sentence)
-        elif "@" in name and base in actuator.load.names:
+        elif stem is not None and base in actuator.load.names:
             problems.append(f"{name}: the load belongs to all recordings; fit them one by one for a load of each.")
-        elif "@" in name and stem not in (EACH, *stems):
+        elif stem is not None and stem not in (EACH, *stems):
             problems.append(unknown_name(stem, (EACH, *stems), "recording"))
     if problems:
         raise ParameterError("\n".join(problems))
-    each = [[f"{n.removesuffix(EACH)}{stem}" for stem in stems] if n.endswith("@" + EACH) else [n] for n in expanded]
-    return tuple(dict.fromkeys(name for group in each for name in group))
+    parsed = map(ParameterName.parse, expanded)
+    each = [[ParameterName(n.base, stem) for stem in stems] if n.recording == EACH else [n] for n in parsed]
+    return tuple(dict.fromkeys(str(name) for group in each for name in group))
 
 
 def bounds_of(
@@ -66,8 +86,8 @@ def bounds_of(
     outside = [
         f"{name}: bound {bound:g} is not admissible, it is {row.allowed} {row.unit}."
         for name, limits in given.items()
-        if name.partition("@")[0] in Parameters.names()
-        for row in [Parameters.row(name.partition("@")[0])]
+        if base_of(name) in Parameters.names()
+        for row in [Parameters.row(base_of(name))]
         for bound in limits
         if np.isfinite(bound) and not row.admits(bound)
     ]
@@ -80,7 +100,7 @@ def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
     if name in actuator.load.names:
         signed = name == "theta_2" or actuator.load.basis == "b-spline"
         return (-np.inf, np.inf) if signed else (0.0, np.inf)
-    base = name.partition("@")[0]
+    base = base_of(name)
     row, value = Parameters.row(base), actuator.value(base)
     if value <= 0.0:
         return row.low, row.high

@@ -15,7 +15,6 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.estimate.actuator_section import equipment_in, section_of, with_gravity
-from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.calibration_section import calibration_in, calibration_section
 from clutchid.estimate.recording_sections import Starts, is_number, own_values, starts_in
 from clutchid.estimate.result import Fit
@@ -23,6 +22,7 @@ from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.model.actuator import BASES, Actuator, Load
 from clutchid.parameters import Parameters, unknown_name
+from clutchid.uncertainty.calibration import Calibration
 
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
 _MODEL_KEYS = ("variant", "load_basis", "knots", "phi2_slope")

@@ -8,9 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from clutchid.estimate.calibration import Calibration
+from clutchid.errors import SolveError
+from clutchid.estimate.changes import Change
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.uncertainty.calibration import Calibration
 
 Status = Literal["ok", "warning", "failed"]
 
@@ -73,7 +75,8 @@ class Fit:
     `recordings` are the fitted ones by name, `verification` those that were simulated only. `scales` are the noise
     scales by which position (m) and pressure (Pa) residuals were divided, `bounds` the bounds of the free parameters.
     `method` is how it was fitted, `notes` what the recordings told in words, `calibration` what the fit leaves to
-    later ones of the same actuator. `settled`: the search came to its end, not to its limit of evaluations.
+    later ones of the same actuator. `settled`: the search converged. `changes` are what differs, or may differ, since
+    the calibration.
     """
 
     status: Status
@@ -93,6 +96,19 @@ class Fit:
     notes: tuple[str, ...] = ()
     calibration: Calibration | None = None
     settled: bool = True
+    changes: tuple[Change, ...] = ()
+
+    def raised(self) -> Fit:
+        """This fit, unless it failed.
+
+        Raises
+        ------
+        SolveError
+            Where its status is "failed".
+        """
+        if self.status == "failed":
+            raise SolveError(self.message)
+        return self
 
     @property
     def follows(self) -> bool:

@@ -10,6 +10,7 @@ from clutchid.assess.evidence import HORIZON, Evidence, information
 from clutchid.assess.verdict import Verdict
 from clutchid.errors import ClutchidError
 from clutchid.estimate import Fit
+from clutchid.report.changes import notes_of
 from clutchid.report.diagnosis_figures import SHOWN, colour_figure, region_figure
 from clutchid.report.figures import png
 from clutchid.report.html import Block, Bullets, Details, Notice, Picture, Text, escape
@@ -33,7 +34,7 @@ def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
 
 def told_blocks(fit: Fit, found: Evidence) -> list[Block]:
     """What the recordings told, what they lack, and the manoeuvre that would settle it."""
-    said = [*fit.notes, *found.missing]
+    said = [*notes_of(fit), *found.missing]
     blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in said))] if said else []
     if not found.missing:
         return [*blocks, Text("Nothing is missing in the motion: reach, directions and vented rests are there.")]

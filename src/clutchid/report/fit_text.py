@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from clutchid.assess.evidence import Evidence
     from clutchid.estimate import Fit
+    from clutchid.estimate.changes import Change
 
 
 def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
     """The JSON object of a fit and what its verdict rests on, docs/formats.md."""
     from clutchid.assess.verdict import verdict_json
+    from clutchid.report.changes import notes_of
 
     curve = result.load_curve
     return {
@@ -33,8 +35,16 @@ def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
         "noise_scales": dict(result.scales),
         "warnings": list(result.warnings),
         "method": result.method,
-        "notes": list(result.notes),
+        "notes": notes_of(result),
+        "changes": [_change_json(change) for change in result.changes],
         "verdict": verdict_json(result, found),
+    }
+
+
+def _change_json(change: Change) -> dict[str, Any]:
+    return {
+        name: getattr(change, name)
+        for name in ("recording", "name", "before", "after", "std", "unit", "probability", "fitted")
     }
 
 
@@ -50,6 +60,7 @@ def _errors_json(errors: Any) -> dict[str, float | None]:
 def fit_text(result: Fit, found: Evidence) -> str:
     """A fit for a terminal; its warnings are not in it."""
     from clutchid.assess.verdict import verdict
+    from clutchid.report.changes import notes_of
 
     width = max([9, *(len(name) for name in result.parameters)])
     lines = [f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit"]
@@ -64,7 +75,7 @@ def fit_text(result: Fit, found: Evidence) -> str:
             lines.append(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}{how}")
     judged = verdict(result, found)
     reasons = "".join(f"; {reason.rstrip('.')}" for reason in judged.reasons)
-    return "\n".join([*lines, *result.notes, f"trust: {judged.trust}{reasons}"])
+    return "\n".join([*lines, *notes_of(result), f"trust: {judged.trust}{reasons}"])
 
 
 def _peak(result: Fit) -> str:

@@ -58,11 +58,16 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A recording prepared for simulation."""
+    """A recording prepared for simulation with `actuator`.
+
+    `phase_std` is the standard deviation of the carrier's phase ``s_pwm`` in the recording, 0 where it is known.
+    """
 
     log: Log
     segments: tuple[Segment, ...]
     warnings: tuple[str, ...]
+    actuator: Actuator
+    phase_std: float = 0.0
 
 
 def plan(
@@ -108,7 +113,7 @@ def plan(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."
         )
-    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max)[0]))
+    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max)[0]), actuator)
 
 
 def outside_stroke(log: Log, y_max: float) -> tuple[list[str], bool]:

@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.calibrate import Request, fit_by, with_missed
-from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.calibrate import fit_with_priors, with_position_bias
+from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.prediction_error import fit as module
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR, predict
-from clutchid.estimate.shooting.fit import FreeParameters, problem_of
-from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.problem import fit_problem
+from clutchid.estimate.request import FitRequest
 from clutchid.numerics.failure import Failure
+from clutchid.uncertainty.calibration import Calibration
 
 EXACT = Calibration((), np.zeros((0, 0)))
 Y = np.linspace(0.5e-3, 20e-3, 40)
-LOAD = Request(("position",), ("load",), calibration=EXACT)
+LOAD = FitRequest(("position",), ("load",), calibration=EXACT)
 
 
 @pytest.fixture(scope="module")
@@ -27,19 +28,19 @@ def worn(plant):
 
 @pytest.fixture(scope="module")
 def worn_log(worn, recorded_by):
-    return position_only(recorded_by(worn, seed=5, name="worn"))
+    return recorded_by(worn, seed=5, name="worn").without("pressure_a")
 
 
 @pytest.fixture(scope="module")
 def adapted(plant, worn_log):
-    return fit_by(PREDICTION_ERROR, [worn_log], plant, LOAD)
+    return fit_with_priors(PREDICTION_ERROR, [worn_log], plant, LOAD)
 
 
 @pytest.fixture(scope="module")
 def calibrated(plant, recorded_by):
     start = plant.replace({"C_vs": 20e-9, "F_C": 210.0, "tau_y": 0.0, "tau_p": 0.0})
     free = ("load", "C_vs", "C_ve", "F_C", "V_0A", "tau_y", "tau_p")
-    return fit_by(PREDICTION_ERROR, [recorded_by(plant)], start, Request(("position", "pressure_a"), free))
+    return fit_with_priors(PREDICTION_ERROR, [recorded_by(plant)], start, FitRequest(("position", "pressure_a"), free))
 
 
 def test_a_worn_load_is_found_from_position_alone(adapted, worn):
@@ -101,7 +102,7 @@ def test_a_calibration_leaves_its_covariance_and_what_position_alone_misses(cali
 def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
     off = tuple(100.0 + 0.0 * value for value in plant.load.theta)
     calibration = replace(EXACT, bias=off)
-    found = fit_by(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
+    found = fit_with_priors(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
     lower = adapted.load_curve.force - found.load_curve.force
     assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ np.array(off), rel=1e-6)
 
@@ -110,14 +111,14 @@ def test_the_search_tells_its_stages_and_counts_all_its_work(plant, worn_log):
     told = []
     wanted = FreeParameters(("theta_5",), ("position",))
     log = worn_log.slice(0, 800)
-    found = predict([log], plant, wanted, EXACT, lambda stage, count: told.append((stage, count))).found
+    found = predict([log], plant, wanted, EXACT, lambda stage, count: told.append((stage, count))).solution
     assert [stage for stage, _ in told] == sorted([stage for stage, _ in told])
     assert [count for _, count in told] == [*range(1, len(told) + 1)]
     assert found.evaluations == len(told)
 
 
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
-    task, _, _ = problem_of([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
+    task, _ = fit_problem([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
     seen = []
 
     def swinging(task, x, here, evaluate):
@@ -135,7 +136,7 @@ def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, mon
 
 def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, worn_log, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
-    found = fit_by(PREDICTION_ERROR, [worn_log], plant, LOAD)
+    found = fit_with_priors(PREDICTION_ERROR, [worn_log], plant, LOAD)
     assert found.status == "failed"
     assert found.method == "prediction-error"
     assert "0.1 s" in found.message
@@ -143,13 +144,13 @@ def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, wo
 
 def test_a_recording_whose_search_fails_says_nothing_of_the_bias(plant, worn_log, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("no"))
-    kept = with_missed(PREDICTION_ERROR, [worn_log], plant, EXACT)
+    kept = with_position_bias(PREDICTION_ERROR, [worn_log], plant, EXACT)
     assert kept.bias == (0.0,) * len(plant.load.theta)
     assert kept.score is None
 
 
 def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):
     with pytest.raises(DataError, match="at least ten"):
-        fit_by(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
+        fit_with_priors(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
     with pytest.raises(ParameterError, match="nothing is free"):
-        fit_by(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))
+        fit_with_priors(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))

@@ -8,12 +8,12 @@ import pytest
 from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate import fit
-from clutchid.estimate.calibrate import Request, fit_by
-from clutchid.estimate.fit import verification
+from clutchid.estimate.calibrate import fit_with_priors
 from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
 from clutchid.estimate.prediction_error import fit as module
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR
-from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.request import FitRequest
+from clutchid.estimate.verification import verification
 from clutchid.filter import filtering
 from clutchid.model import Actuator
 from clutchid.numerics.failure import Failure
@@ -36,7 +36,7 @@ def calibrated(plant, recording):
 
 def test_a_fit_that_asks_for_it_is_by_prediction_error(plant, recording):
     found = fit(recording, plant, measure=BOTH, free=("C_vs", "P_S"), method=METHOD)
-    same = fit_by(PREDICTION_ERROR, [recording], plant, Request(BOTH, ("C_vs", "P_S")))
+    same = fit_with_priors(PREDICTION_ERROR, [recording], plant, FitRequest(BOTH, ("C_vs", "P_S")))
     assert found.method == METHOD
     assert found.follows
     assert found.settled
@@ -47,7 +47,7 @@ def test_what_a_calibration_left_is_gone_on_with_by_its_method(calibrated, recor
     write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")
     content = read_parameters(tmp_path / "cal.toml")
     assert content.calibration.method == calibrated.calibration.method == METHOD
-    worn = replace(position_only(recording), name="worn")
+    worn = replace(recording.without("pressure_a"), name="worn")
     adapted = fit(worn, content.actuator, calibration=content.calibration)
     assert adapted.method == METHOD
     shot = fit(worn, content.actuator, calibration=content.calibration, free=("theta_5",), method="shooting")
@@ -82,7 +82,7 @@ def test_a_start_that_cannot_be_filtered_raises_or_is_returned(plant, recording,
 
 def test_the_papers_model_is_filtered_too(plant, recording):
     paper = Actuator(plant.parameters)
-    found = fit(position_only(recording), paper, free=("theta_1", "theta_2"), method=METHOD)
+    found = fit(recording.without("pressure_a"), paper, free=("theta_1", "theta_2"), method=METHOD)
     assert found.status != "failed"
     assert np.isfinite(found.covariance).all()
 

@@ -7,23 +7,24 @@ import pytest
 
 from clutchid import fit
 from clutchid.errors import ParameterError
-from clutchid.estimate.calibrate import Request, wanted_of
+from clutchid.estimate.calibrate import free_parameters
+from clutchid.estimate.request import FitRequest
 from clutchid.estimate.shooting import checks as module
 from clutchid.estimate.shooting.checks import checked
 from clutchid.estimate.shooting.fit import shoot
-from clutchid.estimate.shooting.summary import summary
+from clutchid.estimate.shooting.result import result
 
 
 @pytest.fixture(scope="module")
 def shot(plant, worn_log):
-    request = Request(("position",), ("load", "F_C"))
-    _, wanted = wanted_of([worn_log], plant, request)
+    request = FitRequest(("position",), ("load", "F_C"))
+    _, wanted = free_parameters([worn_log], plant, request)
     return shoot([worn_log], plant, wanted)
 
 
 @pytest.fixture(scope="module")
 def plain(shot):
-    return summary(shot, None)
+    return result(shot, None)
 
 
 def test_a_profiled_number_has_its_own_interval_and_the_rest_is_as_before(shot, plain):

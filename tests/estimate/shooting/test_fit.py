@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.shooting import fit as module
-from clutchid.estimate.shooting.fit import MEMORY, FreeParameters, shoot
-from clutchid.estimate.shooting.summary import position_only
+from clutchid.estimate.shooting.fit import MEMORY, shoot
 from clutchid.log import Log
 from clutchid.numerics.failure import Failure
-from clutchid.preparation.prepare import prepared
+from clutchid.preparation.prepare import prepare
 from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.stiffness import stiffness
 from clutchid.smoother.search import ShootingSolution
+from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior
 
 EXACT = Calibration((), np.zeros((0, 0)))
@@ -36,46 +36,48 @@ def test_noise_scales_are_those_of_the_recording(plant, recorded_by):
     rng = np.random.default_rng(1)
     rough = log.with_columns(position=log["position"] + 1.5e-4 * rng.standard_normal(len(log)))
     shot = shoot([rough], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
-    assert isinstance(shot.found, ShootingSolution)
+    assert isinstance(shot.solution, ShootingSolution)
     # 4000 samples tell a median to 2 %; the windows follow some of the noise
-    assert shot.task.noise.measured["position"] == pytest.approx(1.5e-4, rel=0.1)
-    assert set(shot.task.noise.measured) == {"position"}
+    assert shot.problem.noise.measured["position"] == pytest.approx(1.5e-4, rel=0.1)
+    assert set(shot.problem.noise.measured) == {"position"}
 
 
 def test_evaluations_of_all_stages_are_counted(plant, drive_log):
     told = []
-    log = position_only(drive_log.slice(0, 2000))
+    log = drive_log.slice(0, 2000).without("pressure_a")
     wanted = FreeParameters(plant.load.names, ("position",))
     shot = shoot([log], plant, wanted, EXACT, lambda stage, count: told.append(stage))
     assert set(told) == {"coarse", "fine"}
-    assert shot.found.evaluations >= len(told)
+    assert shot.solution.evaluations >= len(told)
 
 
 def test_the_reference_of_the_shape_is_the_calibrated_load_or_none(plant, drive_log):
-    log = position_only(drive_log.slice(0, 1000))
+    log = drive_log.slice(0, 1000).without("pressure_a")
     wanted = FreeParameters(("theta_5",), ("position",))
-    assert shoot([log], plant, wanted, EXACT).task.reference == plant.load.theta
-    assert shoot([log], plant, wanted).task.reference == (0.0,) * 22
+    assert shoot([log], plant, wanted, EXACT).problem.reference == plant.load.theta
+    assert shoot([log], plant, wanted).problem.reference == (0.0,) * 22
 
 
 def test_a_start_that_cannot_be_simulated_is_a_failure_with_a_sentence(plant, drive_log, monkeypatch):
     failure = Failure("y is not finite at 0.1 s.")
     monkeypatch.setattr(module, "first_guess", lambda *_: failure)
     shot = shoot([drive_log.slice(0, 2000)], plant, FreeParameters(("theta_5",), ("position",)))
-    assert shot.found is failure
+    assert shot.solution is failure
     assert len(shot.plans) == 1
 
 
 def test_a_recording_without_a_single_position_leaves_what_was_known(plant, drive_log):
     nothing = drive_log.slice(0, 2000).with_columns(position=np.full(2000, np.nan))
-    shot = shoot([position_only(nothing)], plant, FreeParameters(("C_vs",), ("position",)))
-    assert shot.found.x == pytest.approx([0.0], abs=1e-6)
+    shot = shoot([nothing.without("pressure_a")], plant, FreeParameters(("C_vs",), ("position",)))
+    assert shot.solution.x == pytest.approx([0.0], abs=1e-6)
 
 
 def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):
     anchor = FreeParameters(("P_S",), ("position",), priors={"P_S": Prior(8.5e5, 10.0)})
-    shot = shoot([position_only(drive_log.slice(0, 1500))], plant, anchor, EXACT)
-    assert shot.task.si(shot.found.x)[0] == pytest.approx(8.5e5, abs=100.0), "5000 deviations from where it started"
+    shot = shoot([drive_log.slice(0, 1500).without("pressure_a")], plant, anchor, EXACT)
+    assert shot.problem.si(shot.solution.x)[0] == pytest.approx(8.5e5, abs=100.0), (
+        "5000 deviations from where it started"
+    )
 
 
 def test_a_recording_without_inputs_is_refused(plant):
@@ -86,7 +88,9 @@ def test_a_recording_without_inputs_is_refused(plant):
 
 def test_residuals_have_a_memory_where_a_load_is_read_from_position_alone(plant, drive_log):
     def memory(names, measure, calibration):
-        return shoot([drive_log.slice(0, 1000)], plant, FreeParameters(names, measure), calibration).task.noise.memory
+        return shoot(
+            [drive_log.slice(0, 1000)], plant, FreeParameters(names, measure), calibration
+        ).problem.noise.memory
 
     assert memory(("theta_5",), ("position",), EXACT) == MEMORY
     assert memory(("theta_5",), ("position", "pressure_a"), EXACT) == 0.0
@@ -95,7 +99,7 @@ def test_residuals_have_a_memory_where_a_load_is_read_from_position_alone(plant,
 
 
 def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):
-    plan = prepared(drive_log, plant, ("position",))
+    plan = prepare(drive_log, plant, ("position",))
     steps = plan.segments[0].substeps.max()
     assert steps >= 1.3 * stiffness(plant) * 1e-3 / 2.5
     assert np.flatnonzero(plan.segments[0].jump)[:3].tolist() == [20, 40, 60], "the first guess starts anew every 20 ms"
@@ -104,7 +108,7 @@ def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):
 def test_the_phase_of_a_recording_is_found_with_and_without_pressure(switched, carried):
     for log, true in zip(carried, (0.3, -0.2), strict=True):
         seen = pulsed(log, switched.replace({"s_pwm": 0.0}), True).actuator
-        blind = pulsed(position_only(log), switched.replace({"s_pwm": 0.0}), False).actuator
+        blind = pulsed(log.without("pressure_a"), switched.replace({"s_pwm": 0.0}), False).actuator
         assert seen.value("s_pwm") == pytest.approx(true, abs=0.05)
         assert blind.value("s_pwm") == pytest.approx(true, abs=0.06)
 
@@ -114,19 +118,19 @@ def test_without_a_carrier_the_actuator_stays(plant, drive_log):
 
 
 def test_each_recording_has_the_phase_of_its_own_carrier(switched, carried):
-    logs = [position_only(log) for log in carried]
+    logs = [log.without("pressure_a") for log in carried]
     shot = shoot(logs, switched, FreeParameters(("theta_9", "theta_10"), ("position",)), EXACT)
     phases_and_wear = [f"{name}@{stem}" for name in ("s_pwm", "F_C", "V_0A", "y_max") for stem in ("one", "two")]
-    assert sorted(shot.task.names) == sorted(["theta_9", "theta_10", *phases_and_wear])
-    phases = [shot.task.actuator_of(shot.found.x, stem).value("s_pwm") for stem in ("one", "two")]
+    assert sorted(shot.problem.names) == sorted(["theta_9", "theta_10", *phases_and_wear])
+    phases = [shot.problem.actuator_of(shot.solution.x, stem).value("s_pwm") for stem in ("one", "two")]
     # seconds of a position with 30 µm of noise tell the phase to a hundredth of the period
     assert phases == pytest.approx([0.3, -0.2], abs=0.02)
 
 
 def test_where_the_valves_phases_are_free_the_first_recording_keeps_its_own(switched, carried):
     shot = shoot(carried, switched, FreeParameters(("s_vs", "s_ve"), ("position", "pressure_a")), EXACT)
-    assert shot.task.names == ("s_vs", "s_ve", "s_pwm@two")
-    opened = [shot.task.actuator_of(shot.found.x, stem) for stem in ("one", "two")]
+    assert shot.problem.names == ("s_vs", "s_ve", "s_pwm@two")
+    opened = [shot.problem.actuator_of(shot.solution.x, stem) for stem in ("one", "two")]
     phases = [actuator.value("s_pwm") + actuator.value("s_vs") for actuator in opened]
     assert phases == pytest.approx([0.37, -0.13], abs=0.02)
 
@@ -134,4 +138,4 @@ def test_where_the_valves_phases_are_free_the_first_recording_keeps_its_own(swit
 def test_a_prior_of_the_user_on_a_phase_wins(switched, carried):
     own = {"s_pwm@one": Prior(0.25, 1e-6)}
     shot = shoot([carried[0]], switched, FreeParameters(("theta_9",), ("position",), priors=own), EXACT)
-    assert shot.task.actuator_of(shot.found.x, "one").value("s_pwm") == pytest.approx(0.25, abs=1e-5)
+    assert shot.problem.actuator_of(shot.solution.x, "one").value("s_pwm") == pytest.approx(0.25, abs=1e-5)

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
+from clutchid.estimate.posterior import QUANTILE
 from clutchid.estimate.shooting import profile as module
 from clutchid.estimate.shooting.profile import BENT, EVALUATIONS, NEAR, WIDEST, bent, profile_interval
-from clutchid.estimate.shooting.summary import QUANTILE, estimates_of
-from clutchid.estimate.shooting.uncertainty import COLOUR, SCALE, spread
+from clutchid.estimate.shooting.uncertainty import COLOUR, spread
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import condense
 from clutchid.smoother.projection import project
 from clutchid.smoother.search import FROM_NEAR, search
 from clutchid.uncertainty.coordinates import Prior
+from clutchid.uncertainty.drift import SCALE
 
 #: Friction, a sensor's lag and the gas's temperature are told; the far stop, which the piston does not meet, is not.
 NAMES = ("F_C", "tau_y", "T_w", "K_stop")
@@ -49,8 +50,9 @@ def profiled(task, found, of):
 @pytest.fixture(scope="module")
 def quadratic(task, found, of):
     """The interval of every number that the covariance says."""
-    estimates = estimates_of(task, found.x, of.matrix, task.actuator_of(found.x, "log"))
-    return {name: (one.low, one.high) for name, one in estimates.items()}
+    half = QUANTILE * np.sqrt(np.diag(of.matrix))
+    ends = zip(task.coordinates, found.x - half, found.x + half, strict=True)
+    return {c.name: (c.si(low), c.si(high)) for c, low, high in ends}
 
 
 def half(task, name, interval):

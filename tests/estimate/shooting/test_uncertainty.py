@@ -5,22 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.shooting import uncertainty as module
-from clutchid.estimate.shooting.uncertainty import (
-    COLOUR,
-    DRIFT,
-    DRIFT_WIDTH,
-    SCALE,
-    considered,
-    drift,
-    pressure_spread,
-    spread,
-)
+from clutchid.estimate.shooting.uncertainty import COLOUR, pressure_spread, spread
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import linearise
 from clutchid.smoother.projection import SETTLED, ShootingSolution
 from clutchid.smoother.search import FROM_NEAR, search
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.drift import DRIFT, DRIFT_WIDTH, SCALE, considered, drift
 
 NAMES = ("C_vs", "P_S", "F_C")
 
@@ -49,14 +41,14 @@ def test_drift_is_a_share_of_the_value_or_a_number_of_its_own(plant):
 
 
 def test_what_is_free_is_not_considered(task, task_of, plant, drive_log):
-    names = {c.base for c in considered(task, None)[0]}
+    names = {c.base for c in considered(task.actuator, task.coordinates, None)[0]}
     assert names == {*DRIFT, *DRIFT_WIDTH}
     freer = task_of([drive_log.slice(0, 500)], plant, ("P_S", "C_vs@log"))
-    assert {c.base for c in considered(freer, None)[0]} == names - {"P_S", "C_vs"}
+    assert {c.base for c in considered(freer.actuator, freer.coordinates, None)[0]} == names - {"P_S", "C_vs"}
 
 
 def test_considered_numbers_have_the_covariance_of_drift_and_calibration(task, plant):
-    numbers, root = considered(task, calibration(correlation=0.8))
+    numbers, root = considered(task.actuator, task.coordinates, calibration(correlation=0.8))
     width = np.array([c.width for c in numbers])
     matrix = root @ root.T * np.outer(width, width)
     at = [[c.base for c in numbers].index(name) for name in NAMES]
@@ -68,9 +60,9 @@ def test_considered_numbers_have_the_covariance_of_drift_and_calibration(task, p
 
 
 def test_a_calibrated_number_that_does_not_drift_is_considered_too(task):
-    numbers, _ = considered(task, Calibration(("C_r",), np.array([[1e-18]])))
+    numbers, _ = considered(task.actuator, task.coordinates, Calibration(("C_r",), np.array([[1e-18]])))
     assert [c.width for c in numbers if c.base == "C_r"] == pytest.approx([1e-9])
-    certain, _ = considered(task, Calibration(("C_r",), np.array([[0.0]])))
+    certain, _ = considered(task.actuator, task.coordinates, Calibration(("C_r",), np.array([[0.0]])))
     assert "C_r" not in {c.base for c in certain}, "what is exactly known moves nothing"
 
 
@@ -135,7 +127,7 @@ def test_the_band_of_the_pressure_is_that_of_the_dense_problem(small, found, mon
 @pytest.mark.parametrize("name", ["F_C", "V_0A", "C_ve"])
 def test_the_estimate_moves_with_a_considered_number_as_the_covariance_says(task, found, plant, starts_of, name):
     of = spread(task, found, None)
-    numbers, _ = considered(task, None)
+    numbers, _ = considered(task.actuator, task.coordinates, None)
     place = [c.base for c in numbers].index(name)
     # no calibration: the root is the identity, so a column is the shift for one deviation
     shift = of.moved @ of.root.T[:, place]

@@ -7,17 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimate.calibrate import SearchMethod
-from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.prediction_error.innovations import noise_scales
 from clutchid.estimate.prediction_error.problem import FilterSolution, Prediction, predict_errors
-from clutchid.estimate.prediction_error.summary import summary
-from clutchid.estimate.shooting.fit import FreeParameters, SearchResult, problem_of
+from clutchid.estimate.prediction_error.result import result
+from clutchid.estimate.problem import fit_problem
+from clutchid.estimate.search_result import SearchMethod, SearchResult
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise
 from clutchid.smoother.problem import FitProblem
+from clutchid.uncertainty.calibration import Calibration
 
 #: A round ends when the cost falls by less than this share of it.
 TOLERANCE = 1e-5
@@ -30,27 +31,29 @@ SETTLED, LEAST_SHARE = 0.5, 0.1
 #: Most rounds before the noise of the sensors is estimated again, and after; most evaluations of a round.
 COARSE, FINE, STEPS = 1, 12, 6
 
+_METHOD = "prediction-error"
+
 
 def predict(
     logs: Sequence[Log],
     actuator: Actuator,
-    wanted: FreeParameters,
+    free: FreeParameters,
     calibration: Calibration | None = None,
     progress: Progress | None = None,
 ) -> SearchResult[FilterSolution]:
-    """Search for the numbers `wanted` with the least errors of prediction: the problem with its plans, and the end.
+    """Search for the `free` parameters with the least errors of prediction.
 
     Raises
     ------
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    task, plans, _ = problem_of(logs, actuator, wanted, calibration)
-    coarse = search(task, np.zeros(len(task.coordinates)), COARSE, progress)
+    problem, plans = fit_problem(logs, actuator, free, calibration)
+    coarse = search(problem, np.zeros(len(problem.coordinates)), COARSE, progress)
     if isinstance(coarse, Failure):
-        return SearchResult(task, plans, coarse)
-    task = replace(task, noise=replace(task.noise, measured=noise_scales(task, coarse.at)))
-    return SearchResult(task, plans, search(task, coarse.x, FINE, progress, coarse.evaluations))
+        return SearchResult(_METHOD, problem, plans, coarse)
+    problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
+    return SearchResult(_METHOD, problem, plans, search(problem, coarse.x, FINE, progress, coarse.evaluations))
 
 
 def search(
@@ -102,4 +105,4 @@ def _round(
 
 
 #: Prediction error through a Kalman filter.
-PREDICTION_ERROR = SearchMethod("prediction-error", predict, summary)
+PREDICTION_ERROR = SearchMethod(predict, result)

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimate.calibration import Calibration
 from clutchid.estimate.result import Fit
+from clutchid.estimate.search_result import SearchResult
 from clutchid.estimate.shooting.bootstrap import bootstrap, ratio, strokes
-from clutchid.estimate.shooting.fit import SearchResult
 from clutchid.estimate.shooting.profile import bent, profile_interval
 from clutchid.estimate.shooting.uncertainty import Spread, spread
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.projection import ShootingSolution
+from clutchid.uncertainty.calibration import Calibration
 
 #: Bands are too narrow where the bootstrap scatters so many times as far: eight strokes know a deviation to a quarter.
 TOO_NARROW = 1.5
@@ -23,7 +23,7 @@ TOO_NARROW = 1.5
 
 def checked(
     result: Fit,
-    shot: SearchResult[ShootingSolution],
+    done: SearchResult[ShootingSolution],
     calibration: Calibration | None,
     profiled: Sequence[str],
     draws: int,
@@ -34,7 +34,7 @@ def checked(
     ----------
     result : Fit
         Of the search.
-    shot : SearchResult
+    done : SearchResult
         Where the search ended.
     calibration : Calibration, optional
         What the fit was built on.
@@ -48,12 +48,12 @@ def checked(
     ParameterError
         If a number to be profiled is not free.
     """
-    of = Failure("") if isinstance(shot.found, Failure) else spread(shot.task, shot.found, calibration)
-    if isinstance(shot.found, Failure) or isinstance(of, Failure):
+    of = Failure("") if isinstance(done.solution, Failure) else spread(done.problem, done.solution, calibration)
+    if isinstance(done.solution, Failure) or isinstance(of, Failure):
         return result
     for name in profiled:
-        result = _profiled(result, shot.task, shot.found, of, name)
-    return _bootstrapped(result, shot.task, shot.found, of, draws) if draws else result
+        result = _profiled(result, done.problem, done.solution, of, name)
+    return _bootstrapped(result, done.problem, done.solution, of, draws) if draws else result
 
 
 def _profiled(result: Fit, task: FitProblem, found: ShootingSolution, of: Spread, name: str) -> Fit:

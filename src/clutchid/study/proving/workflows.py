@@ -10,10 +10,11 @@ from functools import partial
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate import Fit, fit
 from clutchid.estimate.automatic import AUTOMATIC
-from clutchid.estimate.fit import Method
+from clutchid.estimate.fit import MethodName
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import unknown_name
+from clutchid.report.changes import notes_of
 from clutchid.simulation import Partition, simulate
 from clutchid.study.proving.answers import Answer, Workflow
 
@@ -31,7 +32,7 @@ def calibrated(
     calibration: Log,
     worn: Sequence[Log],
     *,
-    method: Method = "shooting",
+    method: MethodName = "shooting",
 ) -> list[Answer]:
     """Calibrate once with pressure, then read the load of every worn recording from position alone."""
     both = ("position", "pressure_a")
@@ -91,7 +92,7 @@ def _answer(result: Fit, log: Log) -> Answer:
         "position_rms_m": result.errors.position_rms,
         "message": result.message,
         "warnings": list(result.warnings),
-        "notes": list(result.notes),
+        "notes": notes_of(result),
     }
     return Answer(curve.position, curve.force, curve.low, curve.high, pressure, kept)
 

@@ -7,24 +7,25 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors_over
-from clutchid.estimate.simulation_error.problem import WEIGHT_UNITS, Problem, residuals, simulated_states
+from clutchid.estimate.outcome import Compared, compare, load_curve, plan_warnings
+from clutchid.estimate.result import Estimate, Fit, Recording, errors_over
+from clutchid.estimate.simulation_error.problem import Problem, residuals, simulated_states
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
-from clutchid.simulation.plan import Plan
-from clutchid.simulation.simulation import simulated_log
 from clutchid.uncertainty.covariance import Covariance, sandwich
 from clutchid.uncertainty.identifiability import cannot_tell, heard, listed
 
 
-def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
+def result(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
     """The result of a search that ended at `solution`."""
     x, k = solution.x, len(task.names)
     covariance = _covariance(task, solution, scales)
+    shared = covariance.matrix[:k, :k] * np.outer(task.unit[:k], task.unit[:k])
     fitted = task.actuator_at(x)
-    recordings = _recordings(task, x, fitted)
+    compared = _recordings(task, x, fitted)
+    recordings = {one.recording.measured.name: one.recording for one in compared}
     warnings = plan_warnings(task.plans)
     if task.moves:
         reach = furthest([recording.measured for recording in recordings.values()])
@@ -41,22 +42,16 @@ def summary(task: Problem, solution: Solution, scales: Mapping[str, float]) -> F
         message=f"{solution.status} after {solution.evaluations} evaluations",
         actuator=fitted,
         parameters=_estimates(task, x, covariance),
-        covariance=covariance.matrix[:k, :k] * np.outer(task.unit[:k], task.unit[:k]),
-        load_curve=_load_curve(fitted, task.names, covariance),
+        covariance=shared,
+        load_curve=load_curve(fitted, task.names, shared, covariance.quantile()),
         recordings=recordings,
-        errors=errors_over((r.measured, r.simulated) for r in recordings.values()),
+        errors=errors_over(one.shown for one in compared),
         scales=dict(scales),
-        bounds=_bounds_of(task),
+        bounds=bounds_in_si(task),
         evaluations=solution.evaluations,
         warnings=tuple(warnings),
         settled=settled,
     )
-
-
-def plan_warnings(plans: Sequence[Plan]) -> list[str]:
-    """What is to be said of the recordings themselves."""
-    said = [warning for prepared in plans for warning in (*prepared.log.warnings, *prepared.warnings)]
-    return list(dict.fromkeys(said))
 
 
 def furthest(logs: Sequence[Log]) -> float:
@@ -86,14 +81,11 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
     ]
 
 
-def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> dict[str, Recording]:
-    recordings = {}
-    for number, prepared in enumerate(task.plans):
-        simulated = simulated_log(prepared, simulated_states(task, x, number), fitted.states)
-        starts = tuple(task.starts_at(x, number, fitted))
-        errors = errors_over([(prepared.log, simulated)])
-        recordings[prepared.log.name] = Recording(prepared.log, simulated, errors, starts)
-    return recordings
+def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> list[Compared]:
+    return [
+        compare(plan, simulated_states(task, x, number), task.starts_at(x, number, fitted))
+        for number, plan in enumerate(task.plans)
+    ]
 
 
 def _covariance(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Covariance:
@@ -137,19 +129,6 @@ def _estimates(task: Problem, x: FloatArray, covariance: Covariance) -> dict[str
     return estimates
 
 
-def _load_curve(actuator: Actuator, names: Sequence[str], covariance: Covariance) -> LoadCurve:
-    y = np.linspace(0.0, actuator.parameters.y_max, 101)
-    phi, force = actuator.load.phi(y), actuator.load.force(y)
-    weights = [(i, actuator.load.names.index(name)) for i, name in enumerate(names) if name in actuator.load.names]
-    rows, cols = [i for i, _ in weights], [j for _, j in weights]
-    P = covariance.matrix[np.ix_(rows, rows)] * WEIGHT_UNITS[actuator.load.unit] ** 2
-    unknown = ~np.isfinite(np.diag(P)) if rows else np.zeros(0, dtype=bool)
-    P = np.where(np.isfinite(P), P, 0.0)
-    half = covariance.quantile() * np.sqrt(np.maximum(0.0, np.einsum("ni,ij,nj->n", phi[:, cols], P, phi[:, cols])))
-    half[np.any(phi[:, cols][:, unknown] != 0.0, axis=1)] = np.inf
-    return LoadCurve(y, force, force - half, force + half)
-
-
 def _at_bounds(task: Problem, x: FloatArray) -> list[str]:
     warnings = []
     for i, name in enumerate(task.names):
@@ -161,28 +140,7 @@ def _at_bounds(task: Problem, x: FloatArray) -> list[str]:
     return warnings
 
 
-def _bounds_of(task: Problem) -> dict[str, tuple[float, float]]:
+def bounds_in_si(task: Problem) -> dict[str, tuple[float, float]]:
+    """Bounds of the free parameters by name, in SI."""
     low, high = task.si(task.low).tolist(), task.si(task.high).tolist()
     return {name: (low[i], high[i]) for i, name in enumerate(task.names)}
-
-
-def failed(task: Problem, message: str) -> Fit:
-    """The result of a search whose start values cannot be simulated."""
-    nan = float("nan")
-    parameters = {name: Estimate(nan, task.actuator.unit(name), nan, nan, nan) for name in task.names}
-    y = np.linspace(0.0, task.actuator.parameters.y_max, 101)
-    unknown = np.full(y.shape, np.nan)
-    return Fit(
-        status="failed",
-        message=message,
-        actuator=task.actuator,
-        parameters=parameters,
-        covariance=np.full((len(task.names),) * 2, np.nan),
-        load_curve=LoadCurve(y, unknown, unknown, unknown),
-        recordings={},
-        errors=errors_over([]),
-        scales={},
-        bounds=_bounds_of(task),
-        evaluations=0,
-        settled=False,
-    )

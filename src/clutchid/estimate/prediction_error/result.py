@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.estimate.calibration import Calibration
+from clutchid.estimate.outcome import Compared, compare, position_and_pressure
+from clutchid.estimate.posterior import QUANTILE, posterior
 from clutchid.estimate.prediction_error.innovations import innovations
 from clutchid.estimate.prediction_error.problem import FilterSolution, predict_errors
-from clutchid.estimate.result import Fit, Recording, errors_over
-from clutchid.estimate.shooting.fit import SearchResult
-from clutchid.estimate.shooting.summary import QUANTILE, described
-from clutchid.estimate.shooting.uncertainty import SCALE, considered
-from clutchid.log import FloatArray, Log
+from clutchid.estimate.result import Fit
+from clutchid.estimate.search_result import SearchResult
+from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
-from clutchid.simulation.simulation import simulated_log
 from clutchid.smoother.problem import FitProblem
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.drift import SCALE, considered
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,26 +37,19 @@ class Spread:
         return self.full[: self.size, : self.size]
 
 
-def summary(shot: SearchResult[FilterSolution], calibration: Calibration | None) -> Fit | Failure:
+def result(done: SearchResult[FilterSolution], calibration: Calibration | None) -> Fit | Failure:
     """The result of a search for the least errors of prediction.
 
-    Parameters
-    ----------
-    shot : SearchResult
-        The problem, its plans, and where the search ended.
-    calibration : Calibration, optional
-        What the fit builds on: its bias is taken off, its covariance counts.
+    Of the `calibration` the bias is taken off, and its covariance counts.
     """
-    found = shot.found
-    if isinstance(found, Failure):
-        return found
-    spread = uncertainty(shot.task, found, calibration)
+    solution = done.solution
+    if isinstance(solution, Failure):
+        return solution
+    spread = uncertainty(done.problem, solution, calibration)
     if isinstance(spread, Failure):
         return spread
-    recordings, compared = _recordings(shot, found, spread)
-    result = described(shot, found, spread.matrix, calibration, "prediction-error")
-    notes = (*result.notes, *_statistics(shot.task, found))
-    return replace(result, recordings=recordings, errors=errors_over(compared), notes=notes)
+    found = posterior(done, solution, spread.matrix, calibration, _recordings(done, solution, spread))
+    return replace(found, notes=(*found.notes, *_statistics(done.problem, solution)))
 
 
 def uncertainty(task: FitProblem, found: FilterSolution, calibration: Calibration | None) -> Spread | Failure:
@@ -67,7 +59,7 @@ def uncertainty(task: FitProblem, found: FilterSolution, calibration: Calibratio
     correlation says.
     """
     k = len(task.coordinates)
-    extra, root = considered(task, calibration)
+    extra, root = considered(task.actuator, task.coordinates, calibration)
     wide = replace(task, coordinates=(*task.coordinates, *extra))
     there = predict_errors(wide, np.concatenate([found.x, np.zeros(len(extra))]))
     if isinstance(there, Failure):
@@ -85,35 +77,26 @@ def uncertainty(task: FitProblem, found: FilterSolution, calibration: Calibratio
     return Spread(SCALE**2 * full, k)
 
 
-def _recordings(
-    shot: SearchResult[FilterSolution], found: FilterSolution, spread: Spread
-) -> tuple[dict[str, Recording], list[tuple[Log, Log]]]:
-    """The recordings by name, and each as measured and as it was foreseen sample by sample."""
-    task, names = shot.task, shot.task.actuator.states
-    recordings, pairs = {}, []
-    for number, prepared in enumerate(shot.plans):
-        mine = [(t, s) for t, s in zip(task.tracks, found.at.segments, strict=True) if t.log == number]
-        states = np.full((len(prepared.log), len(names)), np.nan)
-        half = np.full(len(prepared.log), np.nan)
-        foreseen = {name: np.full(len(prepared.log), np.nan) for name in task.measure}
+def _recordings(done: SearchResult[FilterSolution], solution: FilterSolution, spread: Spread) -> list[Compared]:
+    """The recordings as the filter's state after each sample, compared with what was predicted of each."""
+    compared = []
+    for number, plan in enumerate(done.plans):
+        tracks = zip(done.problem.tracks, solution.at.segments, strict=True)
+        mine = [(track, segment) for track, segment in tracks if track.log == number]
+        states = np.full((len(plan.log), len(plan.actuator.states)), np.nan)
+        half = np.full(len(plan.log), np.nan)
+        predicted = {name: np.full(len(plan.log), np.nan) for name in done.problem.measure}
         for track, segment in mine:
             at = slice(track.segment.start, track.segment.stop)
             states[at] = segment.states
             rows = segment.pressures[:, :-1]
             variance = np.einsum("ni,ij,nj->n", rows, spread.matrix, rows)
             half[at] = QUANTILE * np.sqrt(np.maximum(variance, 0.0) + SCALE**2 * segment.pressures[:, -1] ** 2)
-            for name, values in foreseen.items():
-                values[at] = prepared.log[name][at] - segment.errors[:, list(MEASURED).index(name), 0]
-        simulated = simulated_log(prepared, states, names)
-        pairs.append((prepared.log, simulated.with_columns(**foreseen)))
-        simulated = simulated.with_columns(**_band(simulated["pressure_a"], half))
-        starts = tuple((float(segment.states[0, 0]), float(segment.states[0, 2])) for _, segment in mine)
-        recordings[prepared.log.name] = Recording(prepared.log, simulated, errors_over(pairs[-1:]), starts)
-    return recordings, pairs
-
-
-def _band(pressure: FloatArray, half: FloatArray) -> Mapping[str, FloatArray]:
-    return {"pressure_a low": pressure - half, "pressure_a high": pressure + half}
+            for name, values in predicted.items():
+                values[at] = plan.log[name][at] - segment.errors[:, list(MEASURED).index(name), 0]
+        starts = [position_and_pressure(plan.actuator, segment.states[0]) for _, segment in mine]
+        compared.append(compare(plan, states, starts, predicted, half))
+    return compared
 
 
 def _statistics(task: FitProblem, found: FilterSolution) -> tuple[str, ...]:

@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.calibration import Calibration
-from clutchid.estimate.shooting.fit import FreeParameters, shoot
-from clutchid.estimate.shooting.summary import QUANTILE, corrected, failed, position_only, summary
-from clutchid.estimate.shooting.uncertainty import scale
+from clutchid.estimate.free import FreeParameters
+from clutchid.estimate.outcome import failed_fit
+from clutchid.estimate.posterior import QUANTILE, corrected
+from clutchid.estimate.shooting.fit import shoot
+from clutchid.estimate.shooting.result import result
 from clutchid.numerics.failure import Failure
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.drift import scale
 
 NAMES = ("C_vs", "P_S", "F_C")
 STD = np.array([2e-10, 5e3, 20.0])
@@ -28,7 +31,7 @@ def shot(plant, worn_log, known):
 
 @pytest.fixture(scope="module")
 def fit(shot, known):
-    return summary(shot, known)
+    return result(shot, known)
 
 
 def test_the_load_curve_is_that_of_the_fitted_actuator_within_its_band(fit, worn):
@@ -50,10 +53,10 @@ def test_the_band_of_the_load_is_that_of_its_weights(fit, shot):
 
 
 def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit, shot):
-    found = shot.found.x
-    assert list(fit.parameters) == list(shot.task.names)
+    found = shot.solution.x
+    assert list(fit.parameters) == list(shot.problem.names)
     for i, (name, estimate) in enumerate(fit.parameters.items()):
-        assert estimate.value == pytest.approx(shot.task.si(found)[i])
+        assert estimate.value == pytest.approx(shot.problem.si(found)[i])
         assert estimate.value == pytest.approx(fit.actuator.value(name.partition("@")[0]))
         assert estimate.std == pytest.approx(np.sqrt(fit.covariance[i, i]))
         if "@" in name:  # positive, so the interval is one of the logarithm
@@ -66,7 +69,7 @@ def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit
 
 
 def test_intervals_are_wider_with_a_calibration_that_is_less_sure(fit, shot):
-    unsure = summary(shot, Calibration(NAMES, np.diag((3 * STD) ** 2)))
+    unsure = result(shot, Calibration(NAMES, np.diag((3 * STD) ** 2)))
     reached = slice(2, 80)
     widths = [(curve.high - curve.low)[reached] for curve in (fit.load_curve, unsure.load_curve)]
     assert np.all(widths[1] > widths[0])
@@ -75,11 +78,11 @@ def test_intervals_are_wider_with_a_calibration_that_is_less_sure(fit, shot):
 
 def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot, known):
     bias = tuple(np.linspace(-30.0, 60.0, 22).tolist())
-    plain, shifted = fit, summary(shot, replace(known, bias=bias))
+    plain, shifted = fit, result(shot, replace(known, bias=bias))
     y = plain.load_curve.position
     taken = plain.actuator.load.phi(y) @ np.array(bias)
     assert shifted.load_curve.force == pytest.approx(plain.load_curve.force - taken)
-    half, by = plain.load_curve.high - plain.load_curve.force, scale(shot.task.noise)
+    half, by = plain.load_curve.high - plain.load_curve.force, scale(shot.problem.noise)
     assert shifted.load_curve.high - shifted.load_curve.force == pytest.approx(np.hypot(half, 1.96 * by * taken))
     for number, name in enumerate(plain.actuator.load.names):
         estimate = shifted.parameters[name]
@@ -119,7 +122,7 @@ def test_the_errors_of_a_recording_are_those_of_its_sensor(fit):
 def test_a_fit_says_how_it_was_done_and_within_which_scales(fit, shot):
     assert fit.method == "shooting"
     assert fit.status == "ok"
-    assert fit.message == f"converged after {shot.found.evaluations} evaluations"
+    assert fit.message == f"converged after {shot.solution.evaluations} evaluations"
     assert fit.scales == {"position": pytest.approx(5e-5)}
     assert fit.bounds["theta_3"] == (-np.inf, np.inf)
     (start,) = fit.recordings["worn"].starts
@@ -148,32 +151,26 @@ def test_no_note_names_a_load_weight(fit):
 def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, worn_log, known):
     most = 1.02 * plant.value("theta_9")
     wanted = FreeParameters(plant.load.names, ("position",), bounds={"theta_9": (0.0, most)})
-    bounded = summary(shoot([worn_log], plant, wanted, known), known)
+    bounded = result(shoot([worn_log], plant, wanted, known), known)
     assert bounded.status == "warning"
     assert bounded.warnings == (f"theta_9 lies at its upper bound {most:g} N.",)
     assert bounded.bounds["theta_9"] == (0.0, most)
 
 
 def test_a_search_that_did_not_settle_is_a_warning(shot, known):
-    stopped = summary(replace(shot, found=replace(shot.found, status="limit", evaluations=7)), known)
+    stopped = result(replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), known)
     assert stopped.warnings == ("the search stopped after 7 evaluations without settling.",)
     assert stopped.status == "warning"
     assert not stopped.settled
-    assert summary(shot, known).settled
+    assert result(shot, known).settled
 
 
 def test_a_search_that_failed_is_passed_on_and_told_as_a_result_without_numbers(shot):
     failure = Failure("y is not finite at 0.3 s.")
-    assert summary(replace(shot, found=failure), None) is failure
-    result = failed(shot, "shooting", failure.message)
-    assert result.status == "failed"
-    assert result.message == "the start values cannot be simulated. y is not finite at 0.3 s."
-    assert list(result.parameters) == list(shot.task.names)
-    assert all(np.isnan(estimate.value) for estimate in result.parameters.values())
-
-
-def test_position_only_takes_the_pressure_away_and_nothing_else(drive_log):
-    bare = position_only(drive_log)
-    assert set(drive_log.columns) - set(bare.columns) == {"pressure_a"}
-    assert bare.name == drive_log.name
-    assert np.array_equal(bare["position"], drive_log["position"])
+    assert result(replace(shot, solution=failure), None) is failure
+    bounds = dict.fromkeys(shot.problem.names, (0.0, 1.0))
+    failed = failed_fit(shot.problem.actuator, bounds, "shooting", failure.message, shot.plans)
+    assert failed.status == "failed"
+    assert failed.message == "the start values cannot be simulated. y is not finite at 0.3 s."
+    assert list(failed.parameters) == list(shot.problem.names)
+    assert all(np.isnan(estimate.value) for estimate in failed.parameters.values())

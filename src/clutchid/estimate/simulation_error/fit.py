@@ -1,0 +1,61 @@
+"""A fit by simulation error: the paper's method, in two stages (Section 3.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.estimate.free import bounds_of, free_names
+from clutchid.estimate.outcome import failed_fit, plan_warnings
+from clutchid.estimate.request import FitRequest
+from clutchid.estimate.result import Fit
+from clutchid.estimate.simulation_error.problem import Problem, problem
+from clutchid.estimate.simulation_error.result import bounds_in_si, result
+from clutchid.estimate.simulation_error.search import two_stages
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+from clutchid.simulation.plan import plan
+from clutchid.simulation.stiffness import stiffness_over, top_speed
+
+
+def fit_simulation_error(
+    logs: Sequence[Log], actuator: Actuator, request: FitRequest, progress: Progress | None = None
+) -> Fit:
+    """Fit ballistic or partitioned simulations; a start that cannot be simulated is a fit of status "failed".
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    names = free_names(request.free, actuator)
+    limits = bounds_of(names, actuator, request.bounds)
+    start = actuator.replace({name: float(np.clip(actuator.value(name), *limits[name])) for name in names})
+    rate = stiffness_over(start, limits, top_speed(request.partition))
+    with_pressure = "pressure_a" in request.measure
+    plans = [plan(log, start, rate, request.partition, with_pressure) for log in logs]
+    task = problem(start, plans, names, request.measure, limits)
+    _check_size(task)
+    solution, scales = two_stages(task, progress)
+    if isinstance(solution, Failure):
+        message = " ".join([solution.message, *plan_warnings(plans)])
+        return failed_fit(task.actuator, bounds_in_si(task), "simulation", message, ())
+    return result(task, solution, scales)
+
+
+def _check_size(task: Problem) -> None:
+    samples = sum(
+        int(np.isfinite(plan.log[name][s.start : s.stop]).sum())
+        for plan in task.plans
+        for s in plan.segments
+        for name in task.measure
+    )
+    if samples <= task.x0.size:
+        raise DataError(
+            f"{task.plans[0].log.name}: {samples} measured samples for {task.x0.size} free parameters "
+            f"({len(task.names)} parameters and the unknown starts); record at least a full stroke."
+        )

@@ -1,0 +1,34 @@
+"""What has changed since a calibration, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+
+from clutchid.estimate.changes import Change
+from clutchid.estimate.result import Fit
+
+
+def notes_of(fit: Fit) -> list[str]:
+    """What is to be said of a result besides its warnings: what has changed, then what the data determine."""
+    return [*change_sentences(fit.changes), *fit.notes]
+
+
+def change_sentences(changes: Sequence[Change]) -> list[str]:
+    """A sentence for each group of parameters that has changed, or may have, in each recording."""
+    groups = groupby(changes, key=lambda change: (change.recording, change.group, change.fitted, change.distance))
+    return [_sentence(recording, group, list(members)) for (recording, group, *_), members in groups]
+
+
+def _sentence(recording: str, group: str, changes: Sequence[Change]) -> str:
+    values = ", ".join(map(_from_to, changes))
+    first = changes[0]
+    if first.fitted:
+        return f"{recording}: {group} has changed since the calibration and was fitted with the load ({values})."
+    told = f"{group} may have changed since the calibration ({values}), {first.distance:.1f} standard deviations"
+    return f"{recording}: {told}; it was held, and the band is wider. If you know that it has, free it with a prior."
+
+
+def _from_to(change: Change) -> str:
+    unit = "" if change.unit == "1" else f" {change.unit}"
+    return f"{change.name} {change.before:.4g} -> {change.after:.4g}{unit}"
