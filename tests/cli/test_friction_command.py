@@ -37,7 +37,7 @@ def block() -> list[Log]:
 
 
 def called(monkeypatch, logs, *arguments: str) -> int:
-    monkeypatch.setattr(MODULE, "read_logs", lambda *_, **__: logs)
+    monkeypatch.setattr(MODULE, "read_recordings", lambda *_, **__: logs)
     with pytest.raises(SystemExit) as ended:
         main(["friction", "some.csv", *arguments])
     return int(ended.value.code)

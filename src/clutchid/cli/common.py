@@ -9,18 +9,14 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
-from clutchid.log import INPUTS, Log
+from clutchid.log import Log
 from clutchid.units import UNITS, known_units
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile
-    from clutchid.model.actuator import Actuator
-    from clutchid.model.equipment import Equipment
     from clutchid.simulation import Partition
     from clutchid.uncertainty.coordinates import Prior
 
@@ -91,38 +87,6 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def read_logs(
-    paths: Sequence[Path],
-    ambient: float,
-    map_: Path | None = None,
-    dbc: Sequence[Path] = (),
-    equipment: Equipment | None = None,
-    required: Sequence[str] | None = None,
-) -> list[Log]:
-    """Read recordings with the `required` columns; the problems of all files are told at once.
-
-    By default these are the time, the position, and the duty cycles of the valves that there are.
-    """
-    from clutchid.io import read
-
-    channels = None
-    if map_ is not None:
-        from clutchid.io.channel_map import read_map
-
-        channels = read_map(map_)
-    needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
-    logs, problems = [], []
-    for path in paths:
-        try:
-            log = read(path, ambient=ambient, channels=channels, dbc=dbc, required=needed)
-            logs.append(equipment.driven(log) if equipment else log)
-        except DataError as error:
-            problems.append(str(error))
-    if problems:
-        raise DataError("\n".join(problems))
-    return logs
-
-
 def pieces_of(
     path: Path, ambient: float, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
 ) -> Iterator[Log]:
@@ -139,13 +103,6 @@ def pieces_of(
                 print(f"warning: {warning}", file=sys.stderr)
         told.update(piece.warnings)
         yield piece
-
-
-def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
-    """Recordings with what the checks before a fit find suspicious among their warnings."""
-    from clutchid.inspection import inspect
-
-    return [replace(log, warnings=(*log.warnings, *inspect(log, actuator).warnings)) for log in logs]
 
 
 def pressure(text: str | None, default: float) -> float:
@@ -248,17 +205,6 @@ def _same(one: Path, other: Path) -> bool:
         return one.resolve() == other.resolve() or one.samefile(other)
     except OSError:  # one of them is not there
         return False
-
-
-def start_file(start: Path, model: str | None) -> ParameterFile:
-    """The parameter file to start from; its model wins, another one beside it is an error."""
-    from clutchid.estimate.parameter_file import read_parameters
-
-    content = read_parameters(start)
-    if model is not None and model != content.actuator.model:
-        known = content.actuator.model
-        raise ParameterError(f"--model {model}: {start} is for the model '{known}'; leave --model out.")
-    return content
 
 
 @contextmanager

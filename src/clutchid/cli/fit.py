@@ -5,12 +5,12 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from clutchid import workflow
 from clutchid.cli.common import (
     DONE,
     EMPTY,
@@ -18,23 +18,20 @@ from clutchid.cli.common import (
     bounds,
     check_outputs,
     guarded,
-    inspected,
     names,
     partition_of,
     pressure,
     print_json,
     priors,
     progress_bar,
-    read_logs,
-    start_file,
 )
 from clutchid.errors import ParameterError
 
 if TYPE_CHECKING:
-    from clutchid.assess.evidence import Evidence
-    from clutchid.estimate import Fit
+    from clutchid.estimate.request import FitRequest
+    from clutchid.log import Log
     from clutchid.model.actuator import Actuator
-    from clutchid.uncertainty.calibration import Calibration
+    from clutchid.workflow import Outcome
 
 
 def fit(
@@ -119,89 +116,58 @@ def fit(
         Show the traceback of an error.
     """
 
-    files = _Files(logs, tuple(verify or ()), start, save, report)
-    asked = _Asked(
-        measure, free, tuple(bounds_ or ()), tuple(prior or ()), (every, parts, carry, take), model, method, ambient,
-        map_, tuple(dbc or ()), profile, bootstrap,
-    )  # fmt: skip
-    return guarded(lambda: _work(files, asked, json), as_json=json, debug=debug)
+    def work() -> int:
+        from clutchid.estimate.request import FitRequest
+
+        _check(logs, verify or (), (*(bounds_ or ()), *(prior or ())))
+        check_outputs({"--save": save, "--report": report}, _inputs(logs, verify or (), start))
+        request = FitRequest(
+            measure=names(measure),
+            free=names(free),
+            bounds=bounds(bounds_ or ()),
+            partition=partition_of(every, parts, carry, take),
+            method=method,
+            priors=priors(prior or ()),
+            profile=names(profile),
+            bootstrap=bootstrap,
+        )
+        actuator, request = workflow.start_of(start, model, request)
+        reading = workflow.Reading(pressure(ambient, actuator.parameters.P_0), map_, tuple(dbc or ()))
+        read = workflow.read_recordings([*logs, *(verify or ())], reading, actuator.equipment)
+        outcome = _fitted(read[: len(logs)], actuator, request, read[len(logs) :])
+        if save is not None:
+            workflow.save(outcome, save)
+        if report is not None:
+            workflow.report(outcome, shlex.join(["clutchid", *sys.argv[1:]]), report)
+        return _answered(outcome, json, save, report)
+
+    return guarded(work, as_json=json, debug=debug)
 
 
-@dataclass(frozen=True, slots=True)
-class _Files:
-    """Paths that a fit reads and writes."""
+def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log]) -> Outcome:
+    with progress_bar("fit") as show:
 
-    logs: tuple[Path, ...]
-    verify: tuple[Path, ...]
-    start: Path | None
-    save: Path | None
-    report: Path | None
+        def shown(stage: str, count: int) -> None:
+            show(f"{stage} search, {count} simulations", -1.0)
+
+        return workflow.fit_recordings(logs, actuator, request, verify, shown)
 
 
-@dataclass(frozen=True, slots=True)
-class _Asked:
-    """Options of a fit as the user wrote them."""
-
-    measure: str
-    free: str
-    bounds: tuple[str, ...]
-    priors: tuple[str, ...]
-    partition: tuple[int | None, int | None, Literal["p", "q"] | None, Literal["all", "position"] | None]
-    model: str | None
-    method: Literal["simulation", "shooting", "prediction-error"] | None
-    ambient: str | None
-    map: Path | None
-    dbc: tuple[Path, ...]
-    profile: str
-    bootstrap: int
-
-
-def _work(files: _Files, asked: _Asked, json: bool) -> int:
-    _check(files.logs, files.verify, (*asked.bounds, *asked.priors))
-    _check_files(files)
-    from clutchid.assess.evidence import evidence
-
-    result = _fitted(files, asked)
-    found = evidence(result)
-    _write(result, files.save, files.report, found)
+def _answered(outcome: Outcome, json: bool, *written: Path | None) -> int:
+    """Print the result, and where files were written; the exit code."""
     from clutchid.report.fit_text import fit_json, fit_text
 
+    result = outcome.fit
     if json:
-        print_json({**EMPTY, **fit_json(result, found)})
+        print_json({**EMPTY, **fit_json(result, outcome.evidence)})
     else:
-        print(fit_text(result, found))
+        print(fit_text(result, outcome.evidence))
         for warning in result.warnings:
             print(f"warning: {warning}", file=sys.stderr)
-        _print_paths(files.save, files.report)
+        for path in written:
+            if path is not None:
+                print(f"written: {path.resolve()}")
     return FAILED if result.status == "failed" else DONE
-
-
-def _fitted(files: _Files, asked: _Asked) -> Fit:
-    from clutchid.estimate import fit as fit_logs
-
-    partition = partition_of(*asked.partition)
-    automatic = "auto" in names(asked.free)
-    builds = partition is None and asked.method != "simulation"
-    actuator, calibration = _start(files.start, asked.model, automatic, builds)
-    ambient = pressure(asked.ambient, actuator.parameters.P_0)
-    logs = read_logs([*files.logs, *files.verify], ambient, asked.map, asked.dbc, actuator.equipment)
-    read = inspected(logs, actuator)
-    with progress_bar("fit") as show:
-        return fit_logs(
-            read[: len(files.logs)],
-            actuator,
-            measure=names(asked.measure),
-            free=names(asked.free),
-            bounds=bounds(asked.bounds),
-            partition=partition,
-            verify=read[len(files.logs) :],
-            method=asked.method,
-            priors=priors(asked.priors),
-            calibration=None if automatic else calibration,
-            profile=names(asked.profile) if asked.profile else (),
-            bootstrap=asked.bootstrap,
-            progress=lambda stage, count: show(f"{stage} search, {count} simulations", -1.0),
-        )
 
 
 def _check(logs: Sequence[Path], verify: Sequence[Path], limits: Sequence[str]) -> None:
@@ -214,38 +180,7 @@ def _check(logs: Sequence[Path], verify: Sequence[Path], limits: Sequence[str]) 
         raise ParameterError("no recording given; clutchid fit LOG.csv")
 
 
-def _check_files(files: _Files) -> None:
-    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in files.logs]
-    inputs += [("a recording to verify with", path) for path in files.verify]
-    inputs.append(("the start file itself", files.start))
-    check_outputs({"--save": files.save, "--report": files.report}, inputs)
-
-
-def _start(
-    start: Path | None, model: str | None, automatic: bool, calibrated: bool
-) -> tuple[Actuator, Calibration | None]:
-    """The actuator to start from, and what a calibration left beside it, where that is wanted."""
-    from clutchid.estimate.automatic import AUTOMATIC
-    from clutchid.model.actuator import Actuator
-
-    if start is None:
-        return Actuator(model=model or (AUTOMATIC if automatic else "isothermal")), None
-    content = start_file(start, model)
-    return content.actuator, content.calibration if calibrated else None
-
-
-def _write(result: Fit, save: Path | None, report: Path | None, found: Evidence) -> None:
-    if save is not None:
-        from clutchid.estimate.parameter_file import parameter_file, write_parameters
-
-        write_parameters(parameter_file(result), save)
-    if report is not None:
-        from clutchid.report.fit_page import fit_page
-
-        fit_page(result, shlex.join(["clutchid", *sys.argv[1:]]), report, found)
-
-
-def _print_paths(*paths: Path | None) -> None:
-    for path in paths:
-        if path is not None:
-            print(f"written: {path.resolve()}")
+def _inputs(logs: Sequence[Path], verify: Sequence[Path], start: Path | None) -> list[tuple[str, Path | None]]:
+    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
+    inputs += [("a recording to verify with", path) for path in verify]
+    return [*inputs, ("the start file itself", start)]

@@ -9,9 +9,10 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json, read_logs
+from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json
 from clutchid.log import Log
 from clutchid.parameters import Parameters
+from clutchid.workflow import Reading, read_recordings
 
 
 def friction(
@@ -46,7 +47,7 @@ def friction(
 
     def work() -> int:
         outside = pressure(ambient, Parameters().P_0)
-        logs = read_logs(files, outside, map_, required=("time", "position", "force"))
+        logs = read_recordings(files, Reading(outside, map_), required=("time", "position", "force"))
         text, content = _lugre(logs) if law == "lugre" else _coulomb(logs, outside, area)
         if json:
             print_json({**EMPTY, "status": "warning" if content["warnings"] else "ok", **content})

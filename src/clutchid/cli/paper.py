@@ -7,9 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, guarded, pressure, progress_bar, read_logs
+from clutchid.cli.common import DONE, guarded, pressure, progress_bar
 from clutchid.errors import ParameterError
 from clutchid.parameters import Parameters
+from clutchid.workflow import Reading, read_recordings
 
 
 def paper(
@@ -44,7 +45,7 @@ def paper(
         if fit is None or verify is None:
             fitted, verified = halves(bundled_recording())
         else:
-            fitted, verified = read_logs([fit, verify], pressure(ambient, Parameters().P_0))
+            fitted, verified = read_recordings([fit, verify], Reading(pressure(ambient, Parameters().P_0)))
         with progress_bar("paper") as show:
             paper_study(fitted, verified, out, progress=show)
         print(f"The page: {(out / 'index.html').resolve()}")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, partition_of, pressure, print_json, read_logs
+from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, partition_of, pressure, print_json
+from clutchid.workflow import Reading, read_recordings
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
@@ -74,7 +75,8 @@ def simulate(
         check_outputs({"--out": out}, _inputs(log, parameters, band))
         partition, content = partition_of(every, parts, carry), read_parameters(parameters)
         air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
-        recording, *others = read_logs(files, air, map_, dbc or (), content.actuator.equipment)
+        reading = Reading(air, map_, tuple(dbc or ()))
+        recording, *others = read_recordings(files, reading, content.actuator.equipment)
         starts, told = _starts(recording, content, partition, parameters)
         done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
         write(_banded(done.log, others, content, partition), out)

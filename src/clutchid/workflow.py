@@ -1,0 +1,163 @@
+"""Read, inspect, fit, report: the way from files to a result that the command line, a page and a fleet share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.log import INPUTS, Log
+
+# imported where they are used: a command that only reads must not wait for the rest
+if TYPE_CHECKING:
+    from clutchid.assess.evidence import Evidence
+    from clutchid.estimate import Fit
+    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimate.request import FitRequest
+    from clutchid.model.actuator import Actuator
+    from clutchid.model.equipment import Equipment
+    from clutchid.numerics.least_squares import Progress
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How files are read: ambient pressure in Pa for gauge units, channel map, and DBC files of bus logs."""
+
+    ambient: float
+    channel_map: Path | None = None
+    dbc: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """A fit, and what its verdict rests on."""
+
+    fit: Fit
+    evidence: Evidence
+
+
+def read_recordings(
+    paths: Sequence[Path],
+    reading: Reading,
+    equipment: Equipment | None = None,
+    required: Sequence[str] | None = None,
+) -> list[Log]:
+    """Read recordings with the `required` columns.
+
+    By default these are the time, the position, and the duty cycles of the valves that there are.
+
+    Raises
+    ------
+    DataError
+        The text lists the problems of all files.
+    """
+    from clutchid.io import read
+
+    channels = None
+    if reading.channel_map is not None:
+        from clutchid.io.channel_map import read_map
+
+        channels = read_map(reading.channel_map)
+    needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
+    logs, problems = [], []
+    for path in paths:
+        try:
+            log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=needed)
+            logs.append(equipment.driven(log) if equipment else log)
+        except DataError as error:
+            problems.append(str(error))
+    if problems:
+        raise DataError("\n".join(problems))
+    return logs
+
+
+def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
+    """Recordings with what the checks before a fit find suspicious among their warnings."""
+    from clutchid.inspection import inspect
+
+    return [replace(log, warnings=(*log.warnings, *inspect(log, actuator).warnings)) for log in logs]
+
+
+def start_file(path: Path, model: str | None) -> ParameterFile:
+    """The parameter file to start from; its model wins.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be understood, or another `model` is named beside it.
+    """
+    from clutchid.estimate.parameter_file import read_parameters
+
+    content = read_parameters(path)
+    if model is not None and model != content.actuator.model:
+        known = content.actuator.model
+        raise ParameterError(f"--model {model}: {path} is for the model '{known}'; leave --model out.")
+    return content
+
+
+def start_of(path: Path | None, model: str | None, request: FitRequest) -> tuple[Actuator, FitRequest]:
+    """The actuator to start from, and the request with the calibration of its file, where the request can use one.
+
+    Raises
+    ------
+    ParameterError
+        As `start_file`.
+    """
+    from clutchid.estimate.automatic import AUTOMATIC
+    from clutchid.model.actuator import Actuator
+
+    if path is None:
+        return Actuator(model=model or (AUTOMATIC if request.automatic else "isothermal")), request
+    content = start_file(path, model)
+    builds = request.partition is None and request.method != "simulation" and not request.automatic
+    return content.actuator, replace(request, calibration=content.calibration) if builds else request
+
+
+def fit_recordings(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    request: FitRequest,
+    verify: Sequence[Log] = (),
+    progress: Progress | None = None,
+) -> Outcome:
+    """Inspect recordings, fit what is asked for, and collect what the verdict rests on.
+
+    Raises
+    ------
+    DataError, ParameterError, SolveError
+        As `clutchid.fit`.
+    """
+    from clutchid.assess.evidence import evidence
+    from clutchid.estimate.fit import fit_request
+
+    checked = inspected([*logs, *verify], actuator)
+    done = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
+    return Outcome(done, evidence(done))
+
+
+def save(outcome: Outcome, path: Path) -> None:
+    """Write the result as a parameter file.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an older one stays as it was.
+    """
+    from clutchid.estimate.parameter_file import parameter_file, write_parameters
+
+    write_parameters(parameter_file(outcome.fit), path)
+
+
+def report(outcome: Outcome, command: str, path: Path) -> None:
+    """Write the page of the result, with the `command` that repeats it.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an older one stays as it was.
+    """
+    from clutchid.report.fit_page import fit_page
+
+    fit_page(outcome.fit, command, path, outcome.evidence)
