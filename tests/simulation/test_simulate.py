@@ -265,6 +265,17 @@ def test_stiffness_over_bounds_is_that_of_the_stiffest_corner():
     assert expected > 1.5 * stiffness(actuator)
 
 
+@pytest.mark.parametrize("order", [("C_r", "V_0B"), ("V_0B", "C_r")])
+def test_stiffness_over_bounds_counts_what_becomes_stiff_only_with_another_parameter(order):
+    # the seals are the fastest; a wider breather matters only where chamber B is small
+    actuator = Actuator(Parameters(F_C=100.0))
+    bounds = {"C_r": (5e-8, 6e-8), "V_0B": (0.7e-4, 1.2e-4)}
+    assert stiffness(actuator.replace({"C_r": 6e-8})) <= stiffness(actuator)
+    expected = stiffness(actuator.replace({"C_r": 6e-8, "V_0B": 0.7e-4}))
+    assert expected > 1.1 * stiffness(actuator.replace({"V_0B": 0.7e-4}))
+    assert stiffness_over(actuator, {name: bounds[name] for name in order}) == expected
+
+
 def test_substeps_keep_every_step_below_the_stable_one():
     dt = np.array([1e-4, 1e-3, 2e-3, 1e-2])
     steps = substeps(dt, 2300.0)
