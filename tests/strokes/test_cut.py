@@ -89,6 +89,36 @@ def test_a_rest_under_pressure_is_held(made):
     assert labels(log) == ["held"]
 
 
+def test_a_rest_under_pressure_is_no_vented_one_before_the_stroke_that_follows(made, full_strokes):
+    log = made(full_strokes([2.0, 6.0], 10.0), pressure=True)
+    pressed = log.with_columns(pressure_a=log["pressure_a"] + 3e5)
+    sections = list(cut(pressed))
+    assert [section.label for section in sections] == ["held", "full stroke", "held", "full stroke", "held"]
+    assert [section.excitation.vented_rest for section in sections] == [0.0] * 5
+    # without pressure nobody can tell
+    bare = Log(log.time, {name: values for name, values in log.columns.items() if name != "pressure_a"})
+    assert next(cut(bare)).excitation.vented_rest == pytest.approx(2.0, abs=0.03)
+
+
+def test_a_rest_is_vented_from_when_the_air_is_out(made, full_strokes):
+    log = made(full_strokes([2.0, 6.0], 10.0), pressure=True)
+    # the piston is back at 3.2 s; 5 bar fall to 1 bar by 5.2 s, and to a tenth more than that by 5.15 s
+    falling = np.interp(log.time, [3.2, 5.2], [5e5, 1e5])
+    late = log.with_columns(pressure_a=np.where((log.time > 3.2) & (log.time < 6.0), falling, log["pressure_a"]))
+    rest, stroke = list(cut(late))[2:4]
+    # a bin at either end
+    for section in (rest, stroke):
+        assert section.excitation.vented_rest == pytest.approx(6.0 - 5.15, abs=0.03)
+
+
+def test_a_rest_is_vented_from_when_the_supply_was_closed_last(made, full_strokes):
+    log = made(full_strokes([4.0], 7.0))
+    pulsed = np.where((log.time > 1.5) & (log.time < 2.0), 0.3, log["duty_supply"])
+    rest, stroke, _ = cut(log.with_columns(duty_supply=pulsed))
+    assert [section.kind for section in (rest, stroke)] == ["rest", "stroke"]
+    assert stroke.excitation.vented_rest == pytest.approx(2.0, abs=0.03)
+
+
 def test_a_recording_may_begin_and_end_in_the_middle_of_a_stroke(made):
     log = made([(0.0, REACH), (0.6, REACH), (0.9, 0.0), (4.0, 0.0), (4.15, REACH), (5.0, REACH)])
     first, rest, last = cut(log)
