@@ -74,6 +74,22 @@ def test_a_rest_below_the_level_is_the_new_level_and_one_above_only_after_three_
     assert levels == pytest.approx([3e-3] * 3 + [5e-3] * 2, abs=5e-6)
 
 
+def test_blocks_without_any_rest_count_as_lost_where_the_piston_moves():
+    known = after(None, block())
+    turning = 0.5 * REACH * (1 - np.cos(2 * np.pi * np.arange(2400) * 0.01))
+    for lost in (1, 2):
+        known = after(known, turning)
+        assert (known.level, known.lost) == (pytest.approx(0.0, abs=5e-6), lost)
+
+
+def test_a_piston_that_stands_at_its_far_end_alone_has_its_rest_where_it_turns_around():
+    t = np.arange(2400) * 0.01 % 2.0
+    y = np.interp(t, [0.0, 1.0, 1.5, 2.0], [REACH, REACH, 0.0, REACH])
+    found = after(None, y + 2e-5 * np.random.default_rng(0).standard_normal(t.size))
+    # the lowest bin, and its noise
+    assert found.level == pytest.approx(0.0, abs=1e-4)
+
+
 def test_a_level_that_drifts_within_the_band_is_followed():
     known = after(None, block())
     for zero in (0.2e-3, 0.4e-3, 0.6e-3):
