@@ -28,7 +28,7 @@ def test_no_unit_is_untested():
 
 
 def test_a_pound_per_square_inch_is_4_448_newton_on_25_4_millimetres_squared():
-    assert ONE["psi"] == pytest.approx(4.4482216152605 / 0.0254**2, rel=1e-14)
+    assert to_si(np.ones(1), "psi", "Pa", AMBIENT)[0] == pytest.approx(4.4482216152605 / 0.0254**2, rel=1e-14)
 
 
 def test_gauge_pressure_is_above_the_ambient_that_is_given():

@@ -8,6 +8,7 @@ import pytest
 import sympy as sp
 
 from clutchid.codegen.numba_source import elementwise_source, numba_source
+from clutchid.codegen.system import System
 from clutchid.codegen.terms import terms_source
 
 
@@ -37,6 +38,13 @@ def test_every_term_names_the_parameters_and_the_states_and_terms_that_stand_in_
     assert rows["outflow"] == [("q",), ("h",)]
     assert rows["d_a"] == [(), ("drag",)]
     assert rows["d_w"] == [(), ("f",)]
+
+
+def test_a_derivative_that_is_a_definition_itself_names_what_stands_in_that_one(made):
+    x, y, k, s, pull = sp.symbols("x y k s pull", real=True)
+    module = made(System("pulled", (x, y), (s,), (k,), ((pull, k * (s - x)),), (pull, -2 * pull)))
+    assert module["TERMS"] == (("pull", ("k",), ("x",)), ("d_x", ("k",), ("x",)), ("d_y", (), ("pull",)))
+    assert list(module["terms"]([1.0, 0.0], [3.0], [4.0])) == [8.0, 8.0, -16.0]
 
 
 def test_names_that_the_code_wants_for_itself_are_told_as_the_text_has_them(made, oscillator):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from clutchid.errors import DataError
 from clutchid.io.can.dbc import messages_in, read_dbc
 from clutchid.io.can.j1939 import first_code
-from clutchid.io.can.signals import Signal, decode, present, raw_bits
+from clutchid.io.can.signals import Page, Signal, decode, present, raw_bits
 
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, reads the DBC and is the oracle")
 
@@ -104,6 +104,15 @@ def test_a_frame_that_is_too_short_has_no_value():
     data = np.full((3, 8), 1, dtype=np.uint8)
     np.testing.assert_array_equal(decode(signal, data, np.array([8, 5, 4])), [257.0, 257.0, np.nan])
     assert np.isnan(decode(Signal("Far", 400, 8), data, np.array([8, 8, 8]))).all()
+
+
+def test_a_frame_too_short_for_its_selector_shows_no_page_though_the_bytes_that_it_lacks_are_zero():
+    mode, pressure = Signal("Mode", 16, 8), Signal("Pressure", 0, 8)
+    page = Page((pressure,), ((mode, frozenset({0})),))
+    data = np.array([[7, 0, 0, 0, 0, 0, 0, 0], [7, 0, 0, 0, 0, 0, 0, 0], [7, 0, 1, 0, 0, 0, 0, 0]], dtype=np.uint8)
+    assert present(page, data, np.array([3, 2, 3])).tolist() == [True, False, False]
+    far = Page((pressure,), ((Signal("Far", 64, 8), frozenset({0})),))
+    assert not present(far, data, np.array([8, 8, 8])).any()
 
 
 def test_a_signal_over_nine_bytes_keeps_all_its_bits():

@@ -99,8 +99,12 @@ def test_names_with_wildcards_and_folders_with_equal_signs_are_names(parquet, tm
 
 
 @pytest.mark.parametrize(("text", "expected"), [(None, {}), ("{", {}), ("[1]", {}), ('{"truck": 7}', {"truck": "7"})])
-def test_metadata_of_other_programs_do_no_harm(text, expected):
-    assert parquet_file._metadata(text) == expected
+def test_metadata_of_other_programs_do_no_harm(tmp_path, text, expected):
+    metadata = {"program": "other"} if text is None else {"clutchid": text}
+    pl.DataFrame(GOOD).write_parquet(tmp_path / "run.parquet", metadata=metadata)
+    source = parquet_file.open_file(tmp_path / "run.parquet")
+    assert (source.metadata, source.problems) == (expected, ())
+    assert source.rasters[0].size == 3
 
 
 def read(path, rows=None):

@@ -74,6 +74,12 @@ def test_where_all_terms_are_finite_the_fastest_state_is_named_with_what_drives_
     assert at(Actuator().replace({"V_0A": 1e-9}), y=0.0).startswith("all terms are finite and p_A changes fastest")
 
 
+def test_a_state_that_falls_fast_counts_as_one_that_rises_fast():
+    # 5 mm of 1e9 N/m push back: -1e5 m/s² and more, beside which everything else is slow
+    told = at(Actuator().replace({"theta_1": 1e9}))
+    assert told.startswith("all terms are finite and v changes fastest, by -")
+
+
 def test_a_failed_simulation_says_state_time_term_and_parameters_in_one_sentence():
     failed = simulate(Actuator().replace({"theta_2": -1e9}), opened(), on_failure="return")
     assert failed.status == "failed"

@@ -265,11 +265,38 @@ def test_stiffness_over_bounds_is_that_of_the_stiffest_corner():
     assert expected > 1.5 * stiffness(actuator)
 
 
+@pytest.mark.parametrize("order", [("C_r", "V_0B"), ("V_0B", "C_r")])
+def test_stiffness_over_bounds_counts_what_becomes_stiff_only_with_another_parameter(order):
+    # the seals are the fastest; a wider breather matters only where chamber B is small
+    actuator = Actuator(Parameters(F_C=100.0))
+    bounds = {"C_r": (5e-8, 6e-8), "V_0B": (0.7e-4, 1.2e-4)}
+    assert stiffness(actuator.replace({"C_r": 6e-8})) <= stiffness(actuator)
+    expected = stiffness(actuator.replace({"C_r": 6e-8, "V_0B": 0.7e-4}))
+    assert expected > 1.1 * stiffness(actuator.replace({"V_0B": 0.7e-4}))
+    assert stiffness_over(actuator, {name: bounds[name] for name in order}) == expected
+
+
 def test_substeps_keep_every_step_below_the_stable_one():
     dt = np.array([1e-4, 1e-3, 2e-3, 1e-2])
     steps = substeps(dt, 2300.0)
     assert steps.tolist() == [1, 1, 2, 10]
     assert np.all(dt / steps * 2300 <= STABLE_STEP)
+
+
+@pytest.mark.parametrize("rate", [1.0, 2300.0, 2436.1465, 1e5 / 3])
+def test_an_interval_of_a_whole_number_of_longest_steps_takes_so_many(rate):
+    whole = np.arange(1, 200)
+    assert np.array_equal(substeps(whole * (STABLE_STEP / rate), rate), whole)
+    # more than the rounding is another step
+    assert np.array_equal(substeps(whole * (STABLE_STEP / rate) * (1 + 1e-8), rate), whole + 1)
+
+
+@pytest.mark.parametrize("valve", ["C_vs", "C_ve"])
+def test_either_valve_can_be_what_makes_the_model_stiff(valve):
+    small = Actuator(Parameters(V_0A=1e-5))
+    ten, twenty = (stiffness(small.replace({valve: k * small.value(valve)})) for k in (10, 20))
+    # a chamber fills or empties at a rate that goes with its valve; all else is slower than a tenth of that
+    assert twenty / ten == pytest.approx(2, rel=0.1)
 
 
 def test_a_model_too_stiff_for_the_recording_is_refused_in_words(drive):
@@ -309,6 +336,21 @@ def test_a_recording_that_starts_moving_is_not_vented(truth):
     t = np.arange(100) * 1e-3
     log = Log(t, {"duty_supply": np.zeros(100), "duty_exhaust": np.zeros(100), "position": 0.4e-3 - 0.05 * t})
     assert not plan(log, truth, 2000.0).segments[0].vented
+
+
+def test_each_segment_has_the_start_that_is_given_for_it(truth, drive):
+    log = spoiled(drive.slice(1000, 2000), "duty_supply", slice(500, 510))
+    done = simulate(truth, log, starts=[(14e-3, 4.7e5), (12e-3, 4.1e5)]).log
+    assert [(done["position"][k], done["pressure_a"][k]) for k in (0, 510)] == [(14e-3, 4.7e5), (12e-3, 4.1e5)]
+
+
+def test_of_several_failures_the_first_is_told():
+    pulled = Actuator(load=Load((9e5, -1e12, 0.0)))
+    log = spoiled(opened(400), "duty_supply", slice(200, 201))
+    done = simulate(pulled, log, starts=[(0.0, 1.1e5), (5e-3, 3e5)], on_failure="return")
+    failed = [int(np.argmax(~np.isfinite(done.log["position"][part]))) for part in (slice(0, 200), slice(201, 400))]
+    assert 0 < failed[1] < failed[0]
+    assert f"at {failed[0] * 1e-3:.3f} s in" in done.message
 
 
 @pytest.mark.parametrize(("planned", "driven_by"), [("isothermal", "energy-balance"), ("energy-balance", "isothermal")])

@@ -1,5 +1,7 @@
 """`choose` takes strokes that tell different things, and never useless ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -57,6 +59,28 @@ def test_rests_and_strokes_that_miss_most_of_their_positions_are_never_chosen(ma
     assert [round(section.departure) for section in chosen] == [2]
     assert choose(cut(made([(0.0, 0.0), (5.0, 0.0)])), 10.0) == ()
     assert choose(cut(log), 0.05) == ()
+
+
+def test_strokes_that_are_too_short_or_hardly_move_are_never_chosen(made, full_strokes):
+    corners = [*full_strokes([2.0], 5.0), (5.1, 1e-3), (6.0, 1e-3), (6.1, 0.0), (9.0, 0.0)]
+    strokes = [section for section in cut(made(corners)) if section.kind == "stroke"]
+    assert [round(section.departure) for section in strokes] == [2, 5]
+    # 1 mm of 22 mm, 4.5 %
+    assert [round(section.departure) for section in choose(strokes, 100.0)] == [2]
+    brief, long = (replace(strokes[0], end=strokes[0].start + seconds) for seconds in (0.09, 0.11))
+    assert choose([brief], 100.0) == ()
+    assert choose([long], 100.0) == (long,)
+
+
+def test_of_two_strokes_the_one_that_tells_more_for_its_length_is_taken(made, full_strokes):
+    # the second one stands at its end for seconds, and tells a little more on the way back
+    slow = [(6.0, 0.0), (6.15, REACH), (12.0, REACH), (12.4, 0.0)]
+    short, long = (
+        section for section in cut(made([*full_strokes([2.0], 4.0), *slow, (15.0, 0.0)])) if section.kind == "stroke"
+    )
+    assert told([long]) > told([short])
+    assert told([long]) / long.seconds < told([short]) / short.seconds
+    assert choose([long, short], long.seconds) == (short,)
 
 
 def test_a_stream_is_read_once_and_more_of_it_never_tells_less(minutes, monkeypatch):

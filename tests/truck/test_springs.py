@@ -83,6 +83,20 @@ def test_wear_moves_the_rest_and_the_point_where_the_clutch_takes_hold_and_raise
     assert worn.force(worn.rest + 0.025) > 1.1 * new.force(new.rest + 0.025)
 
 
+def test_a_worn_clutch_after_kluever_presses_harder_by_its_own_share():
+    travel = np.linspace(1e-3, 20e-3, 20)
+    new, worn = (clutch_force(Truck(load="kluever", a_k_w=50.0, wear=wear), travel) for wear in (0.0, 2e-3))
+    assert worn == pytest.approx(1.1 * new, rel=1e-12)
+
+
+@pytest.mark.parametrize("wear", [0.0, 2e-3])
+def test_behind_the_engaged_rest_the_return_spring_alone_presses(wear):
+    truck = Truck(i_w=0.5, wear=wear)
+    curve = load_curve(truck)
+    behind = curve.rest - np.array([1e-4, 3e-4])
+    assert curve.force(behind) == pytest.approx(truck.F_r + truck.k_r * behind, rel=1e-12)
+
+
 @pytest.mark.parametrize("load", ["diaphragm", "kluever"])
 def test_strokes_and_wear_change_either_kind_of_load(load):
     new, old = Truck(load=load), aged(Truck(load=load), wear=2e-3, cycles=5e5)

@@ -1,6 +1,7 @@
 """Truck types and their numbers: drawn from the ranges, checked, aged."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -112,6 +113,15 @@ def test_strokes_raise_friction_and_leaks_and_settle_the_springs():
     young, old = worn_numbers(Truck(cycles=1e5)), worn_numbers(Truck(cycles=1e6))
     for name, sign in (("F_C", 1), ("C_AB", 1), ("C_A0", 1), ("H", -1), ("F_r", -1), ("y_r", 0)):
         assert np.sign(old[name] - young[name]) == sign, name
+
+
+def test_strokes_change_each_number_by_its_own_law():
+    new = Truck(a_F=0.3, a_C=4.0, a_H=0.02)
+    old = worn_numbers(new.replace({"cycles": 2e5}))
+    settled = 1 - 0.02 * (1 - math.exp(-1))
+    expected = {"F_C": 1.06, "C_AB": 1.8, "C_A0": 1.8, "H": settled, "F_r": settled}
+    assert {name: old[name] / getattr(new, name) for name in expected} == pytest.approx(expected, rel=1e-12)
+    assert old["y_r"] == 0.0
 
 
 def test_wear_moves_the_engaged_rest():

@@ -74,8 +74,9 @@ def test_equations_25_and_26_are_inverse_to_each_other():
     )
 
 
-def test_the_static_estimate_takes_only_slow_samples_with_a_pressure():
-    y = np.where(T < 0.25, 5e-3, 5e-3 + 0.1 * (T - 0.25))
+@pytest.mark.parametrize("speed", [0.1, -0.1])
+def test_the_static_estimate_takes_only_slow_samples_with_a_pressure_in_either_direction(speed):
+    y = np.where(T < 0.25, 5e-3, 5e-3 + speed * (T - 0.25))
     pressure = np.full(T.size, 4e5)
     pressure[:50] = np.nan
     position, force = static_estimate(Log(T, {"position": y, "pressure_a": pressure}), ACTUATOR, 0.01)
