@@ -97,6 +97,11 @@ class Log:
         columns = {name: values[start:stop] for name, values in self.columns.items()}
         return replace(self, time=self.time[start:stop], columns=columns)
 
+    def reach(self) -> float:
+        """Position in m that all but a thousandth of the samples stay within; 0 where none is measured."""
+        position = self.columns.get("position", np.zeros(0))
+        return float(np.nanpercentile(position, 99.9)) if np.isfinite(position).any() else 0.0
+
     def without(self, *names: str) -> Log:
         """A copy without the columns `names`."""
         return replace(self, columns={name: values for name, values in self.columns.items() if name not in names})

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.preparation.pace import FASTER, LONGEST, paced
+from clutchid.preparation.prepare import FASTER, LONGEST, paced
 from clutchid.simulation.run import Numbers, run
 from clutchid.simulation.stiffness import STABLE_STEP, local_stiffness, stiffness
 from clutchid.smoother.links import link_sigma

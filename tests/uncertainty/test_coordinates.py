@@ -140,8 +140,7 @@ def test_the_smoothness_residual_has_the_derivatives_that_its_rows_say():
 
 def test_the_stroke_is_that_of_the_drawing_or_as_far_as_a_recording_reaches():
     t = np.arange(0, 1, 1e-3)
-    short, far = (Log(t, {"position": top * np.sin(np.pi * t)}, "log") for top in (0.02, 0.0262))
-    assert far_stop(Actuator(), [short]) == Prior(0.025, STOP)
-    assert far_stop(Actuator(), [short, far]).mean == pytest.approx(0.0262, abs=1e-5)
-    nothing = Log(t, {"position": np.full(t.size, np.nan)}, "log")
-    assert far_stop(Actuator(), [nothing]) == Prior(0.025, STOP)
+    short, far = (Log(t, {"position": top * np.sin(np.pi * t)}, "log").reach() for top in (0.02, 0.0262))
+    assert far_stop(Actuator(), short) == Prior(0.025, STOP)
+    assert far_stop(Actuator(), far).mean == pytest.approx(0.0262, abs=1e-5)
+    assert Log(t, {"position": np.full(t.size, np.nan)}, "log").reach() == 0.0

@@ -64,7 +64,7 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     free = [name for name in candidates if name in known]
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     begin = replace(actuator, load=load).replace(changes)
-    priors = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, logs)}
+    priors = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, max(log.reach() for log in logs))}
     return begin, (*load.names, *free), priors
 
 

@@ -7,12 +7,13 @@ from typing import Literal
 
 from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.methods import method_of
-from clutchid.estimate.request import FitRequest, check_recordings, driven
+from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
 from clutchid.estimate.verification import verified
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.least_squares import Progress
+from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.simulation.partition import Partition
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior

@@ -73,6 +73,6 @@ def _wearing(
     return {
         str(ParameterName(name, log.name)): prior
         for log in logs
-        for name, prior in {**known, "y_max": far_stop(actuator, [log])}.items()
+        for name, prior in {**known, "y_max": far_stop(actuator, log.reach())}.items()
         if name not in taken
     }

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimate.request import FitRequest, check_recordings, driven
+from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.simulation_error.fit import fit_simulation_error
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters
+from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.preparation.pulses import Pulsed, unsensed
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan

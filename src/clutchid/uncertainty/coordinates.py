@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters
 
@@ -46,17 +46,12 @@ class Prior:
 STOP = 5e-4
 
 
-def far_stop(actuator: Actuator, logs: Sequence[Log]) -> Prior:
-    """What is known of the stroke: as on the drawing, or as far as recordings reach where that is further.
+def far_stop(actuator: Actuator, reach: float) -> Prior:
+    """What is known of the stroke: as on the drawing, or as far as recordings `reach` in m where that is further.
 
     With the engaged rest the zero of the position moves, so the far stop of a worn clutch does as well.
     """
-    reach = max((float(np.nanpercentile(log["position"], 99.9)) for log in logs if _measured(log)), default=0.0)
     return Prior(max(actuator.parameters.y_max, reach), STOP)
-
-
-def _measured(log: Log) -> bool:
-    return "position" in log and bool(np.isfinite(log["position"]).any())
 
 
 @dataclass(frozen=True, slots=True)
