@@ -148,7 +148,7 @@ def test_nothing_is_written_where_nothing_could_be_fitted(tmp_path, capsys):
     still = {"position": np.zeros(2000), "duty_supply": np.zeros(2000), "duty_exhaust": np.zeros(2000)}
     write(Log(time, still), tmp_path / "still.csv")
     assert call("cut", tmp_path / "still.csv", "--out", tmp_path / "best.csv") == 2
-    assert "no stroke of at most 60 s that could be fitted" in capsys.readouterr().err
+    assert "no usable stroke of at most 60 s was found" in capsys.readouterr().err
     assert not (tmp_path / "best.csv").exists()
 
 
