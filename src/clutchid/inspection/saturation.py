@@ -32,8 +32,8 @@ def saturation(reading: Reading, name: str) -> Check:
     level, side, seconds, _ = max(cut, key=lambda one: one[2])
     sentence = (
         f"{name} stays at its {side} value, {shown(level, name)}, without noise for {seconds:.3g} s in total: the "
-        "sensor or its channel saturates there. A fit would take this limit for an end stop and distort the load before "
-        "it; extend the range of the channel, or leave these samples empty."
+        "sensor or its channel saturates there. A fit would take this limit for an end stop and distort the load "
+        "before it; extend the range of the channel, or leave these samples empty."
     )
     return Check(title, f"{seconds:.3g} s at {shown(level, name)}", "bad", sentence)
 

@@ -64,8 +64,8 @@ def time_shift(reading: Reading) -> Check:
     usual = float(np.median(found.simulated[moved]))
     if reading.update_interval > LONGEST_INTERVAL:
         sentence = (
-            f"the interval of {reading.update_interval * 1e3:.3g} ms between samples is too long: in the model a stroke "
-            f"starts within {usual * 1e3:.2g} ms of its command."
+            f"the interval of {reading.update_interval * 1e3:.3g} ms between samples is too long: in the model a "
+            f"stroke starts within {usual * 1e3:.2g} ms of its command."
         )
         return Check(CHECK, "-", "undetermined", sentence)
     return _compared(reading, late, _allowed(reading, float(np.std(late, ddof=1)), usual))
