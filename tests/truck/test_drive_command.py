@@ -44,7 +44,7 @@ def test_the_one_json_object_names_the_files(tmp_path, capsys):
     ("options", "words"),
     [
         ({"manoeuvre": "crep"}, "did you mean 'creep'"),
-        ({"wear": 12.0}, "beyond the facing"),
+        ({"wear": 12.0}, "exceeds the facing"),
         ({"truck": -4}, "numbered 0, 1, 2"),
         ({"temperature": 200.0}, "T_0 = 473.15 K"),
         ({"seconds": -1.0}, "0.5 to 3600"),
