@@ -67,4 +67,4 @@ def test_an_output_that_cannot_be_written_is_one_sentence(tmp_path, capsys, name
 
 def test_the_truth_must_not_be_the_recording(tmp_path, capsys):
     assert drive(out=tmp_path / "a.csv", truth=tmp_path / "a.csv") == 2
-    assert "itself" in capsys.readouterr().err
+    assert "the same file as --out" in capsys.readouterr().err
