@@ -23,7 +23,7 @@ def first_time(done, condition) -> float:
     return float(done.truth.time[np.argmax(condition)])
 
 
-def test_a_stroke_with_the_papers_parameters_takes_about_the_times_of_the_facts():
+def test_a_stroke_with_the_papers_parameters_takes_about_the_times_of_the_specification():
     supply, exhaust = np.zeros(1400), np.zeros(1400)
     supply[:400], exhaust[400:] = 1, 1
     done = respond(Truck(), supply, exhaust)
@@ -253,7 +253,7 @@ def test_a_shorter_wait_of_the_valves_makes_less_ripple():
     ("options", "words"),
     [
         ({"manoeuvre": "gearshift"}, "did you mean 'gear-shift'"),
-        ({"wear": 9e-3}, "beyond the facing"),
+        ({"wear": 9e-3}, "exceeds the facing"),
         ({"wear": -1e-3}, "at least 0"),
         ({"seconds": 0.0}, "0.5 to 3600"),
         ({"seconds": float("nan")}, "0.5 to 3600"),

@@ -15,7 +15,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.uncertainty.covariance import Covariance, sandwich
-from clutchid.uncertainty.identifiability import cannot_tell, heard, listed
+from clutchid.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 
 
 def result(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
@@ -29,7 +29,7 @@ def result(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Fi
     warnings = plan_warnings(task.plans)
     if task.moves:
         reach = furthest([recording.measured for recording in recordings.values()])
-        warnings += cannot_tell(solution.at.R, task.names, fitted, reach, "pressure_a" in task.measure)
+        warnings += identifiability_warnings(solution.at.R, task.names, fitted, reach, "pressure_a" in task.measure)
         warnings += _does_not_move(recordings)
     else:
         warnings.append(_resting(task.names))
@@ -99,7 +99,7 @@ def _covariance(task: Problem, solution: Solution, scales: Mapping[str, float]) 
         rows = np.zeros((len(part.segment), solution.x.size))
         rows[:, [*range(len(task.names)), *part.start]] = local
         scores.append(rows)
-    known = heard(solution.at.R) & ~_held(task, solution) & task.moves
+    known = identifiable(solution.at.R) & ~_held(task, solution) & task.moves
     return sandwich(solution.at.R, scores, known, len(task.names))
 
 
