@@ -94,10 +94,10 @@ def test_a_rest_under_pressure_is_no_vented_one_before_the_stroke_that_follows(m
     pressed = log.with_columns(pressure_a=log["pressure_a"] + 3e5)
     sections = list(cut(pressed))
     assert [section.label for section in sections] == ["held", "full stroke", "held", "full stroke", "held"]
-    assert [section.excitation.vented_rest for section in sections] == [0.0] * 5
+    assert [section.summary.vented_rest for section in sections] == [0.0] * 5
     # without pressure nobody can tell
     bare = Log(log.time, {name: values for name, values in log.columns.items() if name != "pressure_a"})
-    assert next(cut(bare)).excitation.vented_rest == pytest.approx(2.0, abs=0.03)
+    assert next(cut(bare)).summary.vented_rest == pytest.approx(2.0, abs=0.03)
 
 
 def test_a_rest_is_vented_from_when_the_supply_was_closed_last(made, full_strokes):
@@ -105,7 +105,7 @@ def test_a_rest_is_vented_from_when_the_supply_was_closed_last(made, full_stroke
     pulsed = np.where((log.time > 1.5) & (log.time < 2.0), 0.3, log["duty_supply"])
     rest, stroke, _ = cut(log.with_columns(duty_supply=pulsed))
     assert [section.kind for section in (rest, stroke)] == ["rest", "stroke"]
-    assert stroke.excitation.vented_rest == pytest.approx(2.0, abs=0.03)
+    assert stroke.summary.vented_rest == pytest.approx(2.0, abs=0.03)
 
 
 def test_a_recording_may_begin_and_end_in_the_middle_of_a_stroke(made):
@@ -204,7 +204,7 @@ def test_a_supply_pulse_late_in_a_long_rest_ends_what_was_vented_before(made, fu
     pulsed = np.where((log.time > 590.0) & (log.time < 590.2), 0.3, log["duty_supply"])
     *_, stroke, _ = cut(log.with_columns(duty_supply=pulsed))
     # a pulse is known to a bin
-    assert stroke.excitation.vented_rest == pytest.approx(600.0 - 590.2, abs=0.03)
+    assert stroke.summary.vented_rest == pytest.approx(600.0 - 590.2, abs=0.03)
 
 
 def test_of_a_stroke_in_parts_only_the_first_has_the_vented_rest_before_it(made):
@@ -212,8 +212,8 @@ def test_of_a_stroke_in_parts_only_the_first_has_the_vented_rest_before_it(made)
     moving = 0.01 * (1 - np.cos(2 * np.pi * (t - 5.0))) * (t > 5.0)
     strokes = [section for section in cut(Log(t, {"position": moving})) if section.kind == "stroke"]
     assert len(strokes) > 1
-    assert strokes[0].excitation.vented_rest > 4.5
-    assert [section.excitation.vented_rest for section in strokes[1:]] == [0.0] * (len(strokes) - 1)
+    assert strokes[0].summary.vented_rest > 4.5
+    assert [section.summary.vented_rest for section in strokes[1:]] == [0.0] * (len(strokes) - 1)
 
 
 def test_one_bin_off_the_level_is_no_border_of_a_rest(made):
@@ -238,7 +238,7 @@ def test_a_recording_that_begins_with_an_open_valve_begins_with_a_pulse(made):
     log = made([(0.0, 0.0), (0.15, REACH), (0.9, REACH), (1.2, 0.0), (4.0, 0.0)])
     stroke = next(section for section in cut(log) if section.kind == "stroke")
     assert (log["duty_supply"][0] > 0, stroke.first) == (True, 0)
-    assert stroke.excitation.supply_pulses == 1
+    assert stroke.summary.supply_pulses == 1
 
 
 @pytest.mark.parametrize(("gone", "label"), [(4, "vented rest"), (6, "no position")])

@@ -117,7 +117,7 @@ def test_strokes_raise_friction_and_leaks_and_settle_the_springs():
 
 def test_strokes_change_each_number_by_its_own_law():
     new = Truck(a_F=0.3, a_C=4.0, a_H=0.02)
-    old = worn_numbers(new.replace({"cycles": 2e5}))
+    old = worn_parameters(new.replace({"cycles": 2e5}))
     settled = 1 - 0.02 * (1 - math.exp(-1))
     expected = {"F_C": 1.06, "C_AB": 1.8, "C_A0": 1.8, "H": settled, "F_r": settled}
     assert {name: old[name] / getattr(new, name) for name in expected} == pytest.approx(expected, rel=1e-12)
