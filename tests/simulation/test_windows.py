@@ -93,8 +93,8 @@ def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, ta
         track, x, h = task.tracks[0], np.zeros(5), 1e-4
         start = np.array([1e-4, 0.0, 1.2e5, 1.1e5, 1e-5, 295.0, 290.0, 8.9e5, 9.1e5, 2e-5])
         e = h * np.eye(5)[names.index(name)]
-        rows, cost = first_rows(track, start, task.view(x, "log"), False, Noise())
-        up, down = (first_rows(track, start, task.view(x + s * e, "log"), False, Noise())[0] for s in (1, -1))
+        rows, cost = first_rows(track, start, task.parameter_map(x, "log"), False, Noise())
+        up, down = (first_rows(track, start, task.parameter_map(x + s * e, "log"), False, Noise())[0] for s in (1, -1))
         difference = (up[:, -1] - down[:, -1]) / (2 * h)
         assert rows[:, start.size + names.index(name)] == pytest.approx(
             difference, abs=1e-5 * max(1.0, np.abs(difference).max())
@@ -111,7 +111,9 @@ def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, task_
     slopes = []
     for measure in (BOTH, ("position",)):
         task = task_of([log], plant, ("C_vs",), measure)
-        rows, _ = first_rows(task.tracks[0], start, task.view(np.zeros(1), "log"), "pressure_a" in measure, noise)
+        rows, _ = first_rows(
+            task.tracks[0], start, task.parameter_map(np.zeros(1), "log"), "pressure_a" in measure, noise
+        )
         slopes.append(rows[2, 2])
     assert slopes == pytest.approx([1e5 / 3e3, 1e5 / 1e5]), "3 kPa by the sensor, 1 bar without it"
 
