@@ -137,15 +137,32 @@ def test_a_start_that_cannot_be_simulated_is_a_failure_with_its_sentence(task, s
     assert answer.message.endswith(".")
 
 
-def test_absurd_numbers_at_the_start_fail_or_are_left(plant, worn_log, task_of, starts_of):
-    task = task_of([worn_log], plant, ("M", "C_vs"), ("position",))
-    # 1 g of piston at a stiffness for which the steps were not made
-    answer = search(task, np.array([np.log(1e-4) / 0.15, 0.0]), starts_of(task), (8.0, 1.0))
-    if isinstance(answer, ShootingSolution):
-        assert np.isfinite(answer.x).all()
-        assert np.isfinite(answer.at.cost)
-    else:
-        assert answer.message.endswith(".")
+@pytest.fixture(scope="module")
+def mass_task(plant, worn_log, task_of):
+    """Only the mass of the piston, 10 kg, and the supply valve are free."""
+    return task_of([worn_log], plant, ("M", "C_vs"), ("position",))
+
+
+def test_a_start_for_which_the_steps_were_not_made_is_a_failure_that_names_the_number(mass_task, starts_of):
+    # 1 g of piston: its fastest motion is ten thousand times too fast for the steps of 10 kg
+    start = np.array([np.log(1e-4) / 0.15, 0.0])
+    assert mass_task.si(start)[0] == pytest.approx(1e-3)
+    answer = search(mass_task, start, starts_of(mass_task), (8.0, 1.0))
+    assert isinstance(answer, Failure)
+    assert answer.message.startswith("worn: ")
+    assert "M = 0.001 kg" in answer.message
+
+
+@pytest.mark.parametrize("share", [0.1, 3.0])
+def test_a_poor_start_that_can_be_simulated_is_left_for_the_same_end(mass_task, starts_of, share):
+    near, far = (
+        search(mass_task, np.array([np.log(of) / 0.15, 0.0]), starts_of(mass_task), (8.0, 1.0)) for of in (1.0, share)
+    )
+    assert near.status == far.status == "converged"
+    assert far.at.cost == pytest.approx(near.at.cost, abs=projection.SETTLED)
+    # each ends where a step would gain less than `SETTLED`, the square of its length in standard deviations
+    factor, _ = condense(mass_task, linearise(mass_task, near.x, near.X))
+    assert np.linalg.norm(factor[:-1, :-1] @ (far.x - near.x)) < 2 * np.sqrt(projection.SETTLED)
 
 
 def test_bounds_are_kept_exactly_and_met_where_the_truth_lies_beyond(plant, worn_log, worn, task_of, starts_of):

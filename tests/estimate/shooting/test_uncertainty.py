@@ -181,3 +181,25 @@ def test_a_measured_pressure_makes_its_band_narrow(plant, drive_log, task_of, st
 def test_states_that_cannot_be_simulated_are_a_failure(task, found):
     X = (np.full_like(found.X[0], np.nan),)
     assert isinstance(spread(task, ShootingSolution(found.x, X, found.at, "converged", 1), None), Failure)
+
+
+def test_correlations_of_a_calibration_move_the_estimate_as_they_move_that_of_the_dense_problem(task, found, plant):
+    # three times as uncertain as they drift, and all together too high or too low
+    names = (*DRIFT, *DRIFT_WIDTH)
+    width = np.array([drift(plant, name) for name in names])
+    covariance = np.outer(3 * width, 3 * width) * (0.1 * np.eye(width.size) + 0.9)
+    known = Calibration(names, covariance)
+    track = replace(task.tracks[0], windows=task.tracks[0].windows[6:18])
+    X, k = (found.X[0][6:18],), found.x.size
+    shot = ShootingSolution(found.x, X, found.at, "converged", 1)
+    of = spread(replace(task, tracks=(track,)), shot, known)
+    # the covariance of what is considered is written down, not multiplied from the root that is under test
+    numbers = of.task.coordinates[k:]
+    assert [c.base for c in numbers] == list(names)
+    own = np.array([c.width for c in numbers])
+    A, B = dense_rows(of, found.x, X, 1.0)
+    gain = (-np.linalg.pinv(A) @ B)[-k:]
+    wanted = SCALE**2 * gain @ ((covariance + np.diag(width**2)) / np.outer(own, own)) @ gain.T
+    scale = np.sqrt(np.diag(wanted))
+    added = of.matrix - SCALE**2 * of.known @ of.known.T
+    assert added / np.outer(scale, scale) == pytest.approx(wanted / np.outer(scale, scale), abs=1e-6)
