@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.model import Actuator
-from clutchid.uncertainty.identifiability import cannot_tell, entangled
+from clutchid.uncertainty.identifiability import collinear, identifiability_warnings
 
 NAMES = ("C_vs", "C_ve", "P_S", "F_C", "D_v")
 
@@ -18,15 +18,15 @@ def factor():
 
 
 def test_of_three_entangled_and_two_other_numbers_the_three_are_found(factor):
-    assert entangled(factor) == [0, 2, 3]
+    assert collinear(factor) == [0, 2, 3]
     # how large the numbers are does not matter
-    assert entangled(factor * [1.0, 1e6, 1e-3, 10.0, 1.0]) == [0, 2, 3]
+    assert collinear(factor * [1.0, 1e6, 1e-3, 10.0, 1.0]) == [0, 2, 3]
 
 
 def test_a_combination_is_named_by_its_members_and_none_where_each_stands_alone(factor):
-    *pairs, together = cannot_tell(factor, NAMES, Actuator(), 20e-3, True)
-    assert together.startswith("of C_vs, P_S and F_C only combinations")
+    *pairs, together = identifiability_warnings(factor, NAMES, Actuator(), 20e-3, True)
+    assert together.startswith("only combinations of C_vs, P_S and F_C")
     # of the three each two can be told from their sum only, too
     named = sorted(" ".join(pair.split()[:3]) for pair in pairs)
     assert named == ["C_vs and F_C", "C_vs and P_S", "P_S and F_C"]
-    assert cannot_tell(100.0 * np.eye(5), NAMES, Actuator(), 20e-3, True) == []
+    assert identifiability_warnings(100.0 * np.eye(5), NAMES, Actuator(), 20e-3, True) == []
