@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import Log
-from clutchid.rig import coulomb_friction, fit_lugre, implied, verdict
+from clutchid.rig import conclusions, coulomb_friction, fit_lugre, implied
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.tables import level_table, lugre_table, parameter_table
 
@@ -50,8 +50,10 @@ def main() -> None:
     known = {name: first.values[name] for name in NAMES}
     print("\nfrom [s]  own fit [%]  with the friction of the first 20 s [%]")
     for start in range(12, 185, 20):
-        piece = window(log, start, 20.0)
-        print(f"{start:8d}  {fit_lugre(piece).fit_percent:11.1f}  {fit_lugre(piece, fixed=known).fit_percent:11.1f}")
+        segment = window(log, start, 20.0)
+        print(
+            f"{start:8d}  {fit_lugre(segment).fit_percent:11.1f}  {fit_lugre(segment, fixed=known).fit_percent:11.1f}"
+        )
 
     logs = [cylinder(path) for path in sorted((data / "zillen_cylinder_friction" / "friction").glob("*.csv"))]
     found = coulomb_friction(logs, ambient=AMBIENT)
@@ -60,7 +62,7 @@ def main() -> None:
     if found.area is not None:
         low, value, high = (1e6 * x for x in (found.area.low, found.area.value, found.area.high))
         print(f"\narea {value:.1f} mm² (95 %: {low:.1f} to {high:.1f})")
-    print(f"\n{parameter_table(implied(found))}\n", *verdict(found), sep="\n")
+    print(f"\n{parameter_table(implied(found))}\n", *conclusions(found), sep="\n")
 
 
 if __name__ == "__main__":

@@ -26,7 +26,8 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     worn_log,
 )
 
-ROOT = Path(__file__).resolve().parents[1]
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
 
 # The same examples on every run, and nothing left on disk; an example may take long when the machine is busy.
 settings.register_profile("clutchid", derandomize=True, database=None, deadline=None)
@@ -34,6 +35,24 @@ settings.load_profile("clutchid")
 
 #: Load of the synthetic recordings in N/m: all three weights are at work, theta_2 is negative as in Table 1.
 THETA = (9.0e5, -0.3e5, 0.6e5)
+
+
+#: Files whose tests refit, calibrate, integrate with adaptive solvers, start processes or compile C: seconds each. The
+#: inner loop leaves them out with ``-m "not slow"``.
+SLOW = {
+    "c/test_energy_balance_c.py", "cli/test_commands.py", "estimate/test_calibrate.py",
+    "estimate/prediction_error/test_fit.py", "golden/test_golden_results.py", "laws/test_carrier.py",
+    "laws/test_energy_balance.py", "oracles/test_finite_differences.py", "oracles/test_plain_twin.py",
+    "oracles/test_sandwich.py", "report/test_fit_page.py", "rig/test_coulomb.py", "rig/test_lugre.py",
+    "study/paper/test_paper_study.py", "study/proving/test_proving.py", "truck/test_balances.py",
+}  # fmt: skip
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of the slow files."""
+    for item in items:
+        if item.path.is_relative_to(HERE) and item.path.relative_to(HERE).as_posix() in SLOW:
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,15 +1,15 @@
-"""What can go wrong, named by what the caller must mend.
+"""Exceptions of clutchid, by what the caller must correct.
 
-Each error is also a built-in, so code that knows nothing of clutchid can catch it.
+Each one is also a built-in exception, so that code without knowledge of clutchid can catch it.
 """
 
 
 class ClutchidError(Exception):
-    """Any error that clutchid raises on purpose; its text is meant for the user."""
+    """Base class of all errors that clutchid raises; the text is written for the user."""
 
 
 class ParameterError(ClutchidError, ValueError):
-    """A parameter, bound or option is outside what is allowed."""
+    """A parameter, bound or option is not admissible."""
 
 
 class DataError(ClutchidError, ValueError):
@@ -24,11 +24,11 @@ class DataError(ClutchidError, ValueError):
 
 
 class SolveError(ClutchidError, ArithmeticError):
-    """A simulation or a fit left the finite numbers."""
+    """A simulation or a fit produced values that are not finite."""
 
 
 class ExportError(ClutchidError, OSError):
-    """An output cannot be written; nothing was left half-written."""
+    """An output cannot be written; no partial file is left."""
 
 
 class MissingExtra(ClutchidError, ImportError):

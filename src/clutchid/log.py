@@ -1,4 +1,4 @@
-"""A `Log`: everything that has a time axis, recorded, simulated or observed.
+"""A `Log`: recorded, simulated or observed signals over time.
 
 Columns are in SI under the names of `COLUMNS`; a missing sample is NaN.
 """
@@ -39,15 +39,15 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
 
 INPUTS = ("duty_supply", "duty_exhaust")
 
-#: An interval this many times longer than the median one is a hole; exactly five medians are not, rounding apart.
+#: An interval above this multiple of the median is a hole; exactly five medians, up to rounding, are not.
 HOLE = 5.0 * (1 + 1e-6)
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A recording: time in s, columns in SI by name, and where it comes from.
+    """A recording: time in s, columns in SI by name, and metadata about its origin.
 
-    Arrays are set read-only, so a `Log` can be shared between threads and results.
+    Arrays are read-only, so a `Log` can be shared between threads and results.
 
     Raises
     ------
@@ -68,14 +68,14 @@ class Log:
         object.__setattr__(self, "columns", MappingProxyType(columns))
         object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
         unknown = [name for name in columns if name not in COLUMNS]
-        problems = [f"column '{name}' is not known; known are {', '.join(COLUMNS)}." for name in unknown]
+        problems = [f"column '{name}' is not known; known columns are {', '.join(COLUMNS)}." for name in unknown]
         problems += [
             f"column '{name}' has {values.size} samples, time has {time.size}."
             for name, values in columns.items()
             if values.shape != time.shape
         ]
         if time.ndim != 1 or not np.all(np.isfinite(time)) or not np.all(time[1:] > time[:-1]):
-            problems.append("time must be one finite, strictly increasing column.")
+            problems.append("time must be one column of finite, strictly increasing values.")
         if problems:
             raise DataError.of(self.name, problems)
 

@@ -1,8 +1,8 @@
-"""`Parameters`: the Appendix of the paper as code, one row a number.
+"""`Parameters`: the Appendix of the paper as code, one row per parameter.
 
 Each row holds value, unit, meaning, admissible range and source; documentation tables, parameter files and exports read
-the same rows. The load weights theta are not here: they belong to a `clutchid.model.Load`, because a weight means
-nothing without its basis.
+the same rows. The load weights theta are part of a `clutchid.model.Load`, because a weight is meaningless
+without its basis.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _STRIBECK = "Stribeck friction, docs/models.md"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What is known of one parameter besides its value."""
+    """Unit, meaning, admissible range and source of one parameter."""
 
     unit: str
     meaning: str
@@ -71,7 +71,7 @@ class Parameters:
     Raises
     ------
     ParameterError
-        If a value is outside its admissible range; all of them are named.
+        If values are outside their admissible ranges; the text lists all of them.
 
     Examples
     --------
@@ -114,7 +114,7 @@ class Parameters:
     )
     K_stop: float = _row(3e7, "N/m", "stiffness of the end stops", above=0, source=_ERRATA)
     D_stop: float = _row(1e4, "N·s/m", "damping of the end stops", at_least=0, source=_ERRATA)
-    d_stop: float = _row(1e-4, "m", "penetration over which an end stop takes hold", above=0, source=_ERRATA)
+    d_stop: float = _row(1e-4, "m", "penetration over which the end stop force builds up", above=0, source=_ERRATA)
     b_vs: float = _row(
         0.3, "1", "critical pressure ratio of the supply valve", at_least=0, at_most=0.9, source=_BALANCE
     )
@@ -129,16 +129,14 @@ class Parameters:
     h_B: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber B at 1 bar", at_least=0, source=_BALANCE)
     V_S: float = _row(10e-3, "m³", "volume of the supply reservoir", above=0, source=_BALANCE)
     tau_S: float = _row(0.6, "s", "time in which the reservoir recovers", above=0, source=_BALANCE)
-    tau_G: float = _row(
-        10.0, "s", "time in which the compressor's governor comes back to P_S", above=0, source=_BALANCE
-    )
+    tau_G: float = _row(10.0, "s", "time in which the compressor's governor returns to P_S", above=0, source=_BALANCE)
     F_h: float = _row(25.0, "N", "release bearing: friction without load", above=0, source=_BALANCE)
     mu_h: float = _row(
-        0.03, "1", "half the hysteresis of the load, as a share of it", at_least=0, at_most=0.3, source=_BALANCE
+        0.03, "1", "half the hysteresis of the load, as a fraction of it", at_least=0, at_most=0.3, source=_BALANCE
     )
     K_h: float = _row(5e5, "N/m", "stiffness of bearing and fork before they slip", above=0, source=_BALANCE)
-    R_S: float = _row(1.3, "1", "static over Coulomb friction", at_least=1, at_most=5, source=_STRIBECK)
-    v_S: float = _row(0.01, "m/s", "velocity at which static friction fades", above=0, source=_STRIBECK)
+    R_S: float = _row(1.3, "1", "ratio of static to Coulomb friction", at_least=1, at_most=5, source=_STRIBECK)
+    v_S: float = _row(0.01, "m/s", "Stribeck velocity, at which static friction decays", above=0, source=_STRIBECK)
     c_F: float = _row(1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", at_least=0, source=_STRIBECK)
     T_pwm: float = _row(0.0, "s", "period of the valves' carrier; 0: averaged valves", at_least=0, source=_BALANCE)
     s_pwm: float = _row(
@@ -153,7 +151,7 @@ class Parameters:
     t_vs: float = _row(
         0.0,
         "1",
-        "supply valve: travel of its armature, as part of a period",
+        "supply valve: travel of its armature, as a fraction of a period",
         at_least=0,
         at_most=1,
         source=_BALANCE,
@@ -161,7 +159,7 @@ class Parameters:
     t_ve: float = _row(
         0.0,
         "1",
-        "exhaust valve: travel of its armature, as part of a period",
+        "exhaust valve: travel of its armature, as a fraction of a period",
         at_least=0,
         at_most=1,
         source=_BALANCE,
@@ -169,7 +167,7 @@ class Parameters:
     a_0vs: float = _row(
         0.0,
         "1",
-        "supply valve: share that its full pulses have at R_0vs",
+        "supply valve: relative opening of its full pulses at R_0vs",
         at_least=0,
         at_most=0.9,
         source=_BALANCE,
@@ -177,7 +175,7 @@ class Parameters:
     a_0ve: float = _row(
         0.0,
         "1",
-        "exhaust valve: share that its full pulses have at R_0ve",
+        "exhaust valve: relative opening of its full pulses at R_0ve",
         at_least=0,
         at_most=0.9,
         source=_BALANCE,
@@ -201,11 +199,13 @@ class Parameters:
             for valve, low, high in (("vs", self.R_0vs, self.R_1vs), ("ve", self.R_0ve, self.R_1ve)):
                 if low >= high:
                     problems.append(
-                        f"R_0{valve} = {low:g} must be below R_1{valve} = {high:g}: a valve opens with its duty cycle."
+                        f"R_0{valve} = {low:g} must be below R_1{valve} = {high:g}: a valve opens with rising duty "
+                        "cycle."
                     )
             if self.A_B > self.A_A:
                 problems.append(
-                    f"A_B = {self.A_B:g} m² must not exceed A_A = {self.A_A:g} m²: the rod takes area from chamber B."
+                    f"A_B = {self.A_B:g} m² must not exceed A_A = {self.A_A:g} m²: the rod reduces the area of chamber "
+                    "B."
                 )
         if problems:
             raise ParameterError("\n".join(problems))
@@ -213,7 +213,7 @@ class Parameters:
     @classmethod
     @cache
     def names(cls) -> tuple[str, ...]:
-        """Names in the order of the paper's Appendix; the order of `array`."""
+        """Names in the order of the paper's Appendix, which is also that of `array`."""
         return tuple(item.name for item in fields(cls))
 
     @classmethod
@@ -236,7 +236,7 @@ class Parameters:
         return np.array([getattr(self, name) for name in self.names()], dtype=np.float64)
 
     def replace(self, changes: Mapping[str, float]) -> Parameters:
-        """A copy with other values, checked again.
+        """A copy with changed values, validated again.
 
         Raises
         ------
@@ -250,8 +250,8 @@ class Parameters:
         return replace(self, **changes)
 
 
-def unknown_name(name: str, known: Iterable[str], kind: str = "parameter") -> str:
-    """The sentence for a name that is not among `known`, with the nearest one.
+def unknown_name(name: str, known: Iterable[str], what: str = "parameter") -> str:
+    """Message for a name that is not among `known`, with the nearest known name.
 
     Examples
     --------
@@ -261,7 +261,7 @@ def unknown_name(name: str, known: Iterable[str], kind: str = "parameter") -> st
     names = list(known)
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
     hint = f"; did you mean '{near[0]}'?" if near else "."
-    return f"no {kind} '{name}'{hint} Known are {', '.join(names)}."
+    return f"no {what} '{name}'{hint} Known are {', '.join(names)}."
 
 
 def _shown(name: str, value: float, row: Row) -> str:

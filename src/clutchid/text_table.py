@@ -1,12 +1,12 @@
-"""Tables as plain text for a terminal."""
+"""Plain-text tables for a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 
-def text_table(rows: Sequence[Sequence[str]], words: int) -> list[str]:
-    """Lines of a table, two blanks in: the first `words` columns to the left, numbers to the right.
+def text_table(rows: Sequence[Sequence[str]], text_columns: int) -> list[str]:
+    """Lines of a table indented by two spaces: the first `text_columns` columns left-aligned, the others right-aligned.
 
     Examples
     --------
@@ -19,7 +19,7 @@ def text_table(rows: Sequence[Sequence[str]], words: int) -> list[str]:
     lines = []
     for row in rows:
         cells = [
-            f"{cell:<{width}}" if i < words else f"{cell:>{width}}"
+            f"{cell:<{width}}" if i < text_columns else f"{cell:>{width}}"
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         lines.append(("  " + "  ".join(cells)).rstrip())

@@ -1,6 +1,6 @@
 """Units of the columns of a recording, and their conversion to SI.
 
-An own table rather than a unit library: ``kPa(g)`` must mean gauge pressure, not kilopascal times gram.
+A unit library is not used because ``kPa(g)`` must mean gauge pressure, not kilopascal times gram.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _GAUGE_PRESSURES = {
     for mark in ("g", "(g)", "gauge", "_g", "rel", "(rel)", "_rel", "ü")
 }
 
-#: How other programs spell these units, in lower case and without blanks. ``MPa`` and ``mPa`` are not told apart.
+#: Other spellings of these units, in lower case and without blanks. ``MPa`` and ``mPa`` are not distinguished.
 SPELLINGS: dict[str, str] = {
     **_ABSOLUTE_PRESSURES,
     **_GAUGE_PRESSURES,
@@ -82,9 +82,9 @@ def known_units(si: str) -> list[str]:
 
 
 def to_si(values: NDArray[np.float64], name: str, si: str, ambient: float) -> NDArray[np.float64]:
-    """`values` given in the unit `name`, in the SI unit `si`; gauge pressures are raised by `ambient` in Pa.
+    """Convert `values` from the unit `name` to the SI unit `si`; `ambient` in Pa is added to gauge pressures.
 
-    Values that are in SI already are returned as they are, not copied.
+    Values already in SI are returned without a copy.
 
     Raises
     ------

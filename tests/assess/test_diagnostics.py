@@ -96,12 +96,12 @@ def test_an_input_that_leaks_into_the_residual_is_found_at_its_lag(lag, sign):
     assert supply.strongest_lag == pytest.approx(lag * 1e-3)
     assert supply.strongest * sign > supply.strongest_bound
     assert exhaust.share_outside < 0.06
-    told = {
-        -12: "is followed by duty_supply after 12 ms",
-        0: "moves with duty_supply",
+    expected = {
+        -12: "precedes duty_supply by 12 ms",
+        0: "correlates with duty_supply",
         7: "follows duty_supply after 7",
     }
-    assert any(told[lag] in sentence for sentence in remarks(found))
+    assert any(expected[lag] in sentence for sentence in remarks(found))
     assert not any("duty_exhaust" in sentence for sentence in remarks(found))
 
 
@@ -194,21 +194,21 @@ def test_noise_gives_no_cause_for_a_remark():
     assert remarks(diagnose(*recorded(residual, duty_supply=bursts(generator, 20_000)))) == []
 
 
-def test_a_region_with_a_large_error_and_colour_are_told_in_words():
+def test_a_region_with_a_large_error_and_colour_are_reported():
     generator = np.random.default_rng(11)
     measured, simulated = recorded(2e-5 * generator.standard_normal(20_000))
     y = simulated["position"]
     wrong = measured.with_columns(position=measured["position"] + 3e-4 * ((y > 8.5e-3) & (y < 11.5e-3)))
-    told = " ".join(remarks(diagnose(wrong, simulated)))
-    assert "at 8 to 12 mm: " in told
-    assert "is coloured: 100 % of the lags" in told
-    assert "its 20000 samples are worth " in told
+    text = " ".join(remarks(diagnose(wrong, simulated)))
+    assert "at 8 to 12 mm: " in text
+    assert "is coloured: 100 % of the lags" in text
+    assert "its 20000 samples are equivalent to " in text
 
 
-def test_colour_that_costs_no_samples_is_told_without_their_number():
+def test_autocorrelation_that_costs_no_samples_is_reported_without_their_number():
     measured, simulated = recorded(1e-4 * (-1.0) ** np.arange(20_000))
-    (told,) = (s for s in remarks(diagnose(measured, simulated)) if "is coloured" in s)
-    assert "worth" not in told
+    (sentence,) = (s for s in remarks(diagnose(measured, simulated)) if "is coloured" in s)
+    assert "equivalent" not in sentence
 
 
 def test_other_times_and_nothing_to_compare_are_refused():

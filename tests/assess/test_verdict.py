@@ -203,3 +203,20 @@ def test_a_recording_without_a_moment_to_compare_is_left_out(fitted):
     blank = Log(one.measured.time, {**one.measured.columns, "position": np.full(len(one.measured), np.nan)}, "blank")
     both = replace(fitted, recordings={**fitted.recordings, "blank": replace(one, measured=blank)})
     assert set(evidence(both).diagnoses) == {"drive"}
+
+
+@pytest.mark.parametrize(("value", "held"), [(0.0, True), (5e-10, False)])
+def test_an_estimate_lies_at_the_bound_0_where_it_is_0_and_not_where_it_is_small(fitted, value, held):
+    # 5e-10 m³/(Pa·s) is a fortieth of the supply valve, and small beside numbers that are not conductances
+    own = {**fitted.parameters, "C_vs": Estimate(value, "m³/(Pa·s)", 1e-10, value - 2e-10, value + 2e-10)}
+    covariance = np.diag([*np.diag(fitted.covariance), 1e-20])
+    bounds = {**fitted.bounds, "C_vs": (0.0, 57e-9)}
+    found = reasons(replace(fitted, parameters=own, covariance=covariance, bounds=bounds))
+    assert ("C_vs (lower) lies at its bound" in found) == held
+
+
+@pytest.mark.parametrize(("share", "held"), [(1e-10, True), (1e-8, False)])
+def test_an_estimate_lies_at_a_bound_to_a_billionth_of_it(fitted, share, held):
+    value = fitted.parameters["theta_1"].value
+    near = replace(fitted, bounds={**fitted.bounds, "theta_1": (0.0, (1.0 + share) * value)})
+    assert ("theta_1 (upper) lies at its bound" in reasons(near)) == held

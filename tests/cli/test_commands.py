@@ -145,9 +145,9 @@ def test_look_lists_columns_units_and_ranges(recording: Path) -> None:
         (["fit", "LOG", "--nonsense"], ["--nonsense"]),
         (
             ["fit", "--verify", "LOG", "LOG"],
-            ["no recording", "put the recordings before --verify, --bounds and --prior"],
+            ["no recording", "put the recordings first"],
         ),
-        (["fit", "--bounds", "theta_1=0:1e6", "LOG"], ["no recording", "before --verify, --bounds and --prior"]),
+        (["fit", "--bounds", "theta_1=0:1e6", "LOG"], ["no recording", "put the recordings first"]),
         (["fit", "LOG", "--carry", "p"], ["--carry p", "there are no resets; give --every N or --parts N"]),
         (["fit", "LOG", "--save", "LOG"], ["--save", "is a recording that is fitted"]),
         (["fit", "LOG", "--report", "LOG"], ["--report", "is a recording that is fitted"]),

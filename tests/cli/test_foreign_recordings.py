@@ -117,7 +117,9 @@ def test_an_mdf_of_two_rasters_is_fitted_by_its_names(tmp_path, log, peak):
         mdf.append(held)
         mdf.save(path)
     made = read(path)
-    assert made.warnings[0].startswith("the channels are taken by their names: position = 'ClutchPos', duty_supply =")
+    assert made.warnings[0].startswith(
+        "the channels were identified by their names: position = 'ClutchPos', duty_supply ="
+    )
     assert np.array_equal(made["position"], log["position"].round(15)) or np.allclose(
         made["position"], log["position"], rtol=0, atol=1e-15
     )
@@ -148,7 +150,7 @@ def test_nothing_is_written_where_nothing_could_be_fitted(tmp_path, capsys):
     still = {"position": np.zeros(2000), "duty_supply": np.zeros(2000), "duty_exhaust": np.zeros(2000)}
     write(Log(time, still), tmp_path / "still.csv")
     assert call("cut", tmp_path / "still.csv", "--out", tmp_path / "best.csv") == 2
-    assert "no stroke of at most 60 s that could be fitted" in capsys.readouterr().err
+    assert "no usable stroke of at most 60 s was found" in capsys.readouterr().err
     assert not (tmp_path / "best.csv").exists()
 
 
@@ -158,7 +160,7 @@ def test_a_map_that_does_not_fit_is_one_clear_sentence(tmp_path, log, capsys):
     assert call("fit", tmp_path / "run.csv", "--map", tmp_path / "MAP.toml") == 2
     said = capsys.readouterr().err
     assert "position: there is no channel 'Weg'" in said
-    assert "no channel for duty_supply, duty_exhaust" in said
+    assert "no channel is assigned to duty_supply, duty_exhaust" in said
     assert call("fit", tmp_path / "run.csv", "--map", tmp_path / "NO.toml") == 2
     assert "there is no such file" in capsys.readouterr().err
     assert call("look", tmp_path / "run.csv", "--dbc", tmp_path / "NO.dbc") == 2

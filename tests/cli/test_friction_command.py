@@ -73,4 +73,4 @@ def test_lugre_is_fitted_to_each_recording(monkeypatch, capsys):
 def test_a_force_with_the_wrong_sign_is_bad_input_in_one_sentence(monkeypatch, capsys):
     turned = [log.with_columns(force=-log["force"]) for log in block()]
     assert called(monkeypatch, turned, "--law", "lugre") == 2
-    assert "turn its sign" in capsys.readouterr().err
+    assert "invert its sign" in capsys.readouterr().err

@@ -159,3 +159,22 @@ def test_a_damaged_compiled_file_of_python_is_made_again(source, rest, monkeypat
 def test_an_error_in_a_module_is_told_as_it_is(source):
     with pytest.raises(ValueError, match="as the module has it"):
         load_module("numbers", [source], lambda: "raise ValueError('as the module has it')\n")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+@pytest.mark.parametrize(
+    ("mode", "trusted"),
+    [(0o720, False), (0o702, False), (0o755, True), (0o700, True)],
+    ids=["the group writes", "others write", "all read", "mine alone"],
+)
+def test_a_temporary_folder_is_trusted_where_neither_the_group_nor_others_write(
+    source, tmp_path, monkeypatch, mode, trusted
+):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("CLUTCHID_CACHE", str(tmp_path / "file" / "cache"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    there = tmp_path / f"clutchid-{os.getuid()}"
+    there.mkdir()
+    there.chmod(mode)
+    module = load_module("numbers", [source], lambda: "value = 1\n")
+    assert Path(module.__file__).is_relative_to(there) == trusted

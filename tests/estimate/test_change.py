@@ -233,3 +233,14 @@ def test_fitted_changes_come_as_data_by_recording_and_group(calibrated, plant):
         f"(C_vs 2e-08 -> {value} m³/(Pa·s), C_ve 1.5e-08 -> {value} m³/(Pa·s))."
     )
     assert second.startswith("b: viscous friction has changed")
+
+
+def test_what_is_free_here_is_compared_with_a_calibration_in_which_it_was_free_too(plant):
+    # at the calibration the supply would have moved by 5 % and the friction not at all; with the supply held, the
+    # friction would have moved in its stead, by 0.9 of that
+    before = Score(("D_v", "P_S"), np.array([0.0, 0.05]), 1e-4 * np.array([[1.0, 0.9], [0.9, 1.0]]))
+    here = Score(("D_v@w",), np.array([0.0]), np.array([[1e-8]]))
+    held, fitted = (FreeParameters(names, ("position",)) for names in (("theta_1",), ("theta_1", "P_S")))
+    assert before.of(["D_v"]).shift[0] == pytest.approx(-0.045), "three times as far as recordings of one truck"
+    assert with_changes(fitted, here, before, plant) is fitted
+    assert with_changes(held, here, before, plant).names == ("theta_1", "D_v@w")

@@ -98,7 +98,12 @@ def test_a_load_read_with_slightly_thicker_grease_has_a_wider_band_that_holds_it
     )
     assert honest.actuator.load.theta == sure.actuator.load.theta, "the grease is held"
     assert any(note.startswith("cool: viscous friction may have changed") for note in change_sentences(honest.changes))
-    half = [np.mean(fit.load_curve.high - fit.load_curve.low) for fit in (honest, sure)]
+    (change,) = honest.changes
+    known = blind.inflated(("D_v",), np.array([[(change.after - change.before) ** 2]]))
+    request = FitRequest(("position",), ("load",), calibration=known)
+    told = fit_with_priors(SHOOTING, [log], calibrated.actuator, request)
+    half = [np.mean(fit.load_curve.high - fit.load_curve.low) for fit in (honest, sure, told)]
+    assert half[0] == pytest.approx(half[2], rel=1e-9), "as wide as where the calibration is unsure by what has moved"
     assert half[0] > 1.5 * half[1]
     curve = honest.load_curve
     at = (curve.position > 0.5e-3) & (curve.position < 20e-3)
@@ -112,3 +117,11 @@ def test_doubt_is_added_to_what_is_known_and_to_what_is_not():
     assert wider.names == ("a", "b", "c")
     assert np.array_equal(wider.covariance, [[2.0, 1.0, 0.0], [1.0, 7.0, 0.5], [0.0, 0.5, 5.0]])
     assert np.array_equal(one.covariance, [[2.0, 1.0], [1.0, 3.0]])
+
+
+@pytest.mark.parametrize(("first", "second"), [(2.7, 2.2), (2.2, 2.7)])
+def test_the_recording_that_moved_most_counts_wherever_it_stands(plant, first, second):
+    here = Score(("D_v@a", "D_v@b"), GREASE * np.array([first, second]), 1e-16 * np.eye(2))
+    less, changes = doubted(known(D_v=0.0), here, {"a": set(), "b": set()}, set(), plant)
+    assert less.covariance[0, 0] == pytest.approx(1.0 + (2.7 * GREASE * plant.value("D_v")) ** 2)
+    assert [change.distance for change in changes] == pytest.approx([first, second])

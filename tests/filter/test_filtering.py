@@ -201,3 +201,19 @@ def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_tim
     )
     assert isinstance(found, Failure)
     assert "0.7" in found.message
+
+
+def test_the_filter_is_the_textbook_filter_where_samples_are_not_evenly_spaced(task, plant):
+    track = task.tracks[0]
+    # 0.5 and 1.5 ms in turn, so that the interval before a sample and the one after it are never alike
+    dt = track.segment.dt * np.where(np.arange(track.segment.dt.size) % 2, 1.5, 0.5)
+    substeps = 2 * track.segment.substeps
+    uneven = replace(track, segment=replace(track.segment, dt=dt, substeps=substeps))
+    other, length = replace(task, tracks=(uneven,)), 400
+    errors, states = textbook(other, plant, length)
+    found = followed(other)
+    assert plant.parameters.tau_p > 0.0
+    assert np.ptp(states[:, 2]) > 1e5, "the pressure must move, or its lag is not seen"
+    size = np.array([ALL_IN.measured[name] for name in BOTH])
+    assert found.errors[:length, :, 0] / size == pytest.approx(errors[:, :, 0] / size, abs=1e-4)
+    assert found.errors[:length, :, 1] == pytest.approx(errors[:, :, 1], rel=1e-4)

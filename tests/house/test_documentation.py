@@ -4,6 +4,10 @@ import importlib.util
 import re
 from pathlib import Path
 
+from clutchid.estimate.change import CHANGES, SUPPLY
+from clutchid.states import STATES
+from clutchid.uncertainty.coordinates import SHARES
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -33,3 +37,48 @@ def test_the_readme_names_every_verb_of_the_command_line():
     verbs = {path.stem for path in (ROOT / "src" / "clutchid" / "cli").glob("*.py")} - {"__init__", "common"}
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert {verb for verb in verbs if f"clutchid {verb}" not in readme} == set()
+
+
+def test_every_python_file_that_the_documentation_names_exists():
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    spans = [(page, span) for page in pages for span in re.findall(r"`([^`\n]+)`", page.read_text(encoding="utf-8"))]
+    named = [(page.name, path) for page, span in spans for path in re.findall(r"[\w./-]+\.py\b", span)]
+    assert len(named) > 20
+    places = (ROOT, ROOT / "src" / "clutchid")
+    assert [f"{page}: {path}" for page, path in named if not any((place / path).exists() for place in places)] == []
+
+
+def test_every_link_to_a_section_leads_to_its_heading():
+    pages = {page.name: page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md")}
+    links = [(name, link) for name, page in pages.items() for link in re.findall(r"\]\((\w*\.?\w*#[^)]+)\)", page)]
+    dead = []
+    for name, link in links:
+        page, section = link.split("#")
+        headings = re.findall(r"^#+ (.+)$", pages[page or name], re.MULTILINE)
+        if section not in {re.sub(r"[^\w -]", "", heading).lower().replace(" ", "-") for heading in headings}:
+            dead.append(f"{name}: {link}")
+    assert links
+    assert dead == []
+
+
+def test_the_page_of_derivations_has_the_noise_of_the_states_that_the_code_has():
+    text = (ROOT / "docs" / "derivations.md").read_text(encoding="utf-8")
+    rows = [
+        f"| `{name}`, {s.meaning} | {s.noise:g} {s.unit} | {s.start:g} {s.unit} | {s.unknown_start:g} {s.unit} |"
+        for name, s in STATES.items()
+    ]
+    assert [row for row in rows if row not in text] == []
+
+
+def test_the_page_of_derivations_has_the_changes_that_the_code_looks_for():
+    text = (ROOT / "docs" / "derivations.md").read_text(encoding="utf-8")
+
+    def shown(name, std):
+        return f"{100 * std:g} %" if name in SHARES else f"{std:g}"
+
+    rows = [
+        f"| {group} | `{name}` | {shown(name, near.far)} | {shown(name, near.same)} |"
+        for group, parameters in {**CHANGES, **SUPPLY}.items()
+        for name, near in parameters.items()
+    ]
+    assert [row for row in rows if row not in text] == []

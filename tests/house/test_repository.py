@@ -70,3 +70,8 @@ def test_names_of_tests_are_sentences():
         for name in re.findall(r"^\s*def (test_\w+)\(", path.read_text(encoding="utf-8"), re.MULTILINE)
     ]
     assert [name for name in names if name.rpartition("test_")[2].count("_") < 2] == []
+
+
+def test_every_file_that_is_marked_slow_is_there(request):
+    conftest = next(p for p in request.config.pluginmanager.get_plugins() if getattr(p, "SLOW", None))
+    assert [name for name in conftest.SLOW if not (ROOT / "tests" / name).is_file()] == []

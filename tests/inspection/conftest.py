@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from clutchid.inspection import Finding, inspect
+from clutchid.inspection import Check, inspect
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.truck import drive, truck
@@ -27,11 +27,11 @@ def recorded() -> Callable[..., Log]:
 
 
 @pytest.fixture(scope="session")
-def found() -> Callable[..., Finding]:
-    """What one check found: found(log, "time shift", actuator)."""
+def found() -> Callable[..., Check]:
+    """Result of one check: found(log, "time shift", actuator)."""
 
-    def look(log: Log, check: str, actuator: Actuator | None = None) -> Finding:
-        return next(one for one in inspect(log, actuator).findings if one.check == check)
+    def look(log: Log, check: str, actuator: Actuator | None = None) -> Check:
+        return next(one for one in inspect(log, actuator).checks if one.name == check)
 
     return look
 

@@ -95,15 +95,15 @@ def test_a_start_that_tells_no_time_is_left_out(strokes, name, begin, end, value
     assert starts(Reading(log.with_columns(**{name: changed}), ACTUATOR)).measured.size == 5
 
 
-@pytest.mark.parametrize(("still", "verdict"), [(3, "good"), (4, "bad")])
-def test_where_most_strokes_show_no_motion_the_channels_do_not_belong_together(strokes, found, still, verdict):
+@pytest.mark.parametrize(("still", "grade"), [(3, "good"), (4, "bad")])
+def test_where_most_strokes_show_no_motion_the_channels_do_not_belong_together(strokes, found, still, grade):
     log = strokes()
     position = log["position"].copy()
     end = 1000 * (still + 1)
     position[:end] = 2e-6 * np.random.default_rng(1).standard_normal(end)
     seen = found(log.with_columns(position=position), "time shift", ACTUATOR)
-    assert seen.verdict == verdict
-    assert ("no motion in 4 of 6" in seen.value) == (verdict == "bad")
+    assert seen.grade == grade
+    assert ("no motion in 4 of 6" in seen.value) == (grade == "bad")
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.inspection.signal import noise, quantum, runs, stretches
+from clutchid.inspection.signal import noise, quantum, run_ends, runs
 
 
 @given(st.lists(st.sampled_from([0.0, 1.0, float("nan")]), min_size=1, max_size=40))
@@ -25,7 +25,7 @@ def test_runs_are_what_a_plain_loop_finds(values):
 @given(st.lists(st.booleans(), max_size=30))
 def test_stretches_cover_what_holds_and_nothing_else(mask):
     covered = np.zeros(len(mask), dtype=bool)
-    for start, stop in zip(*stretches(np.array(mask, dtype=bool)), strict=True):
+    for start, stop in zip(*run_ends(np.array(mask, dtype=bool)), strict=True):
         covered[start:stop] = True
     assert covered.tolist() == mask
 

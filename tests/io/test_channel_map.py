@@ -45,7 +45,7 @@ def test_comments_of_a_proposal_stand_above_their_entry():
     assert "# 0 to 20 mm\n[position]\n" in text
 
 
-def test_every_problem_is_told_at_once(save):
+def test_all_problems_are_reported_together(save):
     path = save(
         "raster = -1\ndbc = 3\nposition = 4\n[positon]\nchannel = 'x'\n[time]\nchanel = 't'\n[pressure_a]\n"
         "channel = 'p'\nunit = 'mm'\nsign = 2\nfactor = 0\nlongest = 0\n[duty_supply]\nchannel = 1\noffset = nan\n",
@@ -63,10 +63,10 @@ def test_every_problem_is_told_at_once(save):
         "[time]: no entry 'chanel'; did you mean 'channel'?",
         "[time]: has no channel",
         "[pressure_a] unit = 'mm': is not known here; use one of Pa,",
-        "sign = 2: is 1 or -1",
-        "factor = 0: nothing",
-        "longest = 0 s: is above 0",
-        "[duty_supply] channel = 1: a text",
+        "sign = 2: must be 1 or -1",
+        "factor = 0: must not be 0",
+        "longest = 0 s: must be above 0",
+        "[duty_supply] channel = 1: a string",
     ):
         assert part in text
     assert "offset = nan: a finite number" in text
@@ -74,12 +74,12 @@ def test_every_problem_is_told_at_once(save):
 
 @pytest.mark.parametrize("text", ["", "raster = 0.1\n"])
 def test_a_map_without_a_channel_is_none(save, text):
-    with pytest.raises(ParameterError, match="names no channel"):
+    with pytest.raises(ParameterError, match="contains no channel"):
         read_map(save(text, "MAP.toml"))
 
 
 def test_no_toml_and_no_file(save, tmp_path):
-    with pytest.raises(ParameterError, match="is no TOML file"):
+    with pytest.raises(ParameterError, match="is not a TOML file"):
         read_map(save("[position", "MAP.toml"))
     with pytest.raises(DataError, match="there is no such file"):
         read_map(tmp_path / "NO.toml")

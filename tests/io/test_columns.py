@@ -45,7 +45,7 @@ def test_duplicates_are_found_whatever_their_spelling_and_unit():
 
 def test_a_missing_column_is_named_with_the_nearest_one_and_what_the_file_has():
     (problem,) = heading_problems(headings(["time [s]", "positon [mm]", "duty_supply [1]", "duty_exhaust [1]"]))
-    assert problem.startswith("no column 'position' (write position [m]; did you mean it by 'positon [mm]'?)")
+    assert problem.startswith("no column 'position' (write position [m]; is it 'positon [mm]'?)")
     assert problem.endswith("the file has 'time [s]', 'positon [mm]', 'duty_supply [1]', 'duty_exhaust [1]'.")
 
 

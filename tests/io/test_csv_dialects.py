@@ -165,15 +165,15 @@ def test_a_file_without_names_has_numbered_columns_that_only_a_map_can_use(save)
     source, tables, columns = read(path)
     assert [heading.text for heading in source.rasters[0].headings] == ["column 1", "column 2"]
     assert columns == [[0, 1], [1.5, 2.5]]
-    assert source.unnamed.startswith("line 1: the first line holds numbers; a header such as")
+    assert source.unnamed.startswith("line 1: the first line contains numbers; a header such as")
     assert tables[0].problems == ()
-    with pytest.raises(DataError, match="the first line holds numbers"):
+    with pytest.raises(DataError, match="the first line contains numbers"):
         cio.read(path)
 
 
 def test_two_columns_of_whole_numbers_or_one_with_a_decimal_comma(save):
     (doubt,) = read(save("0,5\n1,5\n"))[0].warnings
-    assert "or is it one column with a decimal comma?" in doubt
+    assert "this may also be one column with a decimal comma" in doubt
 
 
 WORDS = ["NaN", "nan", "NA", "n/a", "-", "#N/A", "null", "", " ", "NULL", "None", "--", "1.#QNAN", " n/a "]
@@ -199,7 +199,9 @@ def test_truth_values_are_one_and_zero(save, parser, on, off):
 
 def test_a_truth_value_among_numbers_is_a_problem(save, parser):
     (problem,) = read(save("time [s];position [m]\n0;0.5\n1;off\n2;0.5\n"))[1][0].problems
-    assert problem.startswith("column 'position [m]' holds what is no number: line 3 has 'off'; write a number like")
+    assert problem.startswith(
+        "column 'position [m]' contains cells that are not numbers: line 3 has 'off'; write a number like"
+    )
 
 
 @pytest.mark.parametrize(
@@ -236,16 +238,17 @@ def test_what_is_no_stamp_among_stamps_is_a_problem(save, parser):
     text = "Time;x\n12:00:00;1\n12:00:99;2\n25:00:00;3\n12:00:01;4\n12:00:02;5\n"
     (problem,) = read(save(text))[1][0].problems
     assert problem.startswith(
-        "column 'Time' holds what is no number: line 3 has '12:00:99', line 4 has '25:00:00'; write a time like"
+        "column 'Time' contains cells that are not numbers: line 3 has '12:00:99', line 4 has '25:00:00'; write date "
+        "and time as in the other cells"
     )
 
 
 def test_a_comma_that_may_be_a_decimal_comma_or_a_mark_between_thousands_is_not_guessed(save, parser):
     (problem,) = read(save("time [s];position [mm]\n0;1,234\n1;2,345\n"))[1][0].problems
     assert problem == (
-        "column 'position [mm]' holds what is no number: line 2 has '1,234', line 3 has '2,345'; no cell tells "
-        "whether the comma is a decimal comma or stands between thousands: write a decimal point, or leave the cell "
-        "empty where the sample is missing."
+        "column 'position [mm]' contains cells that are not numbers: line 2 has '1,234', line 3 has '2,345'; the comma "
+        "may be a decimal or a thousands separator: write a decimal point, or leave the "
+        "cell empty where the sample is missing."
     )
 
 
@@ -263,7 +266,7 @@ def test_marks_between_thousands_are_a_problem(save, parser, cell):
     mark = "," if cell.endswith(",5") else "."
     text = f"time [s];position [mm]\n0;0{mark}5\n1;{cell}\n2;0{mark}75\n"
     (problem,) = read(save(text))[1][0].problems
-    assert f"line 3 has '{cell}'; write a number without marks between the thousands" in problem
+    assert f"line 3 has '{cell}'; write a number without thousands separators" in problem
 
 
 def test_a_point_among_decimal_commas_is_a_problem(save, parser):
@@ -376,7 +379,7 @@ def test_a_line_without_end_is_no_table(save):
 
 def test_a_table_on_its_side_is_refused(save):
     (problem,) = open_file(save("# rig\n" + "0;" * 20000 + "0\n")).problems
-    assert problem == "line 2 has more than 10,000 cells; write a channel a column, a sample a line."
+    assert problem == "line 2 has more than 10,000 cells; write one column per channel and one line per sample."
 
 
 def test_every_recording_of_an_actuator_opens():
@@ -393,6 +396,6 @@ def test_every_recording_of_an_actuator_opens():
     assert found["worn1.csv"][0].rasters[0].clock == 0
     (problem,) = found["Prusa.csv"][1][0].problems
     assert "line 11 has '1.002.000'" in problem
-    assert "write a number without marks between the thousands" in problem
+    assert "write a number without thousands separators" in problem
     told = {name for name, (_, tables, _) in found.items() if tables[0].problems}
     assert told == {"Prusa.csv", "Formlabs.csv"}

@@ -85,7 +85,7 @@ def test_a_file_without_samples_is_a_list_of_problems(save, content, problem):
 
 def test_a_file_without_names_says_so_and_shows_its_columns(save):
     seen = look(save("1,2.5\n3,4.5\n"))
-    assert any("the first line holds numbers" in sentence for sentence in seen.problems)
+    assert any("the first line contains numbers" in sentence for sentence in seen.problems)
     assert [(column.heading, column.high) for column in seen.rasters[0].columns] == [
         ("column 1", 3.0),
         ("column 2", 4.5),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.io.columns import REQUIRED
-from clutchid.io.proposal import agreed, propose
+from clutchid.io.proposal import map_for, propose
 
 TIME = np.arange(100) / 100
 DUTY = (TIME % 0.2 < 0.1) * 1.0
@@ -44,8 +44,8 @@ def test_other_pressures_and_positions_are_left_alone(source):
         "position": "Kupplungsweg",
     }
     assert found.open == (
-        "duty_supply: no channel has a name that tells it; write it into the map.",
-        "duty_exhaust: no channel has a name that tells it; write it into the map.",
+        "duty_supply: no channel name matches; add it to the map.",
+        "duty_exhaust: no channel name matches; add it to the map.",
     )
 
 
@@ -73,7 +73,7 @@ def test_two_that_fit_as_well_are_told(source):
     assert found.complete
     columns = {"t": ("s", TIME), "Weg 1": ("mm", TIME), "Weg 2": ("mm", TIME)}
     both = propose(source(columns, clock=False))
-    assert "position: 'Weg 1' is taken, but 'Weg 2' would fit as well." in both.open
+    assert "position: 'Weg 1' is proposed, but 'Weg 2' would match as well." in both.open
 
 
 def test_the_same_name_in_two_groups_gets_its_group(source):
@@ -84,4 +84,4 @@ def test_the_same_name_in_two_groups_gets_its_group(source):
 
 def test_a_given_map_wins(source):
     given = propose(source({"t": ("s", TIME), "Weg": ("mm", TIME)})).channels
-    assert agreed(source({"t": ("s", TIME), "ClutchPos": ("mm", TIME)}), given, REQUIRED) is given
+    assert map_for(source({"t": ("s", TIME), "ClutchPos": ("mm", TIME)}), given, REQUIRED) is given

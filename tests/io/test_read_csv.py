@@ -86,7 +86,7 @@ def test_the_ambient_pressure_of_the_paper_is_the_default():
 @pytest.mark.parametrize("ambient", [0.0, -1.0, np.nan, np.inf])
 def test_an_ambient_pressure_is_above_zero(recording, save, ambient):
     with pytest.raises(
-        ParameterError, match=r"ambient = .* Pa: an absolute pressure is above 0. Appendix A has 109500"
+        ParameterError, match=r"ambient = .* Pa: an absolute pressure must be above 0. Appendix A has 109500"
     ):
         cio.read(save(recording()), ambient=ambient)
 

@@ -32,13 +32,13 @@ def test_a_header_without_samples(recording, save):
 
 def test_samples_without_a_header(recording, save):
     (problem,) = problems(save(recording(3).split("\n", 1)[1]))
-    assert problem.startswith("line 1: the first line holds numbers; a header such as")
+    assert problem.startswith("line 1: the first line contains numbers; a header such as")
 
 
 def test_missing_columns_are_reported_in_one_sentence(save):
     (problem,) = problems(save("time [s],positon [mm],gear [1]\n0,0,0\n"))
     assert problem == (
-        "no columns 'position' (write position [m]; did you mean it by 'positon [mm]'?), "
+        "no columns 'position' (write position [m]; is it 'positon [mm]'?), "
         "'duty_supply' (write duty_supply [1]), 'duty_exhaust' (write duty_exhaust [1]); "
         "the file has 'time [s]', 'positon [mm]', 'gear [1]'."
     )
@@ -48,12 +48,12 @@ def test_cells_that_are_no_numbers(recording, save):
     cells = {(i, 1): f"bad{i}" for i in range(2, 9)} | {(3, 4): "0,5 bar"[:3].replace(",", "_"), (4, 2): "١"}
     position, duty, pressure = problems(save(recording(10, cells)))
     assert position == (
-        "column 'position [m]' holds what is no number: line 4 has 'bad2', line 5 has 'bad3', line 6 has 'bad4', "
-        "line 7 has 'bad5', line 8 has 'bad6' and 2 more; "
+        "column 'position [m]' contains cells that are not numbers: line 4 has 'bad2', line 5 has 'bad3', line 6 has "
+        "'bad4', line 7 has 'bad5', line 8 has 'bad6' and 2 more; "
         "write a number like 0.0125, or leave the cell empty where the sample is missing."
     )
-    assert "column 'duty_supply [1]' holds what is no number: line 6 has '١';" in duty
-    assert "column 'pressure_a [Pa]' holds what is no number: line 5 has '0_5';" in pressure
+    assert "column 'duty_supply [1]' contains cells that are not numbers: line 6 has '١';" in duty
+    assert "column 'pressure_a [Pa]' contains cells that are not numbers: line 5 has '0_5';" in pressure
 
 
 def test_a_decimal_comma_is_pointed_out(recording, save):
@@ -118,8 +118,8 @@ def test_a_time_that_is_no_number_is_not_reported_as_missing_too(recording, save
 
 def test_time_that_goes_back_or_repeats(recording, save):
     assert problems(save(recording(6, {(2, 0): "0.001", (4, 0): "0.0005"}))) == [
-        "column 'time [s]' goes back or repeats: line 4 has 0.001 s after 0.001 s, line 6 has 0.0005 s after 0.003 s; "
-        "time must grow from sample to sample."
+        "column 'time [s]' decreases or repeats: line 4 has 0.001 s after 0.001 s, line 6 has 0.0005 s after 0.003 s; "
+        "time must increase from sample to sample."
     ]
     (problem,) = problems(
         save(recording(30, {(i, 0): "1" for i in range(20)} | {(i, 0): str(i) for i in range(20, 30)}))
@@ -137,7 +137,7 @@ def test_time_is_compared_across_a_sample_without_time(recording, save):
 def test_a_duty_cycle_outside_zero_to_one(recording, save):
     (problem,) = problems(save(recording(5, {(1, 2): "1.2", (2, 2): "-0.1", (3, 2): "1.0000000005"})))
     assert problem == (
-        "column 'duty_supply [1]' is no duty cycle: line 3 has 1.2, line 4 has -0.1; "
+        "column 'duty_supply [1]' is not a duty cycle: line 3 has 1.2, line 4 has -0.1; "
         "allowed is 0 to 1: correct the values or the unit."
     )
 
@@ -145,7 +145,7 @@ def test_a_duty_cycle_outside_zero_to_one(recording, save):
 def test_a_duty_cycle_that_looks_like_per_cent(recording, save):
     (problem,) = problems(save(recording(3, {(1, 3): "85"})))
     assert problem == (
-        "column 'duty_exhaust [1]' is no duty cycle: line 3 has 85; looks like per cent: write duty_exhaust [%]."
+        "column 'duty_exhaust [1]' is not a duty cycle: line 3 has 85; looks like percent: write duty_exhaust [%]."
     )
     (problem,) = problems(
         save(recording(3, {(0, 2): "0", (1, 2): "101", (2, 2): "0"}).replace("supply [1]", "supply [%]"))

@@ -106,14 +106,16 @@ def test_every_misfit_of_the_map_is_told_at_once(source):
 def test_without_stamps_the_map_has_to_name_them(source):
     table = {"n": (None, SLOW), "Weg": ("mm", SLOW), "a": ("1", 0 * SLOW), "b": ("1", 0 * SLOW)}
     entries = {"position": Channel("Weg"), "duty_supply": Channel("a"), "duty_exhaust": Channel("b")}
-    with pytest.raises(DataError, match="does not say when they were taken; map \\[time\\] too"):
+    with pytest.raises(DataError, match="defines no time axis for them; add \\[time\\]"):
         read(source(table, clock=False), ChannelMap(entries))
     (log,) = read(source(table, clock=False), ChannelMap({**entries, "time": Channel("n", unit="min")}))
     assert np.array_equal(log.time, SLOW * 60)
 
 
 def test_what_the_map_lacks_is_named(source):
-    with pytest.raises(DataError, match="no channel for duty_supply, duty_exhaust; add \\[duty_supply\\] to the map"):
+    with pytest.raises(
+        DataError, match="no channel is assigned to duty_supply, duty_exhaust; add \\[duty_supply\\] to the map"
+    ):
         read(source(TRAVEL), ChannelMap({"position": MAP.channels["position"]}))
     (log,) = read(source(TRAVEL), ChannelMap({"position": MAP.channels["position"]}), required=("position",))
     assert list(log.columns) == ["position"]
@@ -121,9 +123,9 @@ def test_what_the_map_lacks_is_named(source):
 
 def test_bad_samples_are_told_with_their_row_and_stamps_are_mended(source):
     bad = {**VALVES, "Auslass": ("1", np.where(np.arange(2000) == 77, 3.0, 0.0))}
-    with pytest.raises(DataError, match="column 'Auslass' is no duty cycle: row 78 has 3"):
+    with pytest.raises(DataError, match="column 'Auslass' is not a duty cycle: row 78 has 3"):
         read(source(bad, TRAVEL, PRESSURE))
     again = {name: (unit, np.r_[values, values]) for name, (unit, values) in VALVES.items()}
     (log,) = read(source(again, TRAVEL, PRESSURE))
     assert log.time.size == 4000
-    assert any(w.startswith("group 0: the clock starts again at row 2001") for w in log.warnings)
+    assert any(w.startswith("group 0: the clock restarts at row 2001") for w in log.warnings)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.rig import coulomb_friction, fit_lugre, verdict
+from clutchid.rig import conclusions, coulomb_friction, fit_lugre
 
 AMBIENT = 101_325.0
 
@@ -77,7 +77,7 @@ def test_the_cylinders_friction_grows_with_pressure_and_a_constant_is_called_ina
     assert frictions == sorted(frictions)
     assert found.test.p_value < 1e-6
     assert found.slope.low > 0.0
-    sentence = verdict(found)[0]
+    sentence = conclusions(found)[0]
     assert "a constant F_C is inadequate" in sentence
     assert "energy-balance-stribeck" in sentence
 
@@ -88,9 +88,9 @@ def test_the_area_of_the_cylinder_comes_out_of_the_forces(cylinder):
     assert area.low <= np.pi / 4 * 0.025**2 <= area.high
 
 
-def test_running_in_and_the_speeds_of_the_machine_are_told(cylinder):
+def test_running_in_and_the_speeds_of_the_machine_are_reported(cylinder):
     found = coulomb_friction(cylinder)
-    told = "\n".join(verdict(found)[1:])
+    text = "\n".join(conclusions(found)[1:])
     assert found.levels[3].drifts
-    assert "drifts between 7.19 and 8.37 N over its 9 cycles" in told
-    assert "the speed out differs between levels, 5.4 to 10.0 mm/s" in told
+    assert "drifts between 7.19 and 8.37 N over its 9 cycles" in text
+    assert "the speed out differs between levels, 5.4 to 10.0 mm/s" in text

@@ -50,8 +50,8 @@ def test_what_a_verdict_cannot_see_is_folded():
 def test_a_row_of_panels_for_each_measured_column(diagnosis):
     axes = colour_figure(diagnosis).axes
     assert len(axes) == 3 * 2
-    assert [axis.get_title(loc="left") for axis in axes[:2]] == ["position: with itself", "with the supply valve"]
-    assert axes[3].get_title(loc="left") == "pressure A: with itself"
+    assert [axis.get_title(loc="left") for axis in axes[:2]] == ["position: autocorrelation", "with the supply valve"]
+    assert axes[3].get_title(loc="left") == "pressure A: autocorrelation"
     assert all(axis.get_xlabel() == "lag [ms]" for axis in axes)
 
 
@@ -67,7 +67,7 @@ def test_an_input_that_does_not_move_is_said_not_drawn(fitted):
     one = fitted.recordings["first"]
     still = one.measured.with_columns(duty_exhaust=np.zeros(len(one.measured)))
     found = diagnosed(replace(fitted, recordings={"first": replace(one, measured=still)}), "first")
-    assert [text.get_text() for text in colour_figure(found).axes[2].texts] == ["does not move"]
+    assert [text.get_text() for text in colour_figure(found).axes[2].texts] == ["constant"]
 
 
 def test_bars_have_the_height_of_the_errors_by_region(diagnosis):

@@ -65,7 +65,7 @@ def test_the_page_says_where_it_comes_from(html):
 
 
 def test_fixed_parameters_stand_on_the_page_and_free_ones_are_not_called_fixed(html):
-    fixed = re.search(r"Held fixed: (.*?)</p>", html).group(1)
+    fixed = re.search(r"Fixed: (.*?)</p>", html).group(1)
     assert "C_vs = 1.9·10⁻⁸ m³/(Pa·s)" in fixed
     assert "theta" not in fixed
 

@@ -32,7 +32,7 @@ def test_a_load_on_b_splines_is_forces_and_its_weights_are_folded(on_b_splines):
     table, load, weights, _fixed = parameter_blocks(on_b_splines)
     assert table.column("name") == ("P_S@first", "F_C")
     assert isinstance(load, Table)
-    assert load.title == "Load at round positions"
+    assert load.title == "Load over position"
     assert weights.summary == f"{len(on_b_splines.actuator.load.names)} load weights"
     assert weights.blocks[0].column("name") == on_b_splines.actuator.load.names
 

@@ -1,10 +1,10 @@
-"""Where a pressure from the position can be believed: between vented rests and within the reach."""
+"""Where a pressure from the position can be reliable: between vented rests and within the reach."""
 
 import numpy as np
 
 from clutchid.log import Log
 from clutchid.parameters import Parameters
-from clutchid.report.pressure_span import believed, vented_rests
+from clutchid.report.pressure_span import reliable, vented_rests
 
 T = np.arange(0.0, 4.0, 1e-3)
 
@@ -25,14 +25,14 @@ def test_rests_are_found_at_the_engaged_end_only():
 
 
 def test_the_pressure_is_believed_between_the_first_and_the_last_rest():
-    span = believed(HELD, Parameters(), 0.025)
+    span = reliable(HELD, Parameters(), 0.025)
     assert not span[T < 0.75].any()
     assert span[(T > 0.85) & (T < 3.45)].all()
     assert not span[T > 3.55].any()
 
 
 def test_it_is_not_believed_beyond_the_reach_of_the_fitted_recordings():
-    span = believed(HELD, Parameters(), 0.011)
+    span = reliable(HELD, Parameters(), 0.011)
     beyond = HELD["position"] > 0.011
     assert beyond.any()
     assert not span[beyond].any()
@@ -42,7 +42,7 @@ def test_it_is_not_believed_beyond_the_reach_of_the_fitted_recordings():
 def test_a_rest_with_the_supply_valve_open_is_not_vented():
     filling = HELD.with_columns(duty_supply=np.full(T.size, 0.5))
     assert vented_rests(filling, Parameters()) == []
-    assert not believed(filling, Parameters(), 0.025).any()
+    assert not reliable(filling, Parameters(), 0.025).any()
 
 
 def test_a_recording_without_a_position_has_no_rest():

@@ -1,4 +1,4 @@
-"""Coulomb friction over pressure: recovery, intervals and levels that hold, signs, and what is told."""
+"""Coulomb friction over pressure: recovery, intervals and levels that hold, signs, and messages."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from scipy.stats import binom
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
-from clutchid.rig import coulomb_friction, implied, verdict
+from clutchid.rig import conclusions, coulomb_friction, implied
 
 PRESSURES = (1e5, 3e5, 5e5, 7e5)
 
@@ -44,9 +44,9 @@ def test_a_rig_turned_round_has_the_same_friction_and_the_opposite_area(cylinder
 
 def test_a_force_with_the_wrong_sign_is_refused_for_every_recording_at_once(cylinder):
     logs = [cylinder(p, 4.0) for p in PRESSURES[:2]]
-    with pytest.raises(DataError, match="turn its sign") as refused:
+    with pytest.raises(DataError, match="invert its sign") as refused:
         coulomb_friction([log.with_columns(force=-log["force"]) for log in logs])
-    assert str(refused.value).count("turn its sign") == 2
+    assert str(refused.value).count("invert its sign") == 2
 
 
 def test_intervals_cover_and_a_constant_friction_is_rejected_as_often_as_its_level_says(cylinder):
@@ -67,21 +67,21 @@ def test_intervals_cover_and_a_constant_friction_is_rejected_as_often_as_its_lev
     assert slopes >= binom.ppf(0.001, trials, 0.95)
 
 
-def test_friction_that_grows_with_pressure_is_told_with_the_variant_and_its_parameter(cylinder):
+def test_friction_that_grows_with_pressure_is_reported_with_the_variant_and_its_parameter(cylinder):
     generator = np.random.default_rng(7)
     logs = [cylinder(p, 3.0 + 1e-5 * p + 0.1 * generator.standard_normal(10)) for p in PRESSURES]
     found = coulomb_friction(logs)
-    (sentence,) = verdict(found)
+    (sentence,) = conclusions(found)
     assert sentence.startswith("a constant F_C is inadequate")
     assert "energy-balance-stribeck" in sentence
     assert f"c_F = {found.slope.value:.3g} m²" in sentence
     assert found.slope.low < 1e-5 < found.slope.high
 
 
-def test_a_constant_friction_is_told_as_adequate(cylinder):
+def test_a_constant_friction_is_reported_as_adequate(cylinder):
     generator = np.random.default_rng(8)
     found = coulomb_friction([cylinder(p, 5.0 + 0.1 * generator.standard_normal(10)) for p in PRESSURES])
-    sentence = verdict(found)[0]
+    sentence = conclusions(found)[0]
     assert sentence.startswith(f"one constant F_C = {found.constant.value:.3g} N")
     assert found.constant.low <= 5.0 <= found.constant.high
 
@@ -90,19 +90,19 @@ def test_friction_that_differs_without_growing_is_not_sold_as_pressed_seals(cyli
     generator = np.random.default_rng(9)
     frictions = (7.0, 5.0, 8.0, 5.5)
     logs = [cylinder(p, f + 0.1 * generator.standard_normal(10)) for p, f in zip(PRESSURES, frictions, strict=True)]
-    (sentence,) = verdict(coulomb_friction(logs))
+    (sentence,) = conclusions(coulomb_friction(logs))
     assert "inadequate" in sentence
     assert "energy-balance" not in sentence
 
 
-def test_cycles_that_drift_count_as_one_and_are_told(cylinder):
+def test_cycles_that_drift_count_as_one_and_are_reported(cylinder):
     drifting = cylinder(1e5, np.linspace(4.0, 5.0, 10))
     found = coulomb_friction([drifting, cylinder(3e5, 6.0)])
     level = found.levels[0]
     assert level.drifts
     # one cycle: the standard deviation of ten values from 4 to 5
     assert level.friction.std == pytest.approx(np.std(np.linspace(4, 5, 10), ddof=1), rel=1e-6)
-    assert any("drifts between 4.00 and 5.00 N over its 10 cycles" in sentence for sentence in verdict(found))
+    assert any("drifts between 4.00 and 5.00 N over its 10 cycles" in sentence for sentence in conclusions(found))
 
 
 def test_one_recording_with_two_held_pressures_has_two_levels(cylinder):
@@ -118,10 +118,10 @@ def test_one_level_tells_its_friction_and_that_the_area_is_needed(cylinder):
     assert found.test is None
     # 4 kPa on 5 cm² are still in it
     assert found.levels[0].friction.value == pytest.approx(6.0, rel=1e-9)
-    assert any("give `area`" in sentence for sentence in verdict(found))
+    assert any("give `area`" in sentence for sentence in conclusions(found))
     known = coulomb_friction([log], area=5e-4)
     assert known.levels[0].friction.value == pytest.approx(4.0, rel=1e-9)
-    assert not any("give `area`" in sentence for sentence in verdict(known))
+    assert not any("give `area`" in sentence for sentence in conclusions(known))
 
 
 def test_an_area_that_is_not_certain_widens_the_friction(cylinder):
@@ -144,7 +144,7 @@ def test_single_cycles_have_no_interval_and_no_test(cylinder):
     assert all(np.isinf(level.friction.std) for level in found.levels)
     assert found.test is None
     assert implied(found) == {}
-    assert "no interval" in verdict(found)[0]
+    assert "no interval" in conclusions(found)[0]
 
 
 def test_without_a_pressure_there_is_one_level_and_no_area(cylinder):
@@ -153,14 +153,14 @@ def test_without_a_pressure_there_is_one_level_and_no_area(cylinder):
     found = coulomb_friction([bare])
     assert np.isnan(found.levels[0].pressure)
     assert found.area is None
-    assert verdict(found)[0].startswith("F_C = 6 N")
+    assert conclusions(found)[0].startswith("F_C = 6 N")
     with pytest.raises(ParameterError, match="area"):
         coulomb_friction([bare], area=5e-4)
-    with pytest.raises(DataError, match="fit them apart"):
+    with pytest.raises(DataError, match="fit them separately"):
         coulomb_friction([bare, log])
 
 
-def test_what_cannot_be_used_is_told_with_every_recording(cylinder):
+def test_what_cannot_be_used_is_reported_with_every_recording(cylinder):
     t = np.arange(0.0, 4.0, 0.01)
     still = Log(t, {"position": np.zeros(t.size), "force": np.ones(t.size)}, "still")
     mute = Log(t, {"position": 0.01 * t}, "mute")

@@ -12,34 +12,34 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.rig import fit_lugre
 from clutchid.rig.compiled import NAMES
-from clutchid.rig.free_run import free_run, pieces
+from clutchid.rig.free_run import free_run, segments
 
 WINDOW = 0.02
 
 
 def test_the_deflection_is_the_closed_form_of_a_held_velocity(tribometer, block):
-    (piece,) = pieces(tribometer(), WINDOW, 1e-5)
+    (segment,) = segments(tribometer(), WINDOW, 1e-5)
     F_C, K_z, D_v, D_zdot = values = [block[name] for name in NAMES]
-    z, expected = 3e-5, np.empty(len(piece))
-    for k, v in enumerate(piece.velocity):
+    z, expected = 3e-5, np.empty(len(segment))
+    for k, v in enumerate(segment.velocity):
         expected[k] = D_v * v + K_z * z + D_zdot * (v - K_z / F_C * abs(v) * z)
-        if k < len(piece) - 1:
-            u = (v + piece.velocity[k + 1]) / 2
-            decay = np.exp(-K_z / F_C * abs(u) * piece.dt[k])
+        if k < len(segment) - 1:
+            u = (v + segment.velocity[k + 1]) / 2
+            decay = np.exp(-K_z / F_C * abs(u) * segment.dt[k])
             z = z * decay + np.sign(u) * F_C / K_z * (1 - decay)
     # |v| h K_z / F_C = 0.06 in one step of RK4 at most: 0.06^5 / 120 of the deflection, and it forgets in 17 samples
-    np.testing.assert_allclose(free_run(piece, values, 3e-5)[0], expected, atol=17 * 0.06**5 / 120 * F_C)
+    np.testing.assert_allclose(free_run(segment, values, 3e-5)[0], expected, atol=17 * 0.06**5 / 120 * F_C)
 
 
 def test_the_derivatives_of_the_force_are_those_of_differences(tribometer, block):
-    (piece,) = pieces(tribometer(), WINDOW, 1e-5)
+    (segment,) = segments(tribometer(), WINDOW, 1e-5)
     at = np.array([*(block[name] for name in NAMES), 3e-5])
-    jacobian = free_run(piece, at[:-1], at[-1])[1]
+    jacobian = free_run(segment, at[:-1], at[-1])[1]
     for i, value in enumerate(at):
         step = np.zeros(5)
         step[i] = 1e-5 * value
-        difference = free_run(piece, (at + step)[:-1], (at + step)[-1])[0]
-        difference = (difference - free_run(piece, (at - step)[:-1], (at - step)[-1])[0]) / (2 * step[i])
+        difference = free_run(segment, (at + step)[:-1], (at + step)[-1])[0]
+        difference = (difference - free_run(segment, (at - step)[:-1], (at - step)[-1])[0]) / (2 * step[i])
         # central differences: a relative step of 1e-5 leaves 1e-10, and rounding 1e-16 / 1e-5
         scale = np.abs(jacobian[:, i]).max()
         np.testing.assert_allclose(jacobian[:, i], difference, atol=1e-8 * max(scale, block["F_C"] / value))
@@ -98,9 +98,9 @@ def test_a_recording_turned_round_has_the_same_friction_and_the_opposite_start(t
     assert other.starts[0] == pytest.approx(-one.starts[0], rel=1e-6)
 
 
-def test_a_force_with_the_wrong_sign_is_refused_and_the_way_out_is_told(tribometer):
+def test_a_force_with_the_wrong_sign_is_refused_with_advice(tribometer):
     log = tribometer()
-    with pytest.raises(DataError, match="turn its sign"):
+    with pytest.raises(DataError, match="invert its sign"):
         fit_lugre(log.with_columns(force=-log["force"]))
 
 
@@ -159,11 +159,11 @@ def test_fixed_friction_is_a_check_whose_start_and_zero_alone_are_free(tribomete
     assert fit_lugre(log, fixed={**known, "F_C": 1.0}).fit_percent < 70
 
 
-def test_damping_at_its_bound_is_told_and_not_certain(tribometer, block):
+def test_damping_at_its_bound_is_reported(tribometer, block):
     log = tribometer({**block, "D_zdot": 0.0})
     # less force wherever the bristle moves: damping that is negative
-    (piece,) = pieces(log, WINDOW, 1e-5)
-    slope = free_run(piece, [block[name] for name in NAMES], 0.0)[1][:, NAMES.index("D_zdot")]
+    (segment,) = segments(log, WINDOW, 1e-5)
+    slope = free_run(segment, [block[name] for name in NAMES], 0.0)[1][:, NAMES.index("D_zdot")]
     found = fit_lugre(log.with_columns(force=log["force"] - 100.0 * slope))
     assert found.values["D_zdot"] == 0.0
     assert np.isinf(found.parameters["D_zdot"].std)
@@ -176,7 +176,7 @@ def test_damping_at_its_bound_is_told_and_not_certain(tribometer, block):
     [
         ({"position": np.zeros(4000)}, "the position does not change"),
         ({"force": np.ones(4000)}, "the force does not change"),
-        ({"force": np.full(4000, np.nan)}, "no force with a finite number"),
+        ({"force": np.full(4000, np.nan)}, "no force with finite values"),
     ],
 )
 def test_a_recording_that_shows_no_friction_is_refused_in_one_sentence(tribometer, change, words):

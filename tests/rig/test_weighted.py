@@ -81,9 +81,9 @@ def test_one_large_error_in_common_does_not_hide_that_the_means_are_equal_to_a_p
 def test_values_without_order_are_called_dependent_in_one_of_twenty_cases():
     generator, trials = np.random.default_rng(4), 4000
     for n in (4, 10, 30):
-        told = sum(not independent(generator.standard_normal(n)) for _ in range(trials))
+        rejected = sum(not independent(generator.standard_normal(n)) for _ in range(trials))
         # two moments of a beta variable: within 1 % of the level, also for four values
-        assert binom.ppf(0.001, trials, 0.04) <= told <= binom.ppf(0.999, trials, 0.06), n
+        assert binom.ppf(0.001, trials, 0.04) <= rejected <= binom.ppf(0.999, trials, 0.06), n
 
 
 def test_a_drift_of_three_standard_deviations_over_ten_values_is_nearly_always_seen():

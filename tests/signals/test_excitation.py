@@ -133,63 +133,68 @@ def test_a_recording_with_everything_misses_nothing(truth, driven):
     assert missing(excitation(log, truth.parameters), truth, names, information(truth, log, names)) == []
 
 
-def test_a_short_reach_is_told_with_the_correlation_that_it_causes(truth, driven):
+def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, driven):
     log = driven(reach=0.0086)
     R = information(truth, log, truth.load.names)
-    told = missing(excitation(log), truth, truth.load.names, R)
+    sentences = missing(excitation(log), truth, truth.load.names, R)
     reach = excitation(log).reach * 1e3
-    assert told[0].startswith(f"this log reaches {reach:.1f} mm, theta_2 and theta_3 correlate at -0.99: reach 11.5 mm")
+    assert sentences[0].startswith(
+        f"this log reaches {reach:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
+    )
 
 
-def test_load_weights_beyond_the_reach_are_told_together(driven):
+def test_load_weights_beyond_the_reach_are_reported_together(driven):
     actuator = Actuator(load=Load.on_b_splines())
     log = driven(reach=0.0086)
-    told = missing(excitation(log), actuator, actuator.load.names, information(actuator, log, actuator.load.names))
-    assert "says nothing about theta_1" in told[0]
-    assert "and theta_22, which act from" in told[0]
-    assert "reach 25.0 mm or more" in told[0]
+    sentences = missing(excitation(log), actuator, actuator.load.names, information(actuator, log, actuator.load.names))
+    assert "contains no information about theta_1" in sentences[0]
+    assert "and theta_22, which act from" in sentences[0]
+    assert "reach 25.0 mm or more" in sentences[0]
 
 
 def test_sentences_agree_in_number_with_their_recordings_and_weights(driven):
     actuator, log = Actuator(load=Load.on_b_splines()), driven(reach=0.0086)
     R = information(actuator, log, actuator.load.names)
     two = joined([excitation(log), excitation(log)])
-    told = missing(two, actuator, actuator.load.names, R)
-    assert told[0].startswith("these 2 logs reach ")
-    assert " and say nothing about theta_1" in told[0]
-    assert " and tell nothing of the load beyond" in missing(two, actuator)[0]
+    sentences = missing(two, actuator, actuator.load.names, R)
+    assert sentences[0].startswith("these 2 logs reach ")
+    assert " and contain no information about theta_1" in sentences[0]
+    assert " and contain no information about the load beyond" in missing(two, actuator)[0]
     one = actuator.load.names[-1:]
     (alone, *_) = missing(excitation(log), actuator, one, R[:, -1:])
-    assert f" and says nothing about {one[0]}, which acts from " in alone
+    assert f" and contains no information about {one[0]}, which acts from " in alone
 
 
 def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():
     t = np.arange(0.0, 5.0, 1e-3)
     found = excitation(course(duty_supply=0.4 * (t > 1.0) * (t < 1.1), duty_exhaust=np.ones(5000)))
     nothing = np.zeros((3, 3))
-    told = missing(found, Actuator(), ("C_vs", "C_ve", "K_stop"), nothing)
-    assert told == [
-        "this log says nothing about C_vs: duty_supply stays at 0.40 or below, the valve is fully open from 0.93 on; "
-        "open it further.",
-        "this log says nothing about K_stop: the piston turns at 22.0 mm, 3.0 mm before the end of its stroke; "
-        "go nearer to it.",
+    sentences = missing(found, Actuator(), ("C_vs", "C_ve", "K_stop"), nothing)
+    assert sentences == [
+        "this log contains no information about C_vs: duty_supply never exceeds 0.40, but the valve is fully open from "
+        "0.93 on; open it further.",
+        "this log contains no information about K_stop: the piston reaches 22.0 mm, 3.0 mm short of its stroke; "
+        "move it closer to the end stop.",
     ]
 
 
-def test_one_direction_only_and_a_rest_that_is_missing_are_told():
+def test_one_direction_only_and_a_missing_rest_are_reported():
     t = np.arange(0.0, 1.0, 1e-3)
-    told = missing(excitation(Log(t, {"position": np.interp(t, [0.0, 1.0], [0.004, 0.022])})), Actuator())
-    assert len(told) == 6
-    assert told[0] == (
-        "this log passes 5 to 8 mm 1 time, only opening: friction there looks like load; pass it closing, too."
+    sentences = missing(excitation(Log(t, {"position": np.interp(t, [0.0, 1.0], [0.004, 0.022])})), Actuator())
+    assert len(sentences) == 6
+    assert sentences[0] == (
+        "this log passes 5 to 8 mm 1 time, only while opening: friction and load cannot be separated there; pass it "
+        "while closing, too."
     )
-    assert told[-1].startswith("this log never vents: its lowest position is 4.0 mm, so the pressure is nowhere known")
+    assert sentences[-1].startswith(
+        "this log has no vented rest (lowest position 4.0 mm), so the pressure is unknown without"
+    )
 
 
 def test_two_logs_are_spoken_of_as_two():
     low = excitation(course().slice(0, 1020))
-    told = missing(joined([low, low]), Actuator())
-    assert told[0].startswith("these 2 logs reach 4.2 mm of 25.0 mm and tell")
+    sentences = missing(joined([low, low]), Actuator())
+    assert sentences[0].startswith("these 2 logs reach 4.2 mm of 25.0 mm and contain no information")
 
 
 def test_the_stroke_and_the_ambient_pressure_are_those_of_the_actuator():

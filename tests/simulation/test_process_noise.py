@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.log import Log
+from clutchid.model import Actuator
 from clutchid.model.compiled import VARIANTS
+from clutchid.parameters import Parameters
+from clutchid.simulation import simulate
 from clutchid.simulation.process_noise import process_noise
-from clutchid.states import NOISE_SPAN
 from clutchid.uncertainty.noise import Noise
 
 PRESSURE = VARIANTS["energy-balance-stribeck"].index("p_A")
@@ -27,20 +30,41 @@ def still(plant, recorded_by, problem_of):
 
 
 def test_closed_valves_leave_what_the_states_do_by_themselves_and_it_adds_up_to_its_size_over_the_span(plant, still):
-    noise = Noise()
-    segment = still(0.0, 0.0)
-    total = np.sqrt(np.sum(process_noise(segment, plant, noise) ** 2, axis=0))
-    wanted = [noise.states[name] * np.sqrt(segment.dt.sum() / NOISE_SPAN) for name in VARIANTS[plant.model]]
-    assert total == pytest.approx(wanted, rel=1e-9)
+    sigma = process_noise(still(0.0, 0.0), plant, Noise())
+    # 0.1 s, over which each state goes astray by so much: m, m/s, Pa, Pa, m, K, K, Pa, Pa, m
+    wanted = [2e-6, 2e-3, 300.0, 200.0, 5e-6, 0.5, 0.5, 1500.0, 2000.0, 5e-6]
+    assert np.sqrt(np.sum(sigma**2, axis=0)) == pytest.approx(wanted, rel=1e-9)
+    # after a quarter of the intervals a random walk is half as far
+    assert np.sqrt(np.sum(sigma[:25] ** 2, axis=0)) == pytest.approx([0.5 * size for size in wanted], rel=1e-9)
+
+
+def test_random_walks_of_the_intervals_are_as_far_apart_after_the_span_as_the_states_go_astray(plant, still):
+    sigma, walks = process_noise(still(0.0, 0.0), plant, Noise())[:, PRESSURE], 4000
+    ends = (sigma[:, None] * np.random.default_rng(5).standard_normal((sigma.size, walks))).sum(axis=0)
+    # 300 Pa; four standard errors of a deviation from so many walks, 1 / sqrt(2 walks) each
+    assert np.std(ends) == pytest.approx(300.0, rel=4 / np.sqrt(2 * walks))
 
 
 def test_an_open_valve_adds_its_share_of_the_air_that_comes_in_over_the_span(plant, still):
     silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
-    p, segment = plant.parameters, still(1.0, 0.0)
-    total = np.sqrt(np.sum(process_noise(segment, plant, silent) ** 2, axis=0))
-    rise = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / (p.V_0A + 0.5 * p.A_A * p.y_max) * NOISE_SPAN
-    assert total[PRESSURE] == pytest.approx(silent.flow * rise, rel=1e-6)
+    total = np.sqrt(np.sum(process_noise(still(1.0, 0.0), plant, silent) ** 2, axis=0))
+    # 1.185 kg/m³ * 19e-9 m³/(Pa·s) * 9 bar let 20.26 g/s in; 2 % of it for 0.1 s are 40.53 mg. At half the stroke the
+    # chamber holds 148 + 123 cm² * 1.25 cm = 301.75 cm³, in which 1 mg at 293 K makes 279.65 Pa (288 J/(kg·K))
+    assert total[PRESSURE] == pytest.approx(40.53 * 279.65, rel=1e-4)
     assert np.delete(total, PRESSURE) == pytest.approx(0.0)
+
+
+def test_the_misjudged_air_is_a_share_of_what_a_simulated_chamber_of_half_the_stroke_takes_in(plant, still):
+    silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
+    total = np.sqrt(np.sum(process_noise(still(1.0, 0.0), plant, silent) ** 2, axis=0))
+    # the paper's chamber at 293 K, as large at rest as the plant's at half the stroke; its piston is too heavy to move
+    chamber = Actuator(Parameters(V_0A=301.75e-6, M=1e6, P_0=1e3))
+    t = np.arange(0.0, 1.05e-3, 1e-4)
+    open_ = Log(t, {"position": 0.0 * t, "duty_supply": np.ones_like(t), "duty_exhaust": 0.0 * t})
+    pressure = simulate(chamber, open_).log["pressure_a"]
+    # into less than 0.01 of the supply the flow is choked but for 0.01² / 2
+    assert pressure[-1] < 9e3
+    assert total[PRESSURE] == pytest.approx(0.02 * (pressure[-1] - pressure[0]) * 0.1 / 1e-3, rel=1e-4)
 
 
 def test_both_valves_open_misjudge_twice_the_air(plant, still):

@@ -11,7 +11,7 @@ from clutchid.smoother import projection, trial
 from clutchid.smoother import search as module
 from clutchid.smoother.problem import condense, linearise
 from clutchid.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, ShootingSolution, search
-from clutchid.smoother.state_search import shifted_states
+from clutchid.smoother.settling import shifted_states
 from clutchid.smoother.trial import evaluate_step
 
 
@@ -92,7 +92,7 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, s
         return Failure("no such state.") if calls["linearise_windows"] % 7 == 3 else linearise_windows(*arguments)
 
     monkeypatch.setattr(projection, "evaluate_step", failing_attempt)
-    monkeypatch.setattr("clutchid.smoother.state_search.evaluate_step", failing_attempt)
+    monkeypatch.setattr("clutchid.smoother.settling.evaluate_step", failing_attempt)
     monkeypatch.setattr(trial, "linearise_windows", failing_linearisation)
     answer = search(problem, *start, (1.0,))
     assert isinstance(answer, ShootingSolution)
@@ -107,7 +107,7 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, s
 
 
 def test_a_search_whose_every_trial_fails_stays_where_it_was(problem, start, monkeypatch):
-    for name in ("projection", "state_search"):
+    for name in ("projection", "settling"):
         monkeypatch.setattr(f"clutchid.smoother.{name}.evaluate_step", lambda *_: Failure("no such state."))
     answer = search(problem, *start, (1.0,))
     assert answer.status == "stalled"
@@ -142,15 +142,33 @@ def test_a_start_that_cannot_be_simulated_is_a_failure_with_its_sentence(problem
     assert answer.message.endswith(".")
 
 
-def test_absurd_numbers_at_the_start_fail_or_are_left(plant, worn_log, problem_of, starts_of):
-    problem = problem_of([worn_log], plant, ("M", "C_vs"), ("position",))
-    # 1 g of piston at a stiffness for which the steps were not made
-    answer = search(problem, np.array([np.log(1e-4) / 0.15, 0.0]), starts_of(problem), (8.0, 1.0))
-    if isinstance(answer, ShootingSolution):
-        assert np.isfinite(answer.x).all()
-        assert np.isfinite(answer.at.cost)
-    else:
-        assert answer.message.endswith(".")
+@pytest.fixture(scope="module")
+def mass_problem(plant, worn_log, problem_of):
+    """Only the mass of the piston, 10 kg, and the supply valve are free."""
+    return problem_of([worn_log], plant, ("M", "C_vs"), ("position",))
+
+
+def test_a_start_for_which_the_steps_were_not_made_is_a_failure_that_names_the_number(mass_problem, starts_of):
+    # 1 g of piston: its fastest motion is ten thousand times too fast for the steps of 10 kg
+    start = np.array([np.log(1e-4) / 0.15, 0.0])
+    assert mass_problem.si(start)[0] == pytest.approx(1e-3)
+    answer = search(mass_problem, start, starts_of(mass_problem), (8.0, 1.0))
+    assert isinstance(answer, Failure)
+    assert answer.message.startswith("worn: ")
+    assert "M = 0.001 kg" in answer.message
+
+
+@pytest.mark.parametrize("share", [0.1, 3.0])
+def test_a_poor_start_that_can_be_simulated_is_left_for_the_same_end(mass_problem, starts_of, share):
+    near, far = (
+        search(mass_problem, np.array([np.log(of) / 0.15, 0.0]), starts_of(mass_problem), (8.0, 1.0))
+        for of in (1.0, share)
+    )
+    assert near.status == far.status == "converged"
+    assert far.at.cost == pytest.approx(near.at.cost, abs=projection.CONVERGED_GAIN)
+    # each ends where a step would gain less than `CONVERGED_GAIN`, the square of its length in standard deviations
+    factor, _ = condense(mass_problem, linearise(mass_problem, near.x, near.X))
+    assert np.linalg.norm(factor[:-1, :-1] @ (far.x - near.x)) < 2 * np.sqrt(projection.CONVERGED_GAIN)
 
 
 def test_bounds_are_kept_exactly_and_met_where_the_truth_lies_beyond(plant, worn_log, worn, problem_of, starts_of):
@@ -173,7 +191,7 @@ def test_no_trial_point_leaves_the_bounds(plant, worn_log, problem_of, starts_of
         tried.append(x)
         return evaluate_step(t, current, x, X, last)
 
-    for name in ("search", "projection", "state_search"):
+    for name in ("search", "projection", "settling"):
         monkeypatch.setattr(f"clutchid.smoother.{name}.evaluate_step", watched)
     search(problem, np.zeros(24), starts_of(problem), STAGES_FROM_CALIBRATION)
     assert len({tuple(x) for x in tried}) >= 4

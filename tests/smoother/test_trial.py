@@ -7,7 +7,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
 from clutchid.smoother import trial as module
 from clutchid.smoother.problem import condense, linearise
-from clutchid.smoother.state_search import stepped_states
+from clutchid.smoother.settling import stepped_states
 from clutchid.smoother.trial import (
     COST_TOLERANCE,
     RESIMULATION_DISTANCE,

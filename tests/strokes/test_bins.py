@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.strokes.bins import judged, raw_bins, samples_in_bin
+from clutchid.strokes.bins import raw_bins, relative_to_rest, samples_in_bin
 from clutchid.strokes.rest_level import RestLevel
 from clutchid.strokes.stream import Samples
 
@@ -64,7 +64,7 @@ def test_a_bin_is_at_rest_within_the_band_on_either_side_of_the_level_and_still_
     known = RestLevel(level=1e-3, reach=20e-3, noise=0.0, quantum=0.0)
     assert (known.band, known.creep) == (0.4e-3, 0.2e-3)
     steps = [0.55e-3, 0.65e-3, 1e-3, 1.35e-3, 1.45e-3]
-    found = judged(raw_bins(samples(np.repeat(steps, 30)), 10, np.nan), known, 3)
+    found = relative_to_rest(raw_bins(samples(np.repeat(steps, 30)), 10, np.nan), known, 3)
     assert found.inside.tolist() == np.repeat([False, True, True, True, False], 3).tolist()
     assert found.still.tolist() == [
         *(True, True, True),  # 0.1 mm to the next level

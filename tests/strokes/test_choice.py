@@ -1,4 +1,4 @@
-"""`choose` takes strokes that tell different things, and never useless ones."""
+"""`choose` selects strokes that complement each other, and never unusable ones."""
 
 from dataclasses import replace
 
@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
-from clutchid.strokes import choice as room
-from clutchid.strokes import choose, cut, joined, sections_table
+from clutchid.strokes import choice, choose, cut, joined, sections_table
 from clutchid.strokes.information import SIZE, gram, information
 
 REACH = 0.022
 
 
-def told(sections, reach=REACH):
+def information_of(sections, reach=REACH):
     return float(information(sum((gram(section, reach) for section in sections), np.zeros((SIZE, SIZE)))))
 
 
@@ -40,15 +39,15 @@ def test_fast_and_slow_opening_and_closing_are_chosen_before_the_same_again(made
 def test_a_stroke_to_a_new_place_comes_before_a_repetition(made, full_strokes):
     low = full_strokes([2.0, 5.0, 8.0, 11.0], 13.0, 0.4 * REACH)
     log = made([*low, *full_strokes([14.0], 17.0)[1:]])
-    assert any(section.excitation.highest > 0.9 * REACH for section in choose(cut(log), 3.6))
+    assert any(section.summary.highest > 0.9 * REACH for section in choose(cut(log), 3.6))
 
 
-def test_a_stroke_with_a_vented_rest_before_it_tells_more(made):
+def test_a_stroke_with_a_vented_rest_before_it_has_more_information(made):
     log = made([(0.0, 0.0), (1.0, 0.0), (1.15, REACH), (1.9, REACH), (2.2, 0.0), (4.0, 0.0)])
     _, anchored, _ = cut(log)
     cold = next(cut(log.slice(1005, len(log))))
-    assert cold.excitation.vented_rest == 0.0
-    assert told([anchored]) > told([cold])
+    assert cold.summary.vented_rest == 0.0
+    assert information_of([anchored]) > information_of([cold])
 
 
 def test_rests_and_strokes_that_miss_most_of_their_positions_are_never_chosen(made, full_strokes):
@@ -72,38 +71,38 @@ def test_strokes_that_are_too_short_or_hardly_move_are_never_chosen(made, full_s
     assert choose([long], 100.0) == (long,)
 
 
-def test_of_two_strokes_the_one_that_tells_more_for_its_length_is_taken(made, full_strokes):
-    # the second one stands at its end for seconds, and tells a little more on the way back
+def test_of_two_strokes_the_one_with_more_information_for_its_length_is_taken(made, full_strokes):
+    # the second one stands at its end for seconds, and adds a little information on the way back
     slow = [(6.0, 0.0), (6.15, REACH), (12.0, REACH), (12.4, 0.0)]
     short, long = (
         section for section in cut(made([*full_strokes([2.0], 4.0), *slow, (15.0, 0.0)])) if section.kind == "stroke"
     )
-    assert told([long]) > told([short])
-    assert told([long]) / long.seconds < told([short]) / short.seconds
+    assert information_of([long]) > information_of([short])
+    assert information_of([long]) / long.seconds < information_of([short]) / short.seconds
     assert choose([long, short], long.seconds) == (short,)
 
 
-def test_a_stream_is_read_once_and_more_of_it_never_tells_less(minutes, monkeypatch):
+def test_a_stream_is_read_once_and_more_of_it_never_has_less_information(minutes, monkeypatch):
     sections = list(cut(minutes))
-    monkeypatch.setattr(room, "TOGETHER", 3)
+    monkeypatch.setattr(choice, "BATCH", 3)
     before = 0.0
     for n in (5, 10, 20, len(sections)):
-        now = told(choose(iter(sections[:n]), 15.0))
-        # every stroke goes to the end, so the reach, the scale of what is told, changes by noise only: 0.05 of 22 mm
+        now = information_of(choose(iter(sections[:n]), 15.0))
+        # every stroke goes to the end, so the reach, the scale of the information, changes by noise only: 0.05 of 22 mm
         assert now >= (1 - 0.05 / 22) * before
         before = now
 
 
-def test_lots_lose_little_against_all_at_once(minutes, monkeypatch):
+def test_batches_lose_little_against_all_at_once(minutes, monkeypatch):
     sections = list(cut(minutes))
-    at_once = told(choose(sections, 15.0))
-    monkeypatch.setattr(room, "TOGETHER", 4)
+    at_once = information_of(choose(sections, 15.0))
+    monkeypatch.setattr(choice, "BATCH", 4)
     # the bound of greedy choice: each of the two is within 1 - 1/e of the best set
-    assert told(choose(sections, 15.0)) >= (1 - 1 / np.e) * at_once
+    assert information_of(choose(sections, 15.0)) >= (1 - 1 / np.e) * at_once
 
 
 def test_a_length_that_is_none_is_refused():
-    with pytest.raises(ParameterError, match=r"seconds = 0: the length of the strokes to choose is above 0"):
+    with pytest.raises(ParameterError, match=r"seconds = 0: the total length of the strokes must be above 0 s"):
         choose([], 0.0)
 
 
@@ -129,9 +128,9 @@ def test_a_missing_input_of_one_sample_stays_a_border(made, full_strokes):
 def test_what_cannot_be_joined_is_refused(made, full_strokes):
     sections = list(cut(made(full_strokes([2.0], 6.0))))
     bare = list(cut(made(full_strokes([2.0], 6.0), inputs=False)))
-    with pytest.raises(DataError, match="no section given"):
+    with pytest.raises(DataError, match="no section is given"):
         joined([])
-    with pytest.raises(DataError, match="other columns"):
+    with pytest.raises(DataError, match="different columns"):
         joined([sections[0], bare[1]])
     with pytest.raises(DataError, match="join disjoint sections"):
         joined([sections[1], sections[1]])

@@ -27,10 +27,10 @@ def test_strokes_and_rests_alternate_and_their_borders_are_found(made, full_stro
         assert section.end == pytest.approx(leaves + 1.2, abs=0.02)
 
 
-def test_a_stroke_says_what_it_excites(made, full_strokes):
+def test_the_summary_of_a_stroke(made, full_strokes):
     log = made(full_strokes([2.0], 6.0), zero=-3e-3, pressure=True)
     _, stroke, _ = cut(log)
-    found = stroke.excitation
+    found = stroke.summary
     # a bin's median of ten samples with 20 um of noise and 12 um of quantisation is off by less than 50 um
     assert found.level == pytest.approx(-3e-3, abs=5e-5)
     assert found.lowest == pytest.approx(-3e-3, abs=5e-5)
@@ -56,8 +56,8 @@ def test_the_size_of_the_actuator_its_noise_and_its_quantum_do_not_matter(made, 
 def test_the_position_alone_is_enough(made, full_strokes):
     sections = list(cut(made(full_strokes([2.0], 6.0), inputs=False)))
     assert [section.label for section in sections] == ["vented rest", "full stroke", "vented rest"]
-    assert sections[1].excitation.supply_pulses == 0
-    assert not sections[1].excitation.pressure
+    assert sections[1].summary.supply_pulses == 0
+    assert not sections[1].summary.pressure
 
 
 @pytest.mark.parametrize("rate", [100.0, 250.0, 5000.0])
@@ -74,7 +74,7 @@ def test_a_zero_that_drifts_by_millimetres_is_followed(made, full_strokes):
     assert [section.label for section in found] == ["full stroke"] * len(starts)
     # a bin of 10 ms, and another where its median is off by the noise
     assert [section.departure for section in found] == pytest.approx(starts, abs=0.04)
-    levels = np.array([section.excitation.level for section in found])
+    levels = np.array([section.summary.level for section in found])
     # the level of a block of 65 s is the middle one: off by half of what drifts in it
     assert np.abs(levels - 3e-3 * np.array(starts) / 1200).max() < 3e-3 / 1200 * 65.536 / 2 + 5e-5
 
@@ -94,10 +94,10 @@ def test_a_rest_under_pressure_is_no_vented_one_before_the_stroke_that_follows(m
     pressed = log.with_columns(pressure_a=log["pressure_a"] + 3e5)
     sections = list(cut(pressed))
     assert [section.label for section in sections] == ["held", "full stroke", "held", "full stroke", "held"]
-    assert [section.excitation.vented_rest for section in sections] == [0.0] * 5
+    assert [section.summary.vented_rest for section in sections] == [0.0] * 5
     # without pressure nobody can tell
     bare = Log(log.time, {name: values for name, values in log.columns.items() if name != "pressure_a"})
-    assert next(cut(bare)).excitation.vented_rest == pytest.approx(2.0, abs=0.03)
+    assert next(cut(bare)).summary.vented_rest == pytest.approx(2.0, abs=0.03)
 
 
 def test_a_rest_is_vented_from_when_the_supply_was_closed_last(made, full_strokes):
@@ -105,14 +105,14 @@ def test_a_rest_is_vented_from_when_the_supply_was_closed_last(made, full_stroke
     pulsed = np.where((log.time > 1.5) & (log.time < 2.0), 0.3, log["duty_supply"])
     rest, stroke, _ = cut(log.with_columns(duty_supply=pulsed))
     assert [section.kind for section in (rest, stroke)] == ["rest", "stroke"]
-    assert stroke.excitation.vented_rest == pytest.approx(2.0, abs=0.03)
+    assert stroke.summary.vented_rest == pytest.approx(2.0, abs=0.03)
 
 
 def test_a_recording_may_begin_and_end_in_the_middle_of_a_stroke(made):
     log = made([(0.0, REACH), (0.6, REACH), (0.9, 0.0), (4.0, 0.0), (4.15, REACH), (5.0, REACH)])
     first, rest, last = cut(log)
     assert (first.kind, rest.label, last.kind) == ("stroke", "vented rest", "stroke")
-    assert first.excitation.vented_rest == 0.0
+    assert first.summary.vented_rest == 0.0
     assert first.departure == first.start == 0.0
     assert last.end == log.time[-1]
     assert last.departure == pytest.approx(4.0, abs=0.02)
@@ -136,7 +136,7 @@ def test_a_hole_in_time_and_a_missing_input_end_a_section(made, full_strokes):
     assert 7.103 in starts
     assert sum(map(len, sections)) == len(gone) - 3
     after = sections[starts.index(2.52)]
-    assert (after.kind, after.excitation.vented_rest) == ("stroke", 0.0)
+    assert (after.kind, after.summary.vented_rest) == ("stroke", 0.0)
 
 
 def test_missing_positions_are_no_border(made, full_strokes):
@@ -145,7 +145,7 @@ def test_missing_positions_are_no_border(made, full_strokes):
     position[2050:2110] = position[3000:3040] = np.nan
     _, stroke, _ = cut(log.with_columns(position=position))
     assert stroke.label == "full stroke"
-    assert stroke.excitation.missing == pytest.approx(100 / len(stroke))
+    assert stroke.summary.missing == pytest.approx(100 / len(stroke))
 
 
 def test_where_no_position_is_known_nothing_is_said_of_it(made):
@@ -159,7 +159,7 @@ def test_a_supply_pulse_that_moves_nothing_belongs_to_the_rest_but_the_vented_re
     duty[3000:3020] = 0.3
     rest, stroke, _ = cut(log.with_columns(duty_supply=duty))
     assert rest.label == "vented rest"
-    assert stroke.excitation.vented_rest == pytest.approx(5.0 - 3.02, abs=0.03)
+    assert stroke.summary.vented_rest == pytest.approx(5.0 - 3.02, abs=0.03)
 
 
 def test_a_supply_pulse_shortly_before_the_motion_belongs_to_the_stroke(made, full_strokes):
@@ -168,7 +168,7 @@ def test_a_supply_pulse_shortly_before_the_motion_belongs_to_the_stroke(made, fu
     duty[4700:4720] = duty[4300:4320] = 0.3
     _, stroke, _ = cut(log.with_columns(duty_supply=duty))
     assert stroke.departure == pytest.approx(4.3, abs=0.02)
-    assert stroke.excitation.supply_pulses == 3
+    assert stroke.summary.supply_pulses == 3
 
 
 def test_where_the_pressure_is_measured_a_rest_is_vented_when_the_air_is_out(made, full_strokes):
@@ -176,7 +176,7 @@ def test_where_the_pressure_is_measured_a_rest_is_vented_when_the_air_is_out(mad
     slow = 4e5 * np.exp(-(log.time - 2.2) / 0.2) * (log.time >= 2.2) * (log.time < 4.0)
     *_, stroke, _ = cut(log.with_columns(pressure_a=log["pressure_a"] + slow))
     # at 1.1 times the lowest pressure, about 1e5 Pa, 0.1e5 Pa are left: 0.2 s * log(40) after the end of the stroke
-    assert stroke.excitation.vented_rest == pytest.approx(4.0 - 2.2 - 0.2 * np.log(40), abs=0.1)
+    assert stroke.summary.vented_rest == pytest.approx(4.0 - 2.2 - 0.2 * np.log(40), abs=0.1)
 
 
 def test_a_long_hold_is_a_section_of_its_own(made):
@@ -195,7 +195,7 @@ def test_a_rest_of_hours_comes_in_parts_and_the_stroke_after_it_knows_how_long_i
     assert [section.kind for section in sections].count("stroke") == 1
     stroke = sections[-2]
     assert stroke.label == "full stroke"
-    assert stroke.excitation.vented_rest == pytest.approx(1100.0, abs=0.05)
+    assert stroke.summary.vented_rest == pytest.approx(1100.0, abs=0.05)
     assert stroke.start == pytest.approx(1100.0 - LEAD, abs=0.02)
 
 
@@ -204,7 +204,7 @@ def test_a_supply_pulse_late_in_a_long_rest_ends_what_was_vented_before(made, fu
     pulsed = np.where((log.time > 590.0) & (log.time < 590.2), 0.3, log["duty_supply"])
     *_, stroke, _ = cut(log.with_columns(duty_supply=pulsed))
     # a pulse is known to a bin
-    assert stroke.excitation.vented_rest == pytest.approx(600.0 - 590.2, abs=0.03)
+    assert stroke.summary.vented_rest == pytest.approx(600.0 - 590.2, abs=0.03)
 
 
 def test_of_a_stroke_in_parts_only_the_first_has_the_vented_rest_before_it(made):
@@ -212,8 +212,8 @@ def test_of_a_stroke_in_parts_only_the_first_has_the_vented_rest_before_it(made)
     moving = 0.01 * (1 - np.cos(2 * np.pi * (t - 5.0))) * (t > 5.0)
     strokes = [section for section in cut(Log(t, {"position": moving})) if section.kind == "stroke"]
     assert len(strokes) > 1
-    assert strokes[0].excitation.vented_rest > 4.5
-    assert [section.excitation.vented_rest for section in strokes[1:]] == [0.0] * (len(strokes) - 1)
+    assert strokes[0].summary.vented_rest > 4.5
+    assert [section.summary.vented_rest for section in strokes[1:]] == [0.0] * (len(strokes) - 1)
 
 
 def test_one_bin_off_the_level_is_no_border_of_a_rest(made):
@@ -238,7 +238,7 @@ def test_a_recording_that_begins_with_an_open_valve_begins_with_a_pulse(made):
     log = made([(0.0, 0.0), (0.15, REACH), (0.9, REACH), (1.2, 0.0), (4.0, 0.0)])
     stroke = next(section for section in cut(log) if section.kind == "stroke")
     assert (log["duty_supply"][0] > 0, stroke.first) == (True, 0)
-    assert stroke.excitation.supply_pulses == 1
+    assert stroke.summary.supply_pulses == 1
 
 
 @pytest.mark.parametrize(("gone", "label"), [(4, "vented rest"), (6, "no position")])
@@ -291,10 +291,12 @@ def test_labels_are_known_words(minutes):
 
 def test_pieces_that_do_not_continue_each_other_are_refused(made):
     log = made([(0.0, 0.0), (1.0, 0.0)])
-    with pytest.raises(DataError, match=r"made, piece 2: begins at 0 s, the piece before ends at 0.999 s"):
+    with pytest.raises(DataError, match=r"made, piece 2: begins at 0 s, but the piece before ends at 0.999 s"):
         list(cut([log, log]))
     later = Log(log.time + 1, {"position": log["position"]})
-    with pytest.raises(DataError, match=r"piece 2: has position; the first has duty_exhaust, duty_supply, position"):
+    with pytest.raises(
+        DataError, match=r"piece 2: has columns position; the first piece has duty_exhaust, duty_supply, position"
+    ):
         list(cut([log, later]))
     with pytest.raises(DataError, match="no column 'position'"):
         list(cut(Log(log.time, {"duty_supply": log["duty_supply"]})))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.strokes import Excitation, Section
+from clutchid.strokes import Section, SectionSummary
 from clutchid.strokes.information import HATS, SIZE, gram
 
 REACH = 0.02
@@ -15,7 +15,7 @@ def moved(speed: float, start: float, stop: float, vented_rest: float = 1.0, lev
     t = np.arange(10 * round(abs(stop - start) / speed * 1e2)) * 1e-3  # whole bins of 10 ms
     log = Log(t, {"position": level + start + np.sign(stop - start) * speed * t})
     low, high = sorted((start, stop))
-    found = Excitation(level + low, level + high, level, REACH, speed, 0.0, vented_rest, 0, 0, 0, 0.0, False)
+    found = SectionSummary(level + low, level + high, level, REACH, speed, 0.0, vented_rest, 0, 0, 0, 0.0, False)
     return Section("stroke", "ramp", log, 0.0, float(t[-1]), 0.0, 0, found)
 
 

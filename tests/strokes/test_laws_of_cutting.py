@@ -17,7 +17,7 @@ def same(first, second):
     return len(first) == len(second) and all(
         (a.kind, a.label, a.first, a.start, a.end, a.departure)
         == (b.kind, b.label, b.first, b.start, b.end, b.departure)
-        and repr(a.excitation) == repr(b.excitation)
+        and repr(a.summary) == repr(b.summary)
         and np.array_equal(a.log.time, b.log.time)
         and all(np.array_equal(a.log[name], b.log[name], equal_nan=True) for name in a.log.columns)
         for a, b in zip(first, second, strict=True)
@@ -75,7 +75,7 @@ def test_sections_are_disjoint_in_order_and_hold_every_sample_with_known_inputs(
         assert all(np.array_equal(section.log[name], log[name][part], equal_nan=True) for name in log.columns)
         assert (np.diff(section.log.time) <= HOLE * usual).all()
         assert section.start <= section.departure <= section.end
-        assert section.excitation.vented_rest >= 0
+        assert section.summary.vented_rest >= 0
         # the rest before a stroke is as long as LEAD, or what is left where a rest of its own would be too short
         assert section.departure - section.start <= LEAD + 0.2
 

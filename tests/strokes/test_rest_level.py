@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.strokes.rest_level import RestLevel, followed, quantum_of, windows_of
+from clutchid.strokes.rest_level import RestLevel, quantum_of, updated, windows_of
 
 WIDTH = 15
 REACH = 22e-3
@@ -17,7 +17,7 @@ def block(reach: float = REACH, zero: float = 0.0, noise: float = 2e-5, seed: in
 
 
 def after(before: RestLevel | None, position: np.ndarray) -> RestLevel:
-    return followed(before, position, np.ones(position.size, dtype=bool), WIDTH, 0.0)
+    return updated(before, position, np.ones(position.size, dtype=bool), WIDTH, 0.0)
 
 
 def test_the_first_block_tells_level_and_reach():
@@ -99,7 +99,7 @@ def test_a_level_that_drifts_within_the_band_is_followed():
 
 def test_a_rest_while_the_supply_is_open_is_no_vented_one():
     position = block(zero=3e-3)
-    found = followed(None, position, np.zeros(position.size, dtype=bool), WIDTH, 0.0)
+    found = updated(None, position, np.zeros(position.size, dtype=bool), WIDTH, 0.0)
     assert found.level == position.min()
 
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.strokes import Excitation, Section, sections_table
+from clutchid.strokes import Section, SectionSummary, sections_table
 
 
 def rest(first: int, n: int, label: str = "vented rest", **found: float) -> Section:
     """A part of a rest at 1 kHz, from a sample on."""
     t = np.arange(first, first + n) * 1e-3
     numbers = {"lowest": 0.0, "highest": 0.0, "level": 0.0, "vented_rest": 0.0, "missing": 0.0} | found
-    excitation = Excitation(reach=0.02, opening_speed=0.0, closing_speed=0.0, supply_pulses=0, exhaust_pulses=0,
+    excitation = SectionSummary(reach=0.02, opening_speed=0.0, closing_speed=0.0, supply_pulses=0, exhaust_pulses=0,
                             duty_steps=0, pressure=False, **numbers)  # fmt: skip
     log = Log(t, {"position": np.zeros(n)})
     return Section("rest", label, log, float(t[0]), float(t[-1]), float(t[0]), first, excitation)

@@ -46,7 +46,7 @@ def test_a_cylinder_that_cycles_without_a_rest_is_bang_bang(shared):
     data = np.genfromtxt(file, delimiter=",", skip_header=1)
     log = Log(data[:, 0], {"position": 1e-3 * data[:, 1], "pressure_a": data[:, 3]})
     (section,) = cut(log)
-    found = section.excitation
+    found = section.summary
     assert section.label == "bang-bang"
     # quantised in steps of 0.204 mm; the README gives 16.7 to 107.8 mm
     assert found.lowest == pytest.approx(16.7e-3, abs=3e-4)

@@ -23,7 +23,7 @@ def first_time(done, condition) -> float:
     return float(done.truth.time[np.argmax(condition)])
 
 
-def test_a_stroke_with_the_papers_parameters_takes_about_the_times_of_the_facts():
+def test_a_stroke_with_the_papers_parameters_takes_about_the_times_of_the_specification():
     supply, exhaust = np.zeros(1400), np.zeros(1400)
     supply[:400], exhaust[400:] = 1, 1
     done = respond(Truck(), supply, exhaust)
@@ -253,13 +253,13 @@ def test_a_shorter_wait_of_the_valves_makes_less_ripple():
     ("options", "words"),
     [
         ({"manoeuvre": "gearshift"}, "did you mean 'gear-shift'"),
-        ({"wear": 9e-3}, "beyond the facing"),
+        ({"wear": 9e-3}, "exceeds the facing"),
         ({"wear": -1e-3}, "at least 0"),
         ({"seconds": 0.0}, "0.5 to 3600"),
         ({"seconds": float("nan")}, "0.5 to 3600"),
         ({"seed": -1}, "at least 0"),
         ({"dropouts": -1}, "at least 0"),
-        ({"stuck": (3.0, 2.0)}, "in this order"),
+        ({"stuck": (3.0, 2.0)}, "start before end"),
         ({"recorder": "tape"}, "controller or bus"),
         ({"temperature": 20.0}, "at least 243.15"),
     ],
@@ -278,5 +278,5 @@ def test_duty_cycles_outside_0_to_1_are_refused():
 def test_a_run_that_leaves_the_finite_numbers_says_when():
     extreme = Truck(M=0.1, K_z=1e7, F_C=0.01, D_z=1e4, h_A=1e7)
     nothing = np.zeros(500)
-    with pytest.raises(SolveError, match="s; its numbers are too extreme"):
+    with pytest.raises(SolveError, match="; its parameters are too extreme"):
         run(extreme, Course(nothing, np.tile([1.0, 0.0], (500, 1)), nothing))

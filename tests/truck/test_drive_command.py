@@ -44,7 +44,7 @@ def test_the_one_json_object_names_the_files(tmp_path, capsys):
     ("options", "words"),
     [
         ({"manoeuvre": "crep"}, "did you mean 'creep'"),
-        ({"wear": 12.0}, "beyond the facing"),
+        ({"wear": 12.0}, "exceeds the facing"),
         ({"truck": -4}, "numbered 0, 1, 2"),
         ({"temperature": 200.0}, "T_0 = 473.15 K"),
         ({"seconds": -1.0}, "0.5 to 3600"),
@@ -67,4 +67,4 @@ def test_an_output_that_cannot_be_written_is_one_sentence(tmp_path, capsys, name
 
 def test_the_truth_must_not_be_the_recording(tmp_path, capsys):
     assert drive(out=tmp_path / "a.csv", truth=tmp_path / "a.csv") == 2
-    assert "itself" in capsys.readouterr().err
+    assert "the same file as --out" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from clutchid.truck.law import (
     magnet,
     quantised,
     request,
-    settled,
+    snapped,
 )
 
 CONTROLLER = (5e-3, 0.012, 0.12e-3, 0.25e-3)
@@ -31,7 +31,7 @@ def lifts(on_ticks: int, times: tuple[float, float, float, float], ticks: int = 
         out.append(lift)
         rate = lift_rate(flux, tick < on_ticks, lift, times[1], times[3], TICK)
         flux = magnet(flux, tick < on_ticks, times[0], times[2], TICK)
-        lift = settled(lift + rate * TICK)
+        lift = snapped(lift + rate * TICK)
     return np.array(out)
 
 

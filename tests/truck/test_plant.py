@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.codegen.terms import terms_source
 from clutchid.truck import Truck
-from clutchid.truck.ageing import worn_numbers
+from clutchid.truck.ageing import worn_parameters
 from clutchid.truck.order import INPUTS, PARAMETERS, STATES
 from clutchid.truck.plant import plant
 
@@ -40,7 +40,7 @@ def rates(truck: Truck, air: dict[str, tuple[float, float]], f_l: float = 0.0, *
         state[f"m_{name}"] = p * volume[name] / (truck.R * kelvin)
         state[f"U_{name}"] = p * volume[name] / (truck.gamma - 1)
     numbers = {name: getattr(truck, name) for name in PARAMETERS if hasattr(truck, name)}
-    numbers |= worn_numbers(truck) | {"T_w": truck.T_0 + truck.dT_w}
+    numbers |= worn_parameters(truck) | {"T_w": truck.T_0 + truck.dT_w}
     held = [0.0] * len(INPUTS)
     parameters = [numbers[name] for name in PARAMETERS]
     values = equations()["terms"]([state[name] for name in STATES], held, parameters, f_l)

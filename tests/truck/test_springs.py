@@ -1,4 +1,4 @@
-"""The load: the table of the project's facts, its inverse functions, its table, and what wear does to it."""
+"""The load: the table of the truck specification, its inverse functions, its table, and what wear does to it."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_the_diaphragm_has_the_hump_and_the_valley_that_were_computed():
     force = diaphragm_force(deflection, *STEEL)
     hump = np.argmax(np.where(deflection < 8e-3, force, 0))
     valley = np.argmin(np.where(deflection > 6e-3, force, np.inf))
-    # typed from the facts: kN to 0.1, mm to 0.01 and 0.1; at an extremum half a unit of force moves it further
+    # copied from the specification: kN to 0.1, mm to 0.01 and 0.1; at an extremum half a unit of force moves it further
     assert force[hump] == pytest.approx(33.0e3, abs=50)
     assert deflection[hump] == pytest.approx(5.73e-3, abs=5e-6)
     assert force[valley] == pytest.approx(25.4e3, abs=50)
@@ -30,7 +30,7 @@ def test_the_diaphragm_has_the_hump_and_the_valley_that_were_computed():
     ("wear", "clamp", "peak", "where", "at_25"),
     [(0, 31.4, 4771, 8.1, 4083), (1, 32.6, 5031, 8.4, 4282), (2, 32.9, 5201, 8.6, 4568), (3, 31.9, 5233, 11.2, 4868)],
 )
-def test_the_clutch_reproduces_the_table_of_the_facts(wear, clamp, peak, where, at_25):
+def test_the_clutch_reproduces_the_table_of_the_specification(wear, clamp, peak, where, at_25):
     truck = Truck(wear=wear * 1e-3)
     assert diaphragm_force(truck.l_0 - truck.wear, *STEEL) == pytest.approx(clamp * 1e3, abs=51)
     travel = np.arange(0, 25.005e-3, 1e-5)
@@ -105,7 +105,7 @@ def test_strokes_and_wear_change_either_kind_of_load(load):
     assert 0.005 < np.abs(change).max() < 0.25
 
 
-def test_settled_springs_press_less():
+def test_relaxed_springs_press_less():
     new, old = Truck(), Truck(cycles=1e6)
     travel = np.linspace(1e-3, 20e-3, 20)
     loss = 1 - clutch_force(old, travel) / clutch_force(new, travel)

@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.errors import ParameterError
 from clutchid.truck import Truck, aged, truck
-from clutchid.truck.ageing import worn_numbers
+from clutchid.truck.ageing import worn_parameters
 from clutchid.truck.fleet import ranges
 from clutchid.truck.load import load_curve
 
@@ -59,8 +59,8 @@ def test_every_truck_can_wear_to_the_end_of_its_facing(number):
         ({"P_S": float("nan")}, "P_S = nan Pa"),
         ({"M": "heavy"}, "a number in kg"),
         ({"M": True}, "a number in kg"),
-        ({"r_1": 0.21}, "radii must rise"),
-        ({"wear": 4e-3}, "wear = 4 mm is beyond the facing: this truck's can wear by 3.5 mm"),
+        ({"r_1": 0.21}, "radii must increase"),
+        ({"wear": 4e-3}, "wear = 4 mm exceeds the facing of this truck, which can wear by 3.5 mm"),
         ({"wear": 3e-3, "i_w": 6.3}, "beyond the end of chamber A"),
         ({"e_in": 1e-3, "e_out": 1e-4}, "must not exceed"),
         ({"load": "spring"}, "must be one of diaphragm, kluever"),
@@ -110,14 +110,14 @@ def test_age_adds_up_and_leaves_the_new_numbers_alone():
 
 
 def test_strokes_raise_friction_and_leaks_and_settle_the_springs():
-    young, old = worn_numbers(Truck(cycles=1e5)), worn_numbers(Truck(cycles=1e6))
+    young, old = worn_parameters(Truck(cycles=1e5)), worn_parameters(Truck(cycles=1e6))
     for name, sign in (("F_C", 1), ("C_AB", 1), ("C_A0", 1), ("H", -1), ("F_r", -1), ("y_r", 0)):
         assert np.sign(old[name] - young[name]) == sign, name
 
 
 def test_strokes_change_each_number_by_its_own_law():
     new = Truck(a_F=0.3, a_C=4.0, a_H=0.02)
-    old = worn_numbers(new.replace({"cycles": 2e5}))
+    old = worn_parameters(new.replace({"cycles": 2e5}))
     settled = 1 - 0.02 * (1 - math.exp(-1))
     expected = {"F_C": 1.06, "C_AB": 1.8, "C_A0": 1.8, "H": settled, "F_r": settled}
     assert {name: old[name] / getattr(new, name) for name in expected} == pytest.approx(expected, rel=1e-12)
@@ -125,4 +125,4 @@ def test_strokes_change_each_number_by_its_own_law():
 
 
 def test_wear_moves_the_engaged_rest():
-    assert worn_numbers(Truck(i_w=0.5, wear=2e-3))["y_r"] == pytest.approx(-1e-3)
+    assert worn_parameters(Truck(i_w=0.5, wear=2e-3))["y_r"] == pytest.approx(-1e-3)

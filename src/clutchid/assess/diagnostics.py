@@ -16,25 +16,26 @@ from clutchid.signals.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, r
 from clutchid.signals.residual_colour import FEWEST, LAGS, Colour, block_means, colour, effective_samples
 from clutchid.signals.velocity import velocity
 
-#: Interval in s at which slow colour is looked for: the lags then reach half a second.
+#: Interval in s at which the slow autocorrelation is evaluated: the lags then reach half a second.
 SLOW_INTERVAL = 0.02
 
 Direction = Literal["opening", "closing", "hold", "all"]
 _DIRECTIONS: tuple[Direction, ...] = ("opening", "closing", "hold")
 
-#: Of 25 lags of white noise, more than 2 leave the 99 % bounds in 1 of 500 recordings only.
+#: For white noise, more than 2 of 25 lags lie outside the 99 % bounds in only 1 of 500 recordings.
 MOST_OUTSIDE = 2.5 / 25
 
-#: The largest of 51 correlations leaves this many of its 99 % bounds in 1 of 100 recordings only (Bonferroni).
+#: For white noise, the largest of 51 correlations exceeds this multiple of its 99 % bound in only 1 of 100 recordings
+#: (Bonferroni).
 BEYOND = 3.724 / 2.576
 
 #: A smaller correlation with an input explains less than 1 % of the whitened residual at either rate.
-WORTH_TELLING = 0.1
+LEAST_CORRELATION = 0.1
 
-#: Colour is worth a number where it takes at least a tenth of the samples away.
-WORTH_LESS = 0.9
+#: The number of effective samples is reported if autocorrelation reduces it by at least a tenth.
+FEWER = 0.9
 
-#: A region is told when its error is this many times that of the whole, over at least this part of the samples.
+#: A region is reported if its error is this multiple of the overall error, over at least this fraction of the samples.
 WORSE, LEAST_SHARE = 1.5, 0.01
 
 
@@ -55,8 +56,8 @@ class ColumnDiagnosis:
     """Residual, measured less simulated, of one column; in SI.
 
     `fit_percent` is 100 where the simulation is exact and 0 where it is as good as the mean. `effective_samples` is
-    the number of independent samples that the coloured `samples` are worth. `fast` is the colour at the rate of the
-    column, `slow` at 20 ms or more.
+    the number of independent samples with the same information as the autocorrelated `samples`. `fast` is the
+    autocorrelation at the sample rate of the column, `slow` at an interval of 20 ms or more.
     """
 
     samples: int
@@ -71,19 +72,19 @@ class ColumnDiagnosis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """Residuals of the recording `name`, by measured column: position and, where there is one, pressure_a."""
+    """Residuals of the recording `name` by measured column: position and, if measured, pressure_a."""
 
     name: str
     columns: Mapping[str, ColumnDiagnosis]
 
 
 def diagnose(measured: Log, simulated: Log) -> Diagnosis:
-    """What the residuals of a simulated recording show.
+    """Diagnose the residuals of a simulated recording.
 
     Parameters
     ----------
     measured : Log
-        Position in m, where measured pressure_a in Pa, and the duty cycles.
+        Position in m, pressure_a in Pa if measured, and the duty cycles.
     simulated : Log
         The same columns at the same times. NaN in either is left out, element by element.
 
@@ -109,7 +110,7 @@ def diagnose(measured: Log, simulated: Log) -> Diagnosis:
     if simulated.time.shape != measured.time.shape or not np.allclose(simulated.time, measured.time, rtol=0, atol=1e-6):
         raise DataError(
             f"{measured.name}: recorded and simulated times differ ({len(measured)} and {len(simulated)} samples); "
-            "simulate this recording."
+            "compare a recording with its own simulation."
         )
     columns = {}
     for name in MEASURED:
@@ -137,7 +138,7 @@ def fit_percent(measured: FloatArray, simulated: FloatArray) -> float:
     Returns
     -------
     fit : %
-        100 where they agree, 0 where the mean does as well, negative where it does better; NaN for a constant.
+        100 for a perfect fit, 0 if it is as good as the mean, negative if worse; NaN for a constant.
 
     Examples
     --------
@@ -173,10 +174,10 @@ def _diagnosed(log: Log, residual: FloatArray, name: str) -> ColumnDiagnosis:
 def _evenly(
     log: Log, residual: FloatArray, known: NDArray[np.bool_]
 ) -> tuple[int, float, FloatArray, dict[str, FloatArray]]:
-    """Samples in a slow interval, the interval in s, and residual and inputs on an even time axis of that interval.
+    """Samples per slow interval, the interval in s, and residual and inputs on a uniform time grid of that interval.
 
     The interval is the usual one of the samples that can be compared, so a column with a lower rate keeps its rate. A
-    hole is NaN, cut short so that an hour with holes stays an hour's memory.
+    hole is filled with NaN up to a limited length, which bounds the memory.
     """
     time = log.time[known]
     steps = np.diff(time)
@@ -194,7 +195,7 @@ def _evenly(
 
 
 def _regions(log: Log, residual: FloatArray) -> tuple[RegionError, ...]:
-    """Errors by stroke region, in each direction and in all; regions without samples are left out."""
+    """Errors by stroke region, for each direction and overall; regions without samples are left out."""
     speed = velocity(log.time, log["position"], SLOW_WINDOW)
     known = np.isfinite(residual) & np.isfinite(log["position"]) & np.isfinite(speed)
     way = np.where(speed[known] > HOLD_SPEED, 0, np.where(speed[known] < -HOLD_SPEED, 1, 2))
@@ -215,7 +216,7 @@ def _regions(log: Log, residual: FloatArray) -> tuple[RegionError, ...]:
 
 
 def remarks(diagnosis: Diagnosis) -> list[str]:
-    """What is to be said of the residuals, one sentence each; empty where they look like noise."""
+    """Remarks on the residuals, one sentence each; empty if they look like white noise."""
     sentences = []
     for name, column in diagnosis.columns.items():
         who = f"{diagnosis.name}: the residual of {name}"
@@ -229,8 +230,8 @@ def _of_colour(column: ColumnDiagnosis, who: str) -> list[str]:
         return []
     text = f"{who} is coloured: {100 * worst.share_outside:.0f} % of the lags up to {worst.lag[-1] * 1e3:.0f} ms lie "
     text += "outside the 99 % bounds"
-    if column.effective_samples < WORTH_LESS * column.samples:
-        text += f", its {column.samples} samples are worth {column.effective_samples:.0f} independent ones"
+    if column.effective_samples < FEWER * column.samples:
+        text += f"; its {column.samples} samples are equivalent to {column.effective_samples:.0f} independent ones"
     return [f"{text}."]
 
 
@@ -240,14 +241,14 @@ def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
         rates = [rate.inputs[name] for rate in (column.fast, column.slow) if name in rate.inputs]
         certain = [rate for rate in rates if abs(rate.strongest) > BEYOND * rate.strongest_bound]
         found = max(certain, key=lambda rate: abs(rate.strongest), default=None)
-        if found is not None and abs(found.strongest) > WORTH_TELLING:
-            # the fast rate tells the lag better where both rates mean the same one
+        if found is not None and abs(found.strongest) > LEAST_CORRELATION:
+            # the fast rate gives the lag more precisely where both rates find the same one
             lags = [rate.strongest_lag for rate in certain]
             lag = 1e3 * next(at for at in lags if abs(at - found.strongest_lag) <= column.slow.interval)
-            how = f"follows {name} after {lag:.0f} ms" if lag > 0 else f"moves with {name}"
+            how = f"follows {name} after {lag:.0f} ms" if lag > 0 else f"correlates with {name}"
             if lag < 0:
-                how = f"is followed by {name} after {-lag:.0f} ms"
-            what = "the position loop answers to it" if lag < 0 else "not all that this valve does is in the simulation"
+                how = f"precedes {name} by {-lag:.0f} ms"
+            what = "the position controller reacts to it" if lag < 0 else "the model does not fully describe this valve"
             sentences.append(
                 f"{who} {how} (correlation {found.strongest:+.2f}, 99 % bound {found.strongest_bound:.2f}): {what}."
             )
@@ -266,8 +267,8 @@ def _of_regions(column: ColumnDiagnosis, name: str, who: str) -> list[str]:
         if np.isfinite(worst.high)
         else f"{worst.low * 1e3:.0f} mm and more"
     )
-    doing = "in hold" if worst.direction == "hold" else worst.direction
+    when = "during holds" if worst.direction == "hold" else f"while {worst.direction}"
     return [
-        f"{who} is largest {doing} at {ends}: {worst.rms * factor:.2g} {unit} rms, {column.rms * factor:.2g} {unit} "
-        "in all."
+        f"{who} is largest {when} at {ends}: {worst.rms * factor:.2g} {unit} rms, compared with "
+        f"{column.rms * factor:.2g} {unit} overall."
     ]

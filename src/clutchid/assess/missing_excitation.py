@@ -1,4 +1,4 @@
-"""What a recording lacks, in the user's words; computed from the recording and from the information that it carries."""
+"""Excitation that a recording lacks, from its motion and from the Jacobian of a fit; sentences for the user."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.signals.excitation import SHORTEST_REST, STROKE, VENTED_POSITION, Excitation
-from clutchid.uncertainty.identifiability import CORRELATION, correlations, heard, listed
+from clutchid.uncertainty.identifiability import CORRELATION, correlations, identifiable, listed
 
-#: A load weight acts where its basis function has more than this part of its largest value.
+#: A load weight acts where its basis function has more than this fraction of its largest value.
 ACTS = 0.01
 
-#: Of correlated pairs, the most that are told.
+#: Largest number of correlated pairs that are reported.
 MOST_PAIRS = 3
 
 _SUPPLY = ("R_0vs", "R_1vs", "B_vs", "b_vs", "m_vs", "C_vs")
@@ -23,19 +23,19 @@ _STOP = ("y_max", "K_stop", "D_stop", "d_stop", "V_0B")
 
 
 def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R: FloatArray | None = None) -> list[str]:
-    """What is missing in a recording to tell load and parameters, one sentence each; empty where nothing is.
+    """What a recording lacks to identify load and parameters, one sentence each; empty if nothing is missing.
 
     Parameters
     ----------
     found : Excitation
-        What the recording excites, or several together.
+        Excitation of one recording, or of several together.
     actuator : Actuator
-        The fitted one: its stroke, its valves and the basis of its load.
+        The fitted actuator: its stroke, its valves and the basis of its load.
     names : names
         Free parameters and load weights.
     R : (k, k), optional
-        Factor of the Jacobian to dimensionless numbers, the first of which are `names`. Without it only what the
-        motion itself shows is told.
+        Factor of the Jacobian with respect to dimensionless parameters, the first of which are `names`. Without it,
+        only the motion is evaluated.
 
     Returns
     -------
@@ -48,44 +48,47 @@ def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R:
     >>> t = np.arange(0.0, 2.0, 1e-3)
     >>> y = np.interp(t, [0.0, 1.0, 2.0], [0.004, 0.008, 0.004])
     >>> missing(excitation(Log(t, {"position": y})), Actuator())[0]
-    'this log reaches 8.0 mm of 25.0 mm and tells nothing of the load beyond: reach 20.0 mm or more.'
+    'this log reaches 8.0 mm of 25.0 mm and contains no information about the load beyond: reach 20.0 mm or more.'
     """
     who = "this log" if found.recordings == 1 else f"these {found.recordings} logs"
-    verb = ("reaches", "passes", "tells") if found.recordings == 1 else ("reach", "pass", "tell")
+    verb = ("reaches", "passes", "contains") if found.recordings == 1 else ("reach", "pass", "contain")
     reaching = f"{who} {verb[0]} {found.reach * 1e3:.1f} mm"
     sentences: list[str] = []
     if R is not None and names:
-        sentences += _silent_weights(R, names, actuator, found, reaching)
-        sentences += _alike(R, names, actuator, found, reaching)
-        sentences += _silent_others(R, names, actuator, found, who)
+        sentences += _weights_beyond_reach(R, names, actuator, found, reaching)
+        sentences += _correlated_weights(R, names, actuator, found, reaching)
+        sentences += _other_parameters(R, names, actuator, found, who)
     y_max = actuator.parameters.y_max
     if found.reach < STROKE[1] * y_max and not any(reaching in sentence for sentence in sentences):
         sentences.append(
-            f"{reaching} of {y_max * 1e3:.1f} mm and {verb[2]} nothing of the load beyond: "
+            f"{reaching} of {y_max * 1e3:.1f} mm and {verb[2]} no information about the load beyond: "
             f"reach {STROKE[1] * y_max * 1e3:.1f} mm or more."
         )
     return sentences + _one_way(found, f"{who} {verb[1]}") + _never_vents(found, who)
 
 
-def _silent_weights(
+def _weights_beyond_reach(
     R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, reaching: str
 ) -> list[str]:
-    """Load weights that are not told, because their part of the load lies beyond the reach."""
-    silent = [name for name, told in zip(names, heard(R), strict=False) if not told and name in actuator.load.names]
-    spans = {name: _span(name, actuator) for name in silent}
+    """Load weights that are not identifiable because they act beyond the reach."""
+    known = identifiable(R)
+    unknown = [
+        name for name, is_known in zip(names, known, strict=False) if not is_known and name in actuator.load.names
+    ]
+    spans = {name: _span(name, actuator) for name in unknown}
     beyond = {name: span for name, span in spans.items() if span[1] > found.reach}
     if not beyond:
         return []
-    begin, wanted = min(span[0] for span in beyond.values()), max(span[1] for span in beyond.values())
-    says, act = "says" if found.recordings == 1 else "say", "acts" if len(beyond) == 1 else "act"
+    begin, needed = min(span[0] for span in beyond.values()), max(span[1] for span in beyond.values())
+    contains, act = "contains" if found.recordings == 1 else "contain", "acts" if len(beyond) == 1 else "act"
     return [
-        f"{reaching} and {says} nothing about {listed(list(beyond))}, which {act} from {begin * 1e3:.1f} mm on: "
-        f"reach {wanted * 1e3:.1f} mm or more."
+        f"{reaching} and {contains} no information about {listed(list(beyond))}, which {act} from {begin * 1e3:.1f} mm "
+        f"on: reach {needed * 1e3:.1f} mm or more."
     ]
 
 
 def _span(name: str, actuator: Actuator) -> tuple[float, float]:
-    """Where a load weight begins to act and where it is at its largest, at most the last knot, in m."""
+    """Position at which a load weight begins to act, and that of its maximum, at most the last knot, in m."""
     load = actuator.load
     y = np.linspace(0.0, actuator.parameters.y_max, 501)
     phi = np.abs(load.phi(y)[:, load.names.index(name)])
@@ -93,13 +96,17 @@ def _span(name: str, actuator: Actuator) -> tuple[float, float]:
     return float(y[np.argmax(phi > ACTS * phi[top])]), min(float(y[top]), load.knots[-1])
 
 
-def _alike(R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
-    """Pairs of load weights that correlate because the reach ends before the further one is at its largest."""
-    told = np.flatnonzero(heard(R))
-    if told.size < 2:
+def _correlated_weights(
+    R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, reaching: str
+) -> list[str]:
+    """Pairs of load weights that correlate because the reach ends before the maximum of the further one."""
+    known = np.flatnonzero(identifiable(R))
+    if known.size < 2:
         return []
-    matrix = correlations(R[:, told])
-    weights = [(k, names[i]) for k, i in enumerate(told.tolist()) if i < len(names) and names[i] in actuator.load.names]
+    matrix = correlations(R[:, known])
+    weights = [
+        (k, names[i]) for k, i in enumerate(known.tolist()) if i < len(names) and names[i] in actuator.load.names
+    ]
     pairs = [
         (float(matrix[k, j]), one, other)
         for n, (j, one) in enumerate(weights)
@@ -108,43 +115,46 @@ def _alike(R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excit
     ]
     sentences = []
     for correlation, one, other in sorted(pairs, key=lambda pair: -abs(pair[0])):
-        wanted = max(_span(one, actuator)[1], _span(other, actuator)[1])
-        if found.reach < wanted:
+        needed = max(_span(one, actuator)[1], _span(other, actuator)[1])
+        if found.reach < needed:
             sentences.append(
-                f"{reaching}, {one} and {other} correlate at {correlation:+.2f}: reach {wanted * 1e3:.1f} mm or more."
+                f"{reaching}; the correlation of {one} and {other} is {correlation:+.2f}: reach {needed * 1e3:.1f} mm "
+                "or more."
             )
     return sentences[:MOST_PAIRS]
 
 
-def _silent_others(R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, who: str) -> list[str]:
-    """Parameters that are not told, where the motion shows why."""
+def _other_parameters(
+    R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, who: str
+) -> list[str]:
+    """Parameters that are not identifiable for a reason that the motion shows."""
     p = actuator.parameters
-    silent = [name for name, told in zip(names, heard(R), strict=False) if not told]
-    does = "says" if found.recordings == 1 else "say"
+    unknown = [name for name, is_known in zip(names, identifiable(R), strict=False) if not is_known]
+    contains = "contains" if found.recordings == 1 else "contain"
     reasons = (
         (_SUPPLY, found.highest_supply < p.R_1vs, _stays("duty_supply", found.highest_supply, p.R_1vs)),
         (_EXHAUST, found.highest_exhaust < p.R_1ve, _stays("duty_exhaust", found.highest_exhaust, p.R_1ve)),
         (
             _STOP,
             found.reach < p.y_max,
-            f"the piston turns at {found.reach * 1e3:.1f} mm, {(p.y_max - found.reach) * 1e3:.1f} mm before the end of "
-            "its stroke; go nearer to it.",
+            f"the piston reaches {found.reach * 1e3:.1f} mm, {(p.y_max - found.reach) * 1e3:.1f} mm short of its "
+            "stroke; move it closer to the end stop.",
         ),
     )
     sentences = []
     for group, holds, why in reasons:
-        members = [name for name in silent if name in group]
+        members = [name for name in unknown if name in group]
         if members and holds:
-            sentences.append(f"{who} {does} nothing about {listed(members)}: {why}")
+            sentences.append(f"{who} {contains} no information about {listed(members)}: {why}")
     return sentences
 
 
 def _stays(duty: str, highest: float, full: float) -> str:
-    return f"{duty} stays at {highest:.2f} or below, the valve is fully open from {full:.2f} on; open it further."
+    return f"{duty} never exceeds {highest:.2f}, but the valve is fully open from {full:.2f} on; open it further."
 
 
 def _one_way(found: Excitation, passing: str) -> list[str]:
-    """Regions passed in one direction only: there the friction cannot be told from the load."""
+    """Regions passed in one direction only, where friction and load cannot be separated."""
     sentences = []
     for visit in found.regions:
         ways = (("opening", visit.opening, "closing"), ("closing", visit.closing, "opening"))
@@ -153,8 +163,8 @@ def _one_way(found: Excitation, passing: str) -> list[str]:
             way, number, other = times[0]
             ends = f"from {visit.low * 1e3:.0f} mm on" if np.isinf(visit.high) else _between(visit.low, visit.high)
             sentences.append(
-                f"{passing} {ends} {number} {'time' if number == 1 else 'times'}, only {way}: friction there looks "
-                f"like load; pass it {other}, too."
+                f"{passing} {ends} {number} {'time' if number == 1 else 'times'}, only while {way}: friction and "
+                f"load cannot be separated there; pass it while {other}, too."
             )
     return sentences
 
@@ -166,14 +176,12 @@ def _between(low: float, high: float) -> str:
 def _never_vents(found: Excitation, who: str) -> list[str]:
     if found.vented_rests:
         return []
-    why = (
-        f"its lowest position is {found.lowest * 1e3:.1f} mm"
+    rest = (
+        f"vented rest (lowest position {found.lowest * 1e3:.1f} mm)"
         if found.lowest > VENTED_POSITION
-        else f"it has no rest of {SHORTEST_REST:g} s at the engaged end with the chamber vented"
+        else f"vented rest of {SHORTEST_REST:g} s or more at the engaged end"
     )
-    if found.recordings > 1:
-        why = why.replace("its", "their").replace("it has", "they have")
     return [
-        f"{who} never {'vents' if found.recordings == 1 else 'vent'}: {why}, so the pressure is nowhere known without "
-        "a sensor; add a rest of a second in the engaged clutch."
+        f"{who} {'has' if found.recordings == 1 else 'have'} no {rest}, so the pressure is unknown without a sensor; "
+        "add a rest of one second with the clutch engaged."
     ]

@@ -12,7 +12,7 @@ from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, r
 from clutchid.estimate.result import Fit
 from clutchid.parameters import Parameters
 from clutchid.signals.residual_colour import CrossCorrelation
-from clutchid.uncertainty.identifiability import entangled, listed
+from clutchid.uncertainty.identifiability import collinear, listed
 
 Trust = Literal["good", "with care", "none"]
 
@@ -198,7 +198,7 @@ def _combinations(fit: Fit) -> list[_Reason]:
         return []
     known = np.flatnonzero(np.any(R != 0.0, axis=0))
     names = [name for name in fit.parameters if "@" not in name]
-    group = [names[known[i]] for i in entangled(R[:, known])]
+    group = [names[known[i]] for i in collinear(R[:, known])]
     if len(group) < 3:
         return []
     text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "

@@ -1,4 +1,4 @@
-"""The command line: one file a verb. Heavy packages are imported where a verb needs them."""
+"""The command line: one module per command. Large packages are imported on demand."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from clutchid.cli.simulate import simulate
 
 
 def app() -> App:
-    """The application with all verbs."""
+    """The application with all commands."""
     application = App(
         name="clutchid",
         help="From a recording of an electropneumatic clutch actuator to the load that the clutch puts on its piston.",
         version=version("clutchid"),
         result_action="return_value",
     )
-    for verb in (fit, simulate, paper, look, cut, friction, drive, prove):
-        application.command(verb)
+    for command in (fit, simulate, paper, look, cut, friction, drive, prove):
+        application.command(command)
     return application
 
 
@@ -41,14 +41,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 failed, 2 bad input."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # no unit or name may stop the output of a result
+        sys.stdout.reconfigure(errors="replace")  # an unprintable unit or name must not prevent the output
     try:
         code = _run(tokens)
         print(end="", flush=True)
     except OSError as error:
         code = FAILED
         _silence()
-        if not isinstance(error, BrokenPipeError):  # else whoever reads has seen enough, as in `clutchid look F | head`
+        if not isinstance(error, BrokenPipeError):  # a closed pipe is normal, as in `clutchid look F | head`
             print(f"clutchid: standard output cannot be written ({error.strerror or error}).", file=sys.stderr)
     sys.exit(code)
 
@@ -65,10 +65,10 @@ def _run(tokens: list[str]) -> int:
 
 
 def _silence() -> None:
-    """Let standard output lead nowhere, so that Python has nothing to say about it at its end."""
+    """Redirect standard output to the null device, to avoid errors when Python exits."""
     with suppress(OSError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
 
 
 if __name__ == "__main__":

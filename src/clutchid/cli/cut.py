@@ -1,4 +1,4 @@
-"""``clutchid cut``: a long recording cut into strokes and rests, and those that tell most."""
+"""``clutchid cut``: cut a long recording into strokes and rests, and select the most informative strokes."""
 
 from __future__ import annotations
 
@@ -31,26 +31,26 @@ def cut(
     ambient: str | None = None,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Cut a recording of any length into strokes and rests, and write those that tell most about the load.
+    """Cut a recording of any length into strokes and rests, and write those with the most information about the load.
 
-    The recording is read piece by piece, so that a day at 1 kHz needs no more memory than a minute.
+    The recording is read in pieces, so that a day at 1 kHz needs no more memory than a minute.
 
     Parameters
     ----------
     recording
-        Recording of any format that `clutchid look` reads.
+        Recording in any format that `clutchid look` reads.
     out
-        The strokes that tell most, one recording with holes between them (.parquet, .csv, .mf4 or .mat), for `fit`.
+        Selected strokes as one recording with holes between them (.parquet, .csv, .mf4 or .mat), for `fit`.
     table
-        List of all strokes and rests to write, CSV: label, start, reach, speeds, vented rest, missing samples.
+        CSV list of all strokes and rests to write: label, start, reach, speeds, vented rest, missing samples.
     seconds
-        Length of what is chosen.
+        Greatest total length of the selected strokes in s.
     map_
         Channel map (TOML) of the recording, as written by `clutchid look --save`.
     dbc
-        DBC files that decode a bus log, several after each other.
+        DBC files that decode a bus log; several may follow each other.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; default P_0.
+        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
     debug
         Show the traceback of an error.
     """
@@ -61,20 +61,18 @@ def cut(
         from clutchid.strokes import cut as sections_of
 
         check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
-        seen: Counter[str] = Counter()
+        counts: Counter[str] = Counter()
         with progress_bar("cut") as show:
             pieces = pieces_of(recording, pressure(ambient, Parameters().P_0), map_, tuple(dbc or ()), show)
             sections = sections_of(pieces)
             if table is None:
-                chosen = choose(_counted(sections, seen, lambda _: None), seconds)
+                chosen = choose(_counted(sections, counts, lambda _: None), seconds)
             else:
                 with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-                    chosen = choose(_counted(sections, seen, csv.writer(file).writerow), seconds)
-        print(", ".join(f"{count:,} {label}" for label, count in seen.most_common()))
+                    chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
+        print(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
         if not chosen:
-            raise DataError(
-                f"{recording}: no stroke of at most {seconds:g} s that could be fitted; nothing is written."
-            )
+            raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
         write(joined(chosen), out)
         print(f"\n{sections_table(chosen)}\n")
         print("\n".join(f"written: {path.resolve()}" for path in (out, table) if path is not None))
@@ -84,16 +82,18 @@ def cut(
 
 
 def _counted(
-    sections: Iterable[Section], seen: Counter[str], write_row: Callable[[Iterable[object]], object]
+    sections: Iterable[Section], counts: Counter[str], write_row: Callable[[Iterable[object]], object]
 ) -> Iterator[Section]:
     """The sections, counted by label and written to the table one by one."""
     for number, section in enumerate(sections, 1):
-        told = asdict(section.excitation)
+        summary = asdict(section.summary)
         if number == 1:
-            write_row(["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *_headings(told)])
+            write_row(
+                ["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *_headings(summary)]
+            )
         ends = (section.start, section.departure, section.end)
-        write_row([number, section.kind, section.label, section.first, *ends, *told.values()])
-        seen[section.label] += 1
+        write_row([number, section.kind, section.label, section.first, *ends, *summary.values()])
+        counts[section.label] += 1
         yield section
 
 

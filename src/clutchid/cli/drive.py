@@ -1,4 +1,4 @@
-"""``clutchid drive``: a virtual truck on the road."""
+"""``clutchid drive``: record a virtual truck."""
 
 from __future__ import annotations
 
@@ -28,34 +28,34 @@ def drive(
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Drive a virtual truck whose physics is richer than the model, and write the recording and, apart, the truth.
+    """Simulate a virtual truck, more detailed than the model, and write a recording and, separately, its truth.
 
     Parameters
     ----------
     out
-        Recording to write, .csv or .parquet.
+        Recording to write (.csv or .parquet).
     truck
         Number of the truck type; the same number is always the same truck.
     seed
-        For everything random in the drive: manoeuvre, noise, air supply.
+        Seed of manoeuvre, noise and air supply.
     seconds
-        Length of the recording.
+        Length of the recording in s.
     wear
         Wear of the facing in mm.
     cycles
-        Strokes that the clutch has done.
+        Number of strokes that the clutch has done.
     temperature
-        Ambient temperature in °C, in place of the truck's own.
+        Ambient temperature in °C; that of the truck type by default.
     manoeuvre
         mix, gear-shift, pull-away, creep, staircase, strokes, ramps or validation.
     truth
-        True load over the position, to write as JSON.
+        JSON file with the true load over the position to write.
     pressure
-        Record the pressure in the chamber too.
+        Record the chamber pressure as well.
     bus
-        Record on the bus, 100 Hz with its own clock, instead of 1 kHz in the controller.
+        Record on the bus at 100 Hz with its own clock, instead of in the controller at 1 kHz.
     dropouts
-        Number of stretches of 5 to 60 ms without measurements.
+        Number of intervals of 5 to 60 ms without measurements.
     json
         Print one JSON object on standard output.
     debug
@@ -77,7 +77,7 @@ def drive(
             done.write_truth(truth)
         written = [str(path.resolve()) for path in (out, truth) if path is not None]
         if json:
-            print_json({**EMPTY, "status": "ok", "message": f"truck {truck} driven", "written": written})
+            print_json({**EMPTY, "status": "ok", "message": f"recording of truck {truck}", "written": written})
         else:
             print("\n".join(f"written: {path}" for path in written))
         return DONE
@@ -86,11 +86,11 @@ def drive(
 
 
 def _check(out: Path, truth: Path | None) -> None:
-    """Make sure, before the drive, that recording and truth can be written."""
+    """Check before the simulation that recording and truth can be written."""
     from clutchid.io.files import check_writable
 
     check_writable(out)
     if truth is not None:
         check_writable(truth)
         if truth.resolve() == out.resolve():
-            raise ParameterError(f"--truth {truth}: is the recording itself; name another file.")
+            raise ParameterError(f"--truth {truth}: is the same file as --out; name another file.")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -116,32 +117,52 @@ def fit(
         Show the traceback of an error.
     """
 
-    def work() -> int:
+    def request() -> FitRequest:
         from clutchid.estimate.request import FitRequest
 
-        _check(logs, verify or (), (*(bounds_ or ()), *(prior or ())))
-        check_outputs({"--save": save, "--report": report}, _inputs(logs, verify or (), start))
-        request = FitRequest(
-            measure=names(measure),
-            free=names(free),
-            bounds=bounds(bounds_ or ()),
-            partition=partition_of(every, parts, carry, take),
-            method=method,
-            priors=priors(prior or ()),
-            profile=names(profile),
-            bootstrap=bootstrap,
-        )
-        actuator, request = workflow.start_of(start, model, request)
-        reading = workflow.Reading(pressure(ambient, actuator.parameters.P_0), map_, tuple(dbc or ()))
-        read = workflow.read_recordings([*logs, *(verify or ())], reading, actuator.equipment)
-        outcome = _fitted(read[: len(logs)], actuator, request, read[len(logs) :])
-        if save is not None:
-            workflow.save(outcome, save)
-        if report is not None:
-            workflow.report(outcome, shlex.join(["clutchid", *sys.argv[1:]]), report)
-        return _answered(outcome, json, save, report)
+        partition, limits = partition_of(every, parts, carry, take), bounds(bounds_ or ())
+        known, checked = priors(prior or ()), names(profile)
+        return FitRequest(names(measure), names(free), limits, partition, method, known, None, checked, bootstrap)
 
-    return guarded(work, as_json=json, debug=debug)
+    files = _Files(logs, tuple(verify or ()), start, save, report)
+    how = ambient, map_, tuple(dbc or ())
+    return guarded(lambda: _work(files, request, model, how, json), as_json=json, debug=debug)
+
+
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Paths that a fit reads and writes."""
+
+    logs: tuple[Path, ...]
+    verify: tuple[Path, ...]
+    start: Path | None
+    save: Path | None
+    report: Path | None
+
+
+def _work(
+    files: _Files,
+    asked: Callable[[], FitRequest],
+    model: str | None,
+    how: tuple[str | None, Path | None, tuple[Path, ...]],
+    json: bool,
+) -> int:
+    if not files.logs:
+        raise ParameterError(
+            "no recording given; clutchid fit LOG.csv. Options that take several values (--verify, --bounds, --prior, "
+            "--dbc) take all that follows them: put the recordings first."
+        )
+    check_outputs({"--save": files.save, "--report": files.report}, _inputs(files))
+    actuator, request = workflow.start_of(files.start, model, asked())
+    ambient, channel_map, dbc = how
+    reading = workflow.Reading(pressure(ambient, actuator.parameters.P_0), channel_map, dbc)
+    read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)
+    outcome = _fitted(read[: len(files.logs)], actuator, request, read[len(files.logs) :])
+    if files.save is not None:
+        workflow.save(outcome, files.save)
+    if files.report is not None:
+        workflow.report(outcome, shlex.join(["clutchid", *sys.argv[1:]]), files.report)
+    return _answered(outcome, json, files.save, files.report)
 
 
 def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log]) -> Outcome:
@@ -170,17 +191,7 @@ def _answered(outcome: Outcome, json: bool, *written: Path | None) -> int:
     return FAILED if result.status == "failed" else DONE
 
 
-def _check(logs: Sequence[Path], verify: Sequence[Path], limits: Sequence[str]) -> None:
-    if not logs and (verify or limits):
-        raise ParameterError(
-            "no recording given: --verify, --bounds and --prior take all arguments that follow; put the recordings "
-            "before --verify, --bounds and --prior."
-        )
-    if not logs:
-        raise ParameterError("no recording given; clutchid fit LOG.csv")
-
-
-def _inputs(logs: Sequence[Path], verify: Sequence[Path], start: Path | None) -> list[tuple[str, Path | None]]:
-    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
-    inputs += [("a recording to verify with", path) for path in verify]
-    return [*inputs, ("the start file itself", start)]
+def _inputs(files: _Files) -> list[tuple[str, Path | None]]:
+    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in files.logs]
+    inputs += [("a recording to verify with", path) for path in files.verify]
+    return [*inputs, ("the start file itself", files.start)]

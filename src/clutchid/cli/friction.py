@@ -24,21 +24,21 @@ def friction(
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Friction of a seal from the force that moves it to and fro on a test rig.
+    """Estimate the friction of a seal from recordings of a test rig.
 
     Parameters
     ----------
     files
-        Recordings with `time`, `position`, `force` and, where measured, `pressure_a`.
+        Recordings with `time`, `position`, `force` and, if measured, `pressure_a`.
     law
-        coulomb: Coulomb friction at each held pressure from strokes at constant speed, and whether one constant holds.
-        lugre: F_C, K_z, D_v and D_zdot of each recording, simulated from its position alone.
+        coulomb: Coulomb friction at each constant pressure from strokes at constant speed, and whether it depends on
+        the pressure. lugre: F_C, K_z, D_v and D_zdot of each recording, by simulation from its position alone.
     area
-        Rise of the force with the pressure in m², where it is known; for coulomb.
+        Slope of the force over the pressure in m², if known; for coulomb.
     map_
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     ambient
-        Ambient pressure, for example 1.013bar; default P_0.
+        Ambient pressure, for example 1.013bar; P_0 by default.
     json
         Print one JSON object on standard output.
     debug
@@ -61,11 +61,11 @@ def friction(
 
 
 def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[str, dict[str, Any]]:
-    from clutchid.rig import coulomb_friction, implied, verdict
+    from clutchid.rig import conclusions, coulomb_friction, implied
     from clutchid.rig.tables import level_table, parameter_table
 
     found = coulomb_friction(logs, ambient=ambient, area=area)
-    sentence, *others = verdict(found)
+    sentence, *others = conclusions(found)
     levels = [
         {
             "pressure_Pa": level.pressure,
@@ -79,8 +79,8 @@ def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[s
     parameters = implied(found)
     text = f"{level_table(found)}\n\n{parameter_table(parameters)}\n\n{sentence}"
     warnings = [f"{log.name}: {warning}" for log in logs for warning in log.warnings] + others
-    told = {name: _entry(estimate) for name, estimate in parameters.items()}
-    return text, {"message": sentence, "parameters": told, "levels": levels, "warnings": warnings}
+    estimates = {name: _entry(estimate) for name, estimate in parameters.items()}
+    return text, {"message": sentence, "parameters": estimates, "levels": levels, "warnings": warnings}
 
 
 def _lugre(logs: Sequence[Log]) -> tuple[str, dict[str, Any]]:
@@ -88,12 +88,12 @@ def _lugre(logs: Sequence[Log]) -> tuple[str, dict[str, Any]]:
     from clutchid.rig.tables import lugre_table
 
     fits = [fit_lugre(log) for log in logs]
-    told = {f"{name}@{fit.name}": _entry(estimate) for fit in fits for name, estimate in fit.parameters.items()}
+    estimates = {f"{name}@{fit.name}": _entry(estimate) for fit in fits for name, estimate in fit.parameters.items()}
     message = "; ".join(f"{fit.name}: fit {fit.fit_percent:.1f} % in free run" for fit in fits)
     entries = {fit.name: {"fit_percent": fit.fit_percent, "force_rms_N": fit.rms} for fit in fits}
     warnings = [f"{fit.name}: {warning}" for fit in fits for warning in fit.warnings]
     text = "\n\n".join(lugre_table(fit) for fit in fits)
-    return text, {"message": message, "parameters": told, "logs": entries, "warnings": warnings}
+    return text, {"message": message, "parameters": estimates, "logs": entries, "warnings": warnings}
 
 
 def _entry(estimate: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""``clutchid look``: what is in a file."""
+"""``clutchid look``: list and check the contents of a file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressur
 from clutchid.parameters import Parameters
 
 if TYPE_CHECKING:
-    from clutchid.io.seen import Look
+    from clutchid.io.overview import Look
 
 
 def look(
@@ -25,20 +25,20 @@ def look(
     ambient: str | None = None,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """List the channels of a recording with unit, raster, range and holes, every problem found, and a channel map.
+    """List the channels of a recording with unit, time grid, range and holes, all problems, and a channel map.
 
     Parameters
     ----------
     file
         Recording: CSV, Parquet, MDF, MATLAB, or a CAN log (BLF, ASC, MF4).
     save
-        Write the proposed channel map (TOML), to be mended by hand and given to `fit` and `simulate` with --map.
+        Write the proposed channel map (TOML), to be corrected by hand and given to `fit` and `simulate` with --map.
     map_
-        Channel map to check the recording with; without it the proposed one.
+        Channel map for the checks; the proposed one by default.
     dbc
-        DBC files that decode a bus log, several after each other.
+        DBC files that decode a bus log; several may follow each other.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; default P_0.
+        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
     debug
         Show the traceback of an error.
     """
@@ -49,28 +49,28 @@ def look(
 
         check_outputs({"--save": save}, [("the recording itself", file)])
         at = pressure(ambient, Parameters().P_0)
-        seen = look_at(file, at, tuple(dbc or ()))
-        print(seen.table())
-        print(_checks(file, seen, map_, at))
+        contents = look_at(file, at, tuple(dbc or ()))
+        print(contents.table())
+        print(_checks(file, contents, map_, at))
         if save is not None:
-            proposed = seen.proposal.channels
-            write_map(replace(proposed, comments={**proposed.comments, "": seen.listing()}), save)
+            proposed = contents.proposal.channels
+            write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
             print(f"written: {save.resolve()}")
             if not proposed.channels:
-                print("No channel has a name that tells what it is: the file lists them, write the map by hand.")
-        return BAD_INPUT if seen.problems else DONE
+                print("No channel could be identified by its name: the file lists all channels, write the map by hand.")
+        return BAD_INPUT if contents.problems else DONE
 
     return guarded(work, as_json=False, debug=debug)
 
 
-def _checks(file: Path, seen: Look, map_: Path | None, ambient: float) -> str:
-    """What the checks before a fit find in the recording, or in its first million samples."""
+def _checks(file: Path, contents: Look, map_: Path | None, ambient: float) -> str:
+    """Results of the checks before a fit on the recording, or on its first million samples."""
     from clutchid.inspection import inspect
     from clutchid.io import channel_map, read_pieces
 
-    channels = channel_map.read_map(map_) if map_ else seen.proposal.channels
-    if map_ is None and (seen.problems or (seen.needs_map and not seen.proposal.complete)):
-        return "\nNot checked: a fit cannot read the recording yet."
-    chosen = channels if map_ or seen.needs_map else None
+    channels = channel_map.read_map(map_) if map_ else contents.proposal.channels
+    if map_ is None and (contents.problems or (contents.needs_map and not contents.proposal.complete)):
+        return "\nNot checked: the recording cannot be read without a channel map, or has problems."
+    chosen = channels if map_ or contents.needs_map else None
     log = next(read_pieces(file, ambient=ambient, channels=chosen, required=("time", "position")))
     return f"\n{inspect(log).table()}"

@@ -1,4 +1,4 @@
-"""``clutchid paper``: the paper's study, repeated."""
+"""``clutchid paper``: repeat the paper's study."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def paper(
     Parameters
     ----------
     out
-        Folder for index.html, PNG and CSV files; made if it does not exist.
+        Folder for index.html, PNG and CSV files; created if necessary.
     fit
-        Recording to fit; without it a bundled one serves, first half fitted, second half verified.
+        Recording to fit; by default the bundled recording, first half for the fit, second half for verification.
     verify
-        Recording to verify with.
+        Recording for verification.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; default P_0.
+        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
     debug
         Show the traceback of an error.
     """
@@ -41,7 +41,7 @@ def paper(
         from clutchid.study import bundled_recording, halves, paper_study
 
         if (fit is None) != (verify is None):
-            raise ParameterError("--fit and --verify: give both recordings or neither.")
+            raise ParameterError("--fit and --verify: give both recordings, or neither.")
         if fit is None or verify is None:
             fitted, verified = halves(bundled_recording())
         else:

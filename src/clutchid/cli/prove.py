@@ -1,4 +1,4 @@
-"""``clutchid prove``: a workflow on a fleet of virtual trucks."""
+"""``clutchid prove``: evaluate a workflow on a fleet of virtual trucks."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ def prove(
     workers: int = 1,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Score a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
+    """Evaluate a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
 
-    Every truck's result is kept; a stopped run goes on where it was. Choose methods on seeds 0 to 23, report them on
-    1000 to 1023.
+    Results are saved per truck; an interrupted run is continued. Choose methods on seeds 0 to 23, report them on 1000
+    to 1023.
 
     Parameters
     ----------
     out
-        Folder for the results; results of other workflows in it stand in the same table.
+        Folder for the results; results of other workflows in it are listed in the same table.
     trucks
         Number of trucks.
     seed
         Number of the first truck type.
     workflow
-        paper, paper-every-200, paper-every-200-q, paper-8-parts, or an own one as MODULE:FUNCTION.
+        paper, paper-every-200, paper-every-200-q, paper-8-parts, or your own as MODULE:FUNCTION.
     workers
-        Processes; the result does not depend on it.
+        Number of processes; does not affect the results.
     debug
         Show the traceback of an error.
     """
@@ -49,7 +49,7 @@ def prove(
         from clutchid.study.proving.standings import every_recording, standings
 
         if trucks < 1 or seed < 0:
-            raise ParameterError(f"--trucks {trucks} --seed {seed}: at least 1 truck, and a seed of at least 0.")
+            raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
         numbers = range(seed, seed + trucks)
         with progress_bar("prove") as show:
             results = run(workflow, numbers, out, workers=workers, progress=show)

@@ -75,8 +75,7 @@ def simulate(
         check_outputs({"--out": out}, _inputs(log, parameters, band))
         partition, content = partition_of(every, parts, carry), read_parameters(parameters)
         air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
-        reading = Reading(air, map_, tuple(dbc or ()))
-        recording, *others = read_recordings(files, reading, content.actuator.equipment)
+        recording, *others = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
         starts, notes = _starts(recording, content, partition, parameters)
         done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
         write(_banded(done.log, others, content, partition), out)

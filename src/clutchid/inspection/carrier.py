@@ -1,4 +1,4 @@
-"""The grid on which the duty cycles change: it tells the carrier of the valves."""
+"""Period of the valves' carrier (PWM), estimated from the time grid on which the duty cycles change."""
 
 from __future__ import annotations
 
@@ -7,32 +7,32 @@ import numpy as np
 from clutchid.inspection.reading import Reading
 from clutchid.log import INPUTS, FloatArray
 
-#: Longest period in s that is looked for, 20 Hz, and how many changes tell a grid.
+#: Longest period in s that is searched for, 20 Hz, and least number of changes that define a time grid.
 LONGEST, CHANGES = 0.05, 30
 
-#: Mean length of the changes as phasors on a grid: 1 where all lie on it, 0.95 with one of twenty anywhere.
+#: Least magnitude of the mean phasor of the changes on a time grid: 1 if all lie on it, 0.95 if one in twenty does not.
 ON_GRID = 0.95
 
 
 def on_grid(reading: Reading) -> bool:
-    """Whether the duty cycles change on a grid: a valve takes such a change at once.
+    """Whether the duty cycles change on a time grid, so that the valve responds at once.
 
-    One that changes anywhere waits for the carrier of the valve, up to one period.
+    Other changes take effect with the next period of the carrier, after up to one period.
     """
     return _grid(reading) > 0
 
 
 def period(reading: Reading, usual: float) -> float:
-    """Period in s of the carrier where the duty cycles show it, else the `usual` one.
+    """Period in s of the carrier as estimated from the duty cycles, else the `usual` one.
 
-    Valves that are only opened and closed change on the grid of the control unit, which is no carrier.
+    Valves that are only opened and closed change on the time grid of the control unit, which is not a carrier.
     """
     parts = sum(int(((reading.log[name] > 0) & (reading.log[name] < 1)).sum()) for name in INPUTS)
     return (_grid(reading) if parts > CHANGES else 0.0) or usual
 
 
 def _grid(reading: Reading) -> float:
-    """Period in s of the grid on which the duty cycles change; 0 where they change anywhere, or with every sample."""
+    """Period in s of the time grid on which the duty cycles change; 0 if there is none above the sampling interval."""
     log, step = reading.log, reading.step
     changed = np.zeros(len(log), dtype=bool)
     for name in INPUTS:

@@ -1,4 +1,4 @@
-"""`Reading`: a recording with all that the checks need of it, made once."""
+"""`Reading`: a recording and the derived quantities that the checks share, each computed once."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ClutchidError
-from clutchid.inspection.signal import IntArray, Runs, noise, quantum, runs, stretches
+from clutchid.inspection.signal import IntArray, Runs, noise, quantum, run_ends, runs
 from clutchid.io.checks import usual_interval
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -19,19 +19,19 @@ from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.stiffness import stiffness
 
-#: Measured columns that are looked at one by one, their units in a sentence, and how many of them a unit in SI is.
+#: Measured columns that are checked one by one, their unit in messages, and the factor from SI to it.
 MEASURED = {"position": ("mm", 1e3), "pressure_a": ("bar", 1e-5)}
 
-#: Strokes, or stretches with an open valve, that are looked at: more tell nothing new of an hour.
+#: Largest number of strokes, or of intervals with an open valve, that are evaluated.
 MOST = 200
 
-#: No sensor is better than this part of its range: where the noise is smaller, the numbers were computed.
+#: No sensor is better than this fraction of its range: with less noise, the values were computed.
 COMPUTED = 1e-5
 
-#: Share of its changes that a position makes as fast as its sensor lets it, and changes that tell this.
+#: Quantile of the time between changes of the position that gives its update interval, and least number of changes.
 FAST, FEWEST = 0.1, 50
 
-#: Longest pause in s between two pulses that move the piston together: the longest period of a carrier, 20 Hz.
+#: Longest pause in s between two pulses that count as one opening: the longest period of a carrier, 20 Hz.
 PAUSE = 0.05
 
 
@@ -44,21 +44,21 @@ class Reading:
 
     @cached_property
     def step(self) -> float:
-        """Usual time between two samples in s; infinity for fewer than two."""
+        """Usual interval between samples in s; infinity for fewer than two."""
         return usual_interval(self.log.time)
 
     @cached_property
-    def raster(self) -> float:
-        """Time in s between two values of the position: longer than `step` where a logger repeats the last one."""
+    def update_interval(self) -> float:
+        """Interval in s between new values of the position; longer than `step` if the logger repeats the last value."""
         if "position" not in self.measured:
             return self.step
         changes = np.flatnonzero(np.diff(self.log["position"]) != 0)
-        # a coarse position stands still too; where it moves fast it changes with every value
+        # a coarsely quantised position repeats values too, but in fast motion it changes with every new value
         return self.step * float(np.quantile(np.diff(changes), FAST)) if changes.size > FEWEST else self.step
 
     @cached_property
     def driven(self) -> bool:
-        """Whether both duty cycles are there, and more than one sample."""
+        """Whether the recording has both duty cycles and more than one sample."""
         return all(name in self.log for name in INPUTS) and len(self.log) > 1
 
     @cached_property
@@ -68,7 +68,7 @@ class Reading:
 
     @cached_property
     def quanta(self) -> Mapping[str, float]:
-        """Step of each measured column, in SI; 0 where none shows."""
+        """Quantisation step of each measured column, in SI; 0 if none is visible."""
         return {name: quantum(self.log[name]) for name in self.measured}
 
     @cached_property
@@ -77,18 +77,18 @@ class Reading:
         return {name: (float(np.nanmin(self.log[name])), float(np.nanmax(self.log[name]))) for name in self.measured}
 
     def noisy(self, name: str) -> bool:
-        """Whether the noise of a measured column shows through its steps, so that equal samples mean something."""
+        """Whether the noise of a measured column exceeds its quantisation, so that repeated values are significant."""
         low, high = self.ends[name]
         return self.noises[name] > COMPUTED * (high - low) and self.quanta[name] <= 2 * self.noises[name]
 
     @cached_property
     def runs(self) -> Mapping[str, Runs]:
-        """Stretches in which each measured column does not change."""
+        """Runs in which each measured column does not change."""
         return {name: runs(self.log[name]) for name in self.measured}
 
     @cached_property
     def measured(self) -> tuple[str, ...]:
-        """Measured columns with at least one block of numbers."""
+        """Measured columns with at least two blocks of finite values."""
         return tuple(name for name in MEASURED if name in self.log and np.isfinite(self.log[name]).sum() > 64)
 
     @cached_property
@@ -113,9 +113,9 @@ class Reading:
         return np.nan_to_num(degree)
 
     def open_alone(self, supply: bool) -> tuple[IntArray, IntArray]:
-        """First samples, and first after, of the stretches in which one valve alone lets air pass, pulse by pulse."""
+        """First samples, and first after, of the intervals in which only one valve is open; pulses are merged."""
         opened, other = (self.supply, self.exhaust) if supply else (self.exhaust, self.supply)
-        starts, stops = stretches((opened > 0) & (other <= 0))
+        starts, stops = run_ends((opened > 0) & (other <= 0))
         if starts.size < 2:
             return starts, stops
         passed = np.concatenate([[0], np.cumsum(other > 0)])
@@ -124,18 +124,18 @@ class Reading:
         return starts[np.concatenate([[True], apart])], stops[np.concatenate([apart, [True]])]
 
     def blur(self, name: str) -> float:
-        """What noise and quantum let a measured column seem to change by, in SI: 6 standard deviations or 2 steps."""
+        """Apparent change of a measured column due to noise and quantisation, in SI: 6 sigma or 2 steps."""
         return max(6 * float(np.nan_to_num(self.noises[name])), 2 * self.quanta[name])
 
     def simulated(self, log: Log, position: float, pressure: float) -> FloatArray:
-        """Position in m along the inputs of `log`, from rest at a position in m under a pressure in Pa.
+        """Simulated position in m under the inputs of `log`, from rest at a position in m and a pressure in Pa.
 
-        NaN where `log` has holes, or its raster is too slow for the model.
+        NaN if `log` has holes, or its sample rate is too low for the model.
         """
         inputs = Log(log.time, {name: log[name] for name in INPUTS})
         try:
             (segment,) = plan(inputs, self.actuator, self.rate).segments
-        except (ClutchidError, ValueError):  # no stretch of samples, too slow a raster, or more than one segment
+        except (ClutchidError, ValueError):  # no samples, too low a sample rate, or more than one segment
             return np.full(len(log), np.nan)
         states, _ = run(
             segment, KernelArrays.of(self.actuator), start_state(segment, self.actuator, (position, pressure))
@@ -148,8 +148,8 @@ class Reading:
     def quick(self) -> tuple[float, float]:
         """Time in s in which a fully open valve moves the simulated piston by a tenth of its stroke: supply, exhaust.
 
-        From the vented rest with the supply valve, from the far end and supply pressure with the exhaust valve;
-        infinity where that takes longer than a second.
+        The supply valve starts from the vented rest, the exhaust valve from the far end at supply pressure; infinity
+        if it takes longer than a second.
         """
         p = self.actuator.parameters
         time: FloatArray = np.arange(1000, dtype=np.float64) * 1e-3
@@ -161,7 +161,7 @@ class Reading:
 
 
 def spread_over(count: int, most: int = MOST) -> IntArray:
-    """At most `most` of the numbers 0 ... `count` - 1, evenly spread.
+    """At most `most` of the indices 0 ... `count` - 1, evenly spread.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""`inspect`: every check on one recording."""
+"""`inspect`: all checks of one recording."""
 
 from __future__ import annotations
 
+from clutchid.inspection.check import Check, Inspection
 from clutchid.inspection.direction import direction
-from clutchid.inspection.finding import Finding, Inspection
 from clutchid.inspection.position_range import position_range
 from clutchid.inspection.pressure_unit import pressure_unit
 from clutchid.inspection.quantisation import quantisation
@@ -18,19 +18,19 @@ from clutchid.model.actuator import Actuator
 
 
 def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
-    """Everything in a recording that would spoil a fit, told at once.
+    """Check a recording for everything that would corrupt a fit.
 
     Parameters
     ----------
     log : Log
-        Any recording; what a check needs and the recording lacks makes it "not tellable".
+        Any recording; a check that lacks data is "undetermined".
     actuator : Actuator, optional
-        What the recording is compared with: its stiffness, its strokes, its supply pressure; the paper's by default.
+        Model that the recording is compared with: stiffness, stroke, supply pressure; the paper's by default.
 
     Returns
     -------
     inspection : Inspection
-        A finding for each check, in the order of the table.
+        One result per check, in the order of the table.
 
     Examples
     --------
@@ -43,17 +43,17 @@ def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
     >>> driven = Log(t, {"duty_supply": supply, "duty_exhaust": 1.0 * (t % 1 >= 0.3)}, "run")
     >>> stroke = simulate(Actuator(), driven).log
     >>> turned = driven.with_columns(position=-stroke["position"])
-    >>> [f"{f.check}: {f.verdict}" for f in inspect(turned).findings if f.verdict == "bad"]
+    >>> [f"{check.name}: {check.grade}" for check in inspect(turned).checks if check.grade == "bad"]
     ['range of position: bad', 'sign of position: bad']
     """
     reading = Reading(log, actuator or Actuator())
-    findings: list[Finding] = [sample_rate(reading)]
+    checks: list[Check] = [sample_rate(reading)]
     for check in (saturation, quantisation, stuck):
-        findings += [check(reading, name) for name in reading.measured]
+        checks += [check(reading, name) for name in reading.measured]
     if "position" in reading.measured:
-        findings.append(position_range(reading))
-    findings.append(direction(reading))
+        checks.append(position_range(reading))
+    checks.append(direction(reading))
     if "pressure_a" in reading.measured:
-        findings.append(pressure_unit(reading))
-    findings += [time_shift(reading), supply_pressure(reading)]
-    return Inspection(log.name, tuple(findings))
+        checks.append(pressure_unit(reading))
+    checks += [time_shift(reading), supply_pressure(reading)]
+    return Inspection(log.name, tuple(checks))

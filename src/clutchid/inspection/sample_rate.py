@@ -1,4 +1,4 @@
-"""Sample rate against the model: steps of integration, and how much of the load curve passes between two samples."""
+"""Sample rate: integration steps of the model per sample, and travel along the load curve between two samples."""
 
 from __future__ import annotations
 
@@ -6,45 +6,45 @@ import math
 
 import numpy as np
 
-from clutchid.inspection.finding import Finding, Verdict
+from clutchid.inspection.check import Check, Grade
 from clutchid.inspection.reading import Reading
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
 
 CHECK = "sample rate"
 
-#: Samples that a stroke takes at least, and samples in the narrowest piece of the load curve.
-A_STROKE, A_PIECE = 4, 1
+#: Least number of samples per stroke, and in the narrowest knot interval of the load curve.
+PER_STROKE, PER_INTERVAL = 4, 1
 
 
-def sample_rate(reading: Reading) -> Finding:
-    """Whether a recording is fast enough for the model's stiffness and for the pieces of its load curve.
+def sample_rate(reading: Reading) -> Check:
+    """Whether the sample rate suits the stiffness of the model and the knot intervals of its load curve.
 
-    Inputs are held between samples, so each edge of a valve is known to one sample only. At top speed the piston goes
-    on by `TOP_SPEED` times that, and the load of one piece of the curve is taken for that of another.
+    Inputs are held between samples, so a valve edge is known to one sample only. At top speed the piston travels
+    `TOP_SPEED` times that time, and the load of one knot interval is attributed to another.
     """
-    step, p = reading.raster, reading.actuator.parameters
+    step, p = reading.update_interval, reading.actuator.parameters
     if not math.isfinite(step):
-        return Finding(CHECK, "-", "not tellable", "fewer than two samples have no rate.")
+        return Check(CHECK, "-", "undetermined", "a sample rate needs at least two samples.")
     steps = max(1, math.ceil(step * reading.rate / STABLE_STEP * (1 - 1e-9)))
     travel = TOP_SPEED * step
     narrowest = float(np.diff(reading.actuator.load.knots).min())
-    verdict: Verdict = "good"
-    if steps > MOST_SUBSTEPS or A_STROKE * travel > p.y_max:
-        verdict = "bad"
-    elif A_PIECE * travel > narrowest:
-        verdict = "look"
+    grade: Grade = "good"
+    if steps > MOST_SUBSTEPS or PER_STROKE * travel > p.y_max:
+        grade = "bad"
+    elif PER_INTERVAL * travel > narrowest:
+        grade = "suspect"
     rate = f"{1 / step:.4g} Hz"
     repeated = "" if step < 1.5 * reading.step else f", repeated at {1 / reading.step:.4g} Hz"
     facts = (
-        f"the fastest mode of the model is {reading.rate:.3g} 1/s ({steps} step{'' if steps == 1 else 's'} of "
-        f"integration a sample), and at {TOP_SPEED:g} m/s the piston goes {travel * 1e3:.3g} mm between two samples"
+        f"the fastest mode of the model is {reading.rate:.3g} 1/s ({steps} integration step{'' if steps == 1 else 's'} "
+        f"per sample), and at {TOP_SPEED:g} m/s the piston travels {travel * 1e3:.3g} mm between two samples"
     )
-    needed = TOP_SPEED * A_PIECE / narrowest
+    needed = TOP_SPEED * PER_INTERVAL / narrowest
     advice = {
         "good": "",
-        "look": f", more than the narrowest piece of the load curve ({narrowest * 1e3:.3g} mm): edges of the valves "
-        f"are known to a sample only, so a fit blurs the load and shifts it; record with {needed:.3g} Hz or more.",
-        "bad": f", of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes fall between the samples and a fit is wrong; "
-        f"record with {needed:.3g} Hz or more.",
+        "suspect": f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm): valve edges "
+        f"are known to one sample only, so a fit smooths and shifts the load; record at {needed:.3g} Hz or more.",
+        "bad": f" of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes have too few samples and a fit would be wrong; "
+        f"record at {needed:.3g} Hz or more.",
     }
-    return Finding(CHECK, rate + repeated, verdict, f"at {rate}{repeated} {facts}{advice.get(verdict) or '.'}")
+    return Check(CHECK, rate + repeated, grade, f"at {rate}{repeated} {facts}{advice.get(grade) or '.'}")

@@ -1,24 +1,24 @@
-"""Saturation: a measured column that sits on its extreme value without noise."""
+"""Saturation: a measured column that stays at its extreme value without noise."""
 
 from __future__ import annotations
 
-from clutchid.inspection.finding import Finding
+from clutchid.inspection.check import Check
 from clutchid.inspection.reading import Reading, shown
 from clutchid.inspection.signal import LEFT_OUT, Runs
 
-#: A run that is this many times as long as the usual longest one, and has this many samples, is no chance.
+#: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
 LONGER, SHORTEST = 5, 5
 
 
-def saturation(reading: Reading, name: str) -> Finding:
+def saturation(reading: Reading, name: str) -> Check:
     """Whether the column `name` is cut off at its largest or smallest value.
 
-    At an end stop the noise goes on, so equal values stand side by side no longer there than anywhere else. A column
-    without noise, or with steps that hide it, cannot tell.
+    At an end stop the noise remains, so runs of equal values are no longer there than elsewhere. Without visible noise,
+    the check is undetermined.
     """
-    check, found, (low, high) = f"saturation of {name}", reading.runs[name], reading.ends[name]
+    title, found, (low, high) = f"saturation of {name}", reading.runs[name], reading.ends[name]
     if not reading.noisy(name):
-        return Finding(check, "-", "not tellable", no_noise(name))
+        return Check(title, "-", "undetermined", no_noise(name))
     cut = []
     for level, side in ((low, "smallest"), (high, "largest")):
         at = found.value == level
@@ -28,21 +28,21 @@ def saturation(reading: Reading, name: str) -> Finding:
             cut.append((level, side, _total(found, level, LONGER * usual) * reading.step, longest))
     if not cut:
         value = f"{shown(low, name)} to {shown(high, name)}"
-        return Finding(check, value, "good", f"{name} has noise at its ends too, so nothing is cut off.")
+        return Check(title, value, "good", f"{name} has noise at both ends of its range, so it is not saturated.")
     level, side, seconds, _ = max(cut, key=lambda one: one[2])
     sentence = (
-        f"{name} stays without noise at its {side} value, {shown(level, name)}, for {seconds:.3g} s in all: the sensor "
-        "or its channel ends there, not the motion; a fit takes the ceiling for a stop and bends the load before it; "
-        "widen the range of the channel, or leave these samples empty."
+        f"{name} stays at its {side} value, {shown(level, name)}, without noise for {seconds:.3g} s in total: the "
+        "sensor or its channel saturates there. A fit would take this limit for an end stop and distort the load "
+        "before it; extend the range of the channel, or leave these samples empty."
     )
-    return Finding(check, f"{seconds:.3g} s at {shown(level, name)}", "bad", sentence)
+    return Check(title, f"{seconds:.3g} s at {shown(level, name)}", "bad", sentence)
 
 
 def no_noise(name: str) -> str:
-    """The sentence for a column whose noise does not show."""
-    return f"{name} shows no noise beside its steps, so equal samples tell nothing."
+    """The sentence for a column without visible noise."""
+    return f"{name} has no noise above its quantisation step, so repeated values have no meaning."
 
 
 def _total(found: Runs, level: float, longer: int) -> int:
-    """Samples of the long runs at one level."""
+    """Number of samples in the long runs at one level."""
     return int(found.length[(found.value == level) & (found.length > longer)].sum())

@@ -1,4 +1,4 @@
-"""What a sampled column shows of itself: its noise, its quantum, and the runs in which it does not change."""
+"""Properties of a sampled column: noise, quantisation step, and runs in which it does not change."""
 
 from __future__ import annotations
 
@@ -8,35 +8,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
+from clutchid.signals.runs import runs as true_runs
 
 IntArray = NDArray[np.intp]
 
-#: Samples of a block that tells the noise, and the share of blocks that are taken for quiet.
+#: Samples per block of the noise estimate, and fraction of the blocks that counts as quiet.
 BLOCK, QUIET = 32, 0.1
 
-#: Values of a column that are looked at for its quantum.
+#: Largest number of values used for the quantisation step.
 ENOUGH = 200_000
 
-#: The longest runs are left out when the usual length of a run is told: they may be what is looked for.
+#: The longest runs are left out of the usual length of a run: they may be the fault that is searched for.
 LEFT_OUT = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Runs:
-    """Stretches of at least two samples with one and the same value: first sample, number of samples, value."""
+    """Runs of at least two samples with the same value: first sample, number of samples, value."""
 
     start: IntArray
     length: IntArray
     value: FloatArray
 
     def longest(self, among: NDArray[np.bool_], left_out: int = 0) -> int:
-        """Samples of the longest run of those `among`, the `left_out` longest ones apart; 1 where there is none."""
+        """Length of the longest run `among` those selected, without the `left_out` longest; 1 if there is none."""
         lengths = np.sort(self.length[among])
         return int(lengths[-1 - left_out]) if lengths.size > left_out else 1
 
 
 def runs(values: FloatArray) -> Runs:
-    """Stretches in which a column does not change; a missing sample ends one.
+    """Runs in which a column does not change; a missing sample ends a run.
 
     Examples
     --------
@@ -44,28 +45,28 @@ def runs(values: FloatArray) -> Runs:
     >>> found.start.tolist(), found.length.tolist(), found.value.tolist()
     ([1], [3], [2.0])
     """
-    starts, stops = stretches(values[1:] == values[:-1])
-    # two neighbouring runs of different values share no pair, so a stretch of equal pairs has one value
+    starts, stops = run_ends(values[1:] == values[:-1])
+    # two adjacent runs of different values share no pair, so a run of equal pairs has one value
     return Runs(starts, stops - starts + 1, values[starts])
 
 
-def stretches(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
-    """First samples, and first samples after, of the stretches in which `mask` holds.
+def run_ends(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
+    """First samples, and first samples after, of the runs in which `mask` is true.
 
     Examples
     --------
-    >>> [ends.tolist() for ends in stretches(np.array([True, False, True, True]))]
+    >>> [ends.tolist() for ends in run_ends(np.array([True, False, True, True]))]
     [[0, 2], [1, 4]]
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return edges[::2], edges[1::2]
+    ends: IntArray = np.array(true_runs(mask), dtype=np.intp).reshape(-1, 2)
+    return ends[:, 0], ends[:, 1]
 
 
 def noise(values: FloatArray) -> float:
-    """Standard deviation of a column where it is quiet, in its unit; NaN where too few samples are there.
+    """Standard deviation of a column where it is quiet, in its unit; NaN with too few samples.
 
-    A straight line is taken from each block of samples, so that slow motion is no noise. Blocks that do not change at
-    all tell nothing, unless most do not.
+    A straight line is subtracted from each block of samples, so that slow motion does not count as noise. Constant
+    blocks are left out, unless most are constant.
 
     Examples
     --------
@@ -90,7 +91,7 @@ def noise(values: FloatArray) -> float:
 
 
 def quantum(values: FloatArray) -> float:
-    """Step in which a column changes, in its unit; 0 where it has none that shows.
+    """Quantisation step of a column, in its unit; 0 if none is visible.
 
     Examples
     --------
@@ -100,13 +101,13 @@ def quantum(values: FloatArray) -> float:
     """
     finite = values[np.isfinite(values)]
     levels = np.unique(finite[:: -(-finite.size // ENOUGH) or 1])
-    # what is left of rounding in floating point is no step
+    # floating-point rounding errors are not steps
     steps = np.diff(levels)
     steps = steps[steps > 1e-9 * np.ptp(levels)] if levels.size > 2 else steps
     if steps.size == 0:
         return 0.0
     least = float(steps.min())
-    # a unit conversion with few digits lets one and the same step differ
+    # a unit conversion with few digits makes the same step vary
     step = float(steps[steps < 1.5 * least].mean())
     few = steps[steps < 4.5 * step] / step
     regular = np.abs(few - np.round(few)) < 0.15

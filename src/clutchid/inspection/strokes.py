@@ -1,4 +1,4 @@
-"""Starts of strokes from rest, with a supply valve that opens wide: when the piston moved, measured and simulated."""
+"""Delay from command to motion at the start of strokes from rest, measured and simulated."""
 
 from __future__ import annotations
 
@@ -7,35 +7,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.inspection.reading import Reading, spread_over
-from clutchid.inspection.signal import IntArray, stretches
+from clutchid.inspection.signal import IntArray, run_ends
 from clutchid.log import HOLE, FloatArray
 
-#: Before a stroke the supply valve is closed for so long, in s; the rest is read from the first part of that, up to
-#: `BEFORE` s before the command, so that a motion which is stamped early is seen.
+#: Time in s for which the supply valve must be closed before a stroke. The rest level comes from the part that ends
+#: `BEFORE` s before the command, so that motion with an early time stamp is detected.
 CLOSED, BEFORE = 0.25, 0.1
 
-#: A motion is looked for until so long after the command, in s.
+#: Motion is searched for until this time in s after the command.
 AFTER = 0.2
 
-#: Samples at rest that tell its level.
+#: Least number of samples for the rest level.
 FEWEST = 3
 
-#: Opening of the valve at least, on the mean until the simulated piston moves: a slow start tells no time.
+#: Least mean opening of the valve until the simulated piston moves; in a slower start the delay is not well defined.
 WIDE = 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Starts:
-    """Time in s from the command to the first motion in each stroke: measured (NaN: none seen) and simulated."""
+    """Time in s from the command to the first motion in each stroke: measured (NaN: none) and simulated."""
 
     measured: FloatArray
     simulated: FloatArray
 
 
 def starts(reading: Reading) -> Starts:
-    """Every start of a stroke that tells a time, of a long recording `MOST` of them.
+    """Delays of all usable strokes, of a long recording at most `MOST` of them.
 
-    Both motions count from where they rise through `level`.
+    Motion starts where the travel rises through `level`.
     """
     p, log = reading.actuator.parameters, reading.log
     least = level(reading)
@@ -49,37 +49,36 @@ def starts(reading: Reading) -> Starts:
         rest = rest[np.isfinite(rest)]
         if rest.size < FEWEST or not _resting(rest, bottom, least, reading.noisy("position")):
             continue
-        # the carrier of a switched valve looks back one period, so the simulation begins with the rest
+        # the model of a switched valve needs one period of past inputs, so the simulation begins in the rest
         window = log.slice(begin, end)
         time = window.time - now
         motion = _crossing(time, reading.simulated(window, 0.0, p.P_0), least)
         until = begin + int(np.searchsorted(time, np.nan_to_num(motion), side="right"))
         if not motion > 0 or reading.supply[k:until].mean() < WIDE or reading.exhaust[k:until].any():
             continue
-        seen = _crossing(time, window["position"] - np.median(rest), least)
-        rows.append((seen, motion))
+        rows.append((_crossing(time, window["position"] - np.median(rest), least), motion))
     return Starts(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
 
 
 def level(reading: Reading) -> float:
-    """Travel in m that shows motion: beyond noise, quantum and the deflection of the seals before they slide."""
+    """Least travel in m that counts as motion: above noise, quantisation and the seal deflection before sliding."""
     p = reading.actuator.parameters
     return p.F_C / p.K_z + reading.blur("position")
 
 
 def _resting(rest: FloatArray, bottom: float, least: float, noise: bool) -> bool:
-    """Whether positions before a stroke are those of a vented piston: still, and as near its end as friction lets it.
+    """Whether the piston is vented before a stroke: still, and as near its end position as friction allows.
 
-    Where there is noise, samples without it are cut off by the sensor's range.
+    If the position has noise elsewhere, constant samples are saturated and do not count.
     """
     still = np.ptp(rest) <= least and not (noise and np.ptp(rest) == 0.0)
     return bool(still and abs(float(np.median(rest)) - bottom) <= 2 * least)
 
 
 def _commands(reading: Reading) -> IntArray:
-    """Samples at which the supply valve opens after `CLOSED` s, with every sample around them there."""
+    """Samples at which the supply valve opens after `CLOSED` s, without missing inputs or holes around them."""
     time = reading.log.time
-    first, stop = stretches(reading.supply > 0)
+    first, stop = run_ends(reading.supply > 0)
     ended = np.concatenate([[time[0] - CLOSED], time[stop[:-1] - 1]])[: first.size]
     first = first[time[first] - ended > CLOSED]
     known = np.isfinite(reading.log["duty_supply"]) & np.isfinite(reading.log["duty_exhaust"])
@@ -93,7 +92,7 @@ def _commands(reading: Reading) -> IntArray:
 
 
 def _crossing(time: FloatArray, motion: FloatArray, level: float) -> float:
-    """When a motion first rises through a level and stays above for a sample; NaN where it does not, or is missing."""
+    """Time at which a motion first rises through a level and stays above for a sample; NaN if there is none."""
     above = motion > level
     over = np.flatnonzero(above[1:-1] & above[2:] & ~above[:-2])
     if over.size == 0 or not np.isfinite(motion[over[0]]):

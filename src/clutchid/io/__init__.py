@@ -1,4 +1,4 @@
-"""Recordings on disk: `read` and `write`, one file a format; units are converted here and nowhere else."""
+"""Recordings on disk: `read` and `write`, one module per format; all unit conversions are here."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ def read(
     dbc: Sequence[str | PathLike[str]] = (),
     required: Sequence[str] = REQUIRED,
 ) -> Log:
-    """The recording in a file of any known format, in SI; the format is known from the content.
+    """Read a recording in any known format, in SI; the format is detected from the content.
 
-    Columns headed ``name [unit]`` are understood. In other files `channels` says which channel is what; without it, it
-    is told from the names, where these leave no doubt. An empty cell or NaN is a missing sample. What is suspicious but
-    can be used is a sentence in ``Log.warnings``; the metadata hold ``source``, ``sha256`` and ``ambient_Pa``.
+    Columns with headings ``name [unit]`` are recognised. In other files `channels` assigns channels to quantities;
+    without it, channels are identified by their names if these are unambiguous. An empty cell or NaN is a missing
+    sample. Suspicious but usable data give ``Log.warnings``; the metadata has ``source``, ``sha256``, ``ambient_Pa``.
 
     Parameters
     ----------
     path
-        The file (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix becomes the name of the log.
+        File (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix is the name of the log.
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``.
     channels
@@ -47,16 +47,16 @@ def read(
     dbc
         DBC files that decode a bus log, besides those of the map.
     required
-        Quantities without which the file is of no use.
+        Quantities that the file must have.
 
     Raises
     ------
     DataError
         If the file cannot be read or used; the text lists every problem with its line (or row) and column.
     MissingExtra
-        If its format needs a library that is not installed.
+        If the format needs a library that is not installed.
     ParameterError
-        If `ambient` is not a pressure above 0, or the channel map cannot be understood.
+        If `ambient` is not a pressure above 0, or the channel map is invalid.
 
     Examples
     --------
@@ -82,15 +82,15 @@ def read_pieces(
     rows: int = BLOCK,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Log]:
-    """A recording that is too long for the memory, as consecutive logs of about `rows` samples; else as `read`.
+    """Read a recording that does not fit into memory, as consecutive logs of about `rows` samples; else as `read`.
 
-    The hash of the file is not taken. `progress` is called behind every piece with the samples read so far, and with
-    those that the longest raster has.
+    The hash of the file is not computed. `progress` is called after every piece with the number of samples read so far,
+    and that of the longest time grid.
 
     Raises
     ------
     DataError, MissingExtra, ParameterError
-        As `read`; what is wrong with the samples when their piece is read.
+        As `read`; errors in the samples are raised when their piece is read.
     """
     yield from _logs(path, ambient, channels, dbc, required, rows, progress)
 
@@ -113,10 +113,10 @@ def _logs(
     if given is None and in_contract(source):
         logs = _by_contract(source, ambient, required, rows)
     else:
-        from clutchid.io.proposal import agreed
+        from clutchid.io.proposal import map_for
         from clutchid.io.recording import pieces
 
-        chosen = agreed(source, given, required)
+        chosen = map_for(source, given, required)
         if chosen is None:
             logs = _by_contract(source, ambient, required, rows)
         else:
@@ -138,7 +138,7 @@ def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None
 
 
 def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: int | None) -> Iterator[Log]:
-    """The recording in a table whose columns have the names of the contract."""
+    """The recording in a table whose columns have the standard names."""
     if not source.rasters or source.unnamed:
         raise DataError.of(str(source.path), [*source.problems, *([source.unnamed] if source.unnamed else [])])
     wanted = [heading.index for heading in source.rasters[0].headings if heading.name is not None]
@@ -152,14 +152,14 @@ def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: 
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:
-    """Write `log` in SI to a ``.csv``, ``.parquet``, ``.mf4`` or ``.mat`` file; `read` gives the same numbers back.
+    """Write `log` in SI to a ``.csv``, ``.parquet``, ``.mf4`` or ``.mat`` file; `read` returns the same values.
 
-    A file that exists is replaced in one step, so nothing is ever half-written. All but CSV keep the metadata too.
+    An existing file is replaced atomically. All formats except CSV keep the metadata.
 
     Raises
     ------
     ExportError
-        If the suffix is not known or the file cannot be written; an older file is then as it was.
+        If the suffix is unknown or the file cannot be written; an existing file is then unchanged.
     """
     writers = _writers()
     suffix = Path(path).suffix

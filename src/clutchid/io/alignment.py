@@ -1,6 +1,6 @@
-"""Channels with stamps of their own, brought to one raster: duty cycles are held, measurements interpolated.
+"""Resample channels with different time stamps to one time grid: duty cycles are held, measurements interpolated.
 
-Nothing is invented across a hole, and no union of all stamps is made: what is in memory is a block of each channel.
+Holes are not filled, and only one block of each channel is in memory.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from clutchid.log import INPUTS, FloatArray
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Stream:
-    """Channels that share their stamps, block by block: (stamps in s, values by quantity in SI).
+    """Channels with common time stamps, block by block: (time stamps in s, values by quantity in SI).
 
-    `longest` says, by quantity, for how many seconds a sample may stand for what follows it.
+    `longest` is, by quantity, the time in s for which a sample remains valid.
     """
 
     blocks: Iterator[tuple[FloatArray, Mapping[str, FloatArray]]]
@@ -25,25 +25,25 @@ class Stream:
 
 
 def align(at: FloatArray, stamps: FloatArray, values: FloatArray, longest: float, *, hold: bool) -> FloatArray:
-    """A channel at the instants `at`.
+    """Resample a channel at the instants `at`.
 
     Parameters
     ----------
     at : s
-        Instants, growing.
+        Instants, increasing.
     stamps : s
-        Stamps of the channel, strictly growing.
+        Time stamps of the channel, strictly increasing.
     values
-        Its samples; a missing one is NaN.
+        Samples of the channel; NaN if missing.
     longest : s
-        A gap longer than this is a hole, in which nothing is known.
+        A gap longer than this is a hole, in which values are unknown.
     hold
-        Whether a sample holds until the next one (an input), or the line between two is taken (a measurement).
+        Whether a sample is held until the next one (an input), or interpolated linearly (a measurement).
 
     Returns
     -------
     Values at `at`; NaN in a hole, next to a missing sample, and before the first and after the last sample (a held one
-    goes on for `longest`).
+    remains valid for `longest`).
 
     Examples
     --------
@@ -71,7 +71,7 @@ def align(at: FloatArray, stamps: FloatArray, values: FloatArray, longest: float
 
 
 def aligned(base: Stream, others: list[Stream]) -> Iterator[tuple[FloatArray, dict[str, FloatArray]]]:
-    """Every stream at the stamps of `base`, block by block.
+    """Resample all streams at the time stamps of `base`, block by block.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def aligned(base: Stream, others: list[Stream]) -> Iterator[tuple[FloatArray, di
 
 
 class _Follower:
-    """A stream with a window of its samples that moves on with the instants that are asked for."""
+    """A stream with a moving window of samples around the requested instants."""
 
     def __init__(self, stream: Stream) -> None:
         self._blocks = stream.blocks
@@ -96,7 +96,7 @@ class _Follower:
         self._columns: dict[str, FloatArray] = {name: np.empty(0) for name in stream.longest}
 
     def at(self, instants: FloatArray) -> dict[str, FloatArray]:
-        """The stream's channels at `instants`, which must not go back from call to call."""
+        """The channels of the stream at `instants`, which must not decrease from call to call."""
         if not instants.size:
             return {name: np.empty(0) for name in self._columns}
         self._reach(float(instants[-1]))
@@ -108,7 +108,7 @@ class _Follower:
         return found
 
     def _reach(self, end: float) -> None:
-        """Read on until a sample behind `end` is there, or the stream ends."""
+        """Read until there is a sample after `end`, or the stream ends."""
         times, parts = [self._time], [self._columns]
         while not (times[-1].size and times[-1][-1] > end):
             block = next(self._blocks, None)
@@ -121,7 +121,7 @@ class _Follower:
             self._columns = {name: np.concatenate([part[name] for part in parts]) for name in self._columns}
 
     def _forget(self, end: float) -> None:
-        """Keep the last sample up to `end`, which may still hold, and all behind it."""
+        """Drop samples before the last one up to `end`, which may still be held."""
         keep = max(int(np.searchsorted(self._time, end, side="right")) - 1, 0)
         self._time = self._time[keep:].copy()
         self._columns = {name: values[keep:].copy() for name, values in self._columns.items()}

@@ -1,4 +1,4 @@
-"""`ChannelMap`: which channel of a foreign file is what, as a TOML file that a user can read and edit."""
+"""`ChannelMap`: assignment of the channels of any file to quantities, as a TOML file that users can edit."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _TOP = ("dbc", "raster")
 class Channel:
     """One channel of a file: the quantity is ``sign * factor * sample + offset`` in `unit`, `delay` s before its stamp.
 
-    `channel` is the name in the file and `group` the raster that it stands in, where the name alone is not enough;
-    `unit` wins over the file's own. `longest` is how long, in s, a sample may stand for what follows it (a duty cycle
-    that is only sent when it changes); without it five usual intervals of the channel.
+    `channel` is the name in the file and `group` its group there, if the name is not unique; `unit` overrides that of
+    the file. `longest` is the time in s for which a sample remains valid (for a duty cycle that is only sent when it
+    changes); by default five usual intervals of the channel.
     """
 
     channel: str
@@ -40,10 +40,10 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """The channel of each quantity, the DBC files that decode a bus log, and the raster in s that all are brought to.
+    """The channel of each quantity, the DBC files that decode a bus log, and the interval of the common time grid in s.
 
-    Without `raster` it is the stamps of the channel that ticks fastest. `dbc` are paths as they can be opened. What is
-    said of an entry stands in `comments`, of the file as a whole under an empty name, and is written but not read.
+    Without the interval `raster`, the time grid is that of the channel with the highest rate. `dbc` are paths of files.
+    `comments` has comments by entry, and on the file as a whole under an empty name; they are written but not read.
     """
 
     channels: Mapping[str, Channel]
@@ -53,20 +53,22 @@ class ChannelMap:
 
 
 def read_map(path: str | PathLike[str]) -> ChannelMap:
-    """The channel map in a TOML file; paths of DBC files in it are relative to it.
+    """Read a channel map from a TOML file; paths of DBC files in it are relative to it.
 
     Raises
     ------
     DataError
         If there is no such file.
     ParameterError
-        If it is no channel map; the text lists every problem.
+        If it is not a channel map; the text lists all problems.
     """
     file = plain_file(path, "channel map")
     try:
         content = tomllib.loads(file.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{path}: is no TOML file ({error}); `clutchid look FILE --save` writes a map.") from None
+        raise ParameterError(
+            f"{path}: is not a TOML file ({error}); `clutchid look FILE --save` writes a map."
+        ) from None
     problems: list[str] = []
     channels = {
         name: entry
@@ -75,26 +77,26 @@ def read_map(path: str | PathLike[str]) -> ChannelMap:
     }
     dbc, raster = _dbc(content.get("dbc", []), file.parent, problems), _raster(content.get("raster"), problems)
     if not problems and not channels:
-        problems.append("names no channel; write for example [position] with channel = 'NAME'.")
+        problems.append("contains no channel; write for example [position] with channel = 'NAME'.")
     if problems:
         raise ParameterError(_listed(path, problems))
     return ChannelMap(channels, dbc, raster)
 
 
 def write_map(content: ChannelMap, path: str | PathLike[str]) -> None:
-    """Write a channel map that `read_map` reads; what is as it is without saying so is left out.
+    """Write a channel map for `read_map`; default values are omitted.
 
     Raises
     ------
     ExportError
-        If the file cannot be written; an older file is then as it was.
+        If the file cannot be written; an existing file is then unchanged.
     """
     with atomic_write(path) as temporary:
         temporary.write_text(map_text(content, Path(path).parent), encoding="utf-8")
 
 
 def map_text(content: ChannelMap, folder: Path) -> str:
-    """A channel map as TOML text; DBC files are named relative to `folder` where they lie below it.
+    """A channel map as TOML text; paths of DBC files below `folder` are relative to it.
 
     Examples
     --------
@@ -132,7 +134,7 @@ def map_text(content: ChannelMap, folder: Path) -> str:
 
 
 def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
-    """The entry of one quantity; what is wrong with it is added to `problems`."""
+    """The entry of one quantity; its problems are appended to `problems`."""
     before = len(problems)
     if name not in QUANTITIES:
         problems.append(unknown_name(name, (*QUANTITIES, *_TOP), "quantity"))
@@ -144,12 +146,12 @@ def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
     problems += [f"[{name}]: {unknown_name(key, known, 'entry')}" for key in values if key not in known]
     for key in ("channel", "group", "unit"):
         if key in values and not isinstance(values[key], str):
-            problems.append(f"[{name}] {key} = {values[key]!r}: a text in quotation marks is needed.")
+            problems.append(f"[{name}] {key} = {values[key]!r}: a string is needed.")
     for key in ("sign", "factor", "offset", "delay", "longest"):
         if key in values and not _number(values[key]):
             problems.append(f"[{name}] {key} = {values[key]!r}: a finite number is needed.")
     if "channel" not in values:
-        problems.append(f"[{name}]: has no channel; write channel = 'NAME' as `clutchid look` lists it.")
+        problems.append(f"[{name}]: has no channel; write channel = 'NAME' as listed by `clutchid look`.")
     if len(problems) > before:
         return None
     read: dict[str, Any] = {key: value if isinstance(value, str) else float(value) for key, value in values.items()}
@@ -159,7 +161,7 @@ def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
 
 
 def _values(name: str, entry: Channel) -> list[str]:
-    """What is wrong with the values of an entry."""
+    """Problems of the values of an entry."""
     problems = []
     if entry.unit is not None:
         unit = UNITS.get(unit_spelled(entry.unit) or "")
@@ -167,11 +169,11 @@ def _values(name: str, entry: Channel) -> list[str]:
             known = ", ".join(known_units(QUANTITIES[name]))
             problems.append(f"unit = '{entry.unit}': is not known here; use one of {known}.")
     if abs(entry.sign) != 1.0:
-        problems.append(f"sign = {entry.sign:g}: is 1 or -1; another scale is the factor.")
+        problems.append(f"sign = {entry.sign:g}: must be 1 or -1; use factor for another scale.")
     if entry.factor == 0.0:
-        problems.append("factor = 0: nothing would be left of the channel.")
+        problems.append("factor = 0: must not be 0.")
     if entry.longest is not None and entry.longest <= 0.0:
-        problems.append(f"longest = {entry.longest:g} s: is above 0.")
+        problems.append(f"longest = {entry.longest:g} s: must be above 0 s.")
     return problems
 
 

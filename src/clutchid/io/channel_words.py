@@ -1,4 +1,4 @@
-"""What the name of a channel tells: English, German and J1939 words of the quantities, and units at its end."""
+"""Identify channels by name: English, German and J1939 words of the quantities, and units at the end."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _OTHERS = _words(
 
 @dataclass(frozen=True, slots=True)
 class _Quantity:
-    """What tells a quantity: a word of every group of `needs`, with `likes` in favour, and none of `never`."""
+    """Words of a quantity: one of every group of `needs`, none of `never`; each of `likes` raises the score."""
 
     needs: tuple[frozenset[str], ...]
     likes: frozenset[str] = _CLUTCH
@@ -68,7 +68,7 @@ _JOINTS = ("", "s", "es", "n", "en", "e", "er")
 
 
 def name_score(name: str, text: str) -> float:
-    """How much the text of a channel speaks for the quantity `name`; 0 where it does not, 100 where it is its name.
+    """Score of a channel text for the quantity `name`: 0 for no match, 100 if it is the name itself.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def name_score(name: str, text: str) -> float:
 
 
 def unit_in_name(name: str, text: str) -> str | None:
-    """A unit of the quantity `name` at the end of a channel's text, where one stands there.
+    """Unit of the quantity `name` at the end of a channel text, if there is one.
 
     Examples
     --------
@@ -104,7 +104,7 @@ def _bare(text: str) -> str:
 
 
 def _tokens(text: str) -> list[str]:
-    """The words of a channel's name, in lower case: CamelCase, underscores, and German compounds of known words.
+    """Words of a channel name in lower case, split at CamelCase, underscores, and in German compounds of known words.
 
     >>> _tokens("KupplungsWeg_ist"), _tokens("ClutchPos"), _tokens("Entlüftungsventil")
     (['kupplung', 'weg', 'ist'], ['clutch', 'pos'], ['entlueftung', 'ventil'])
@@ -117,7 +117,7 @@ def _tokens(text: str) -> list[str]:
 
 
 def _compound(word: str) -> list[str]:
-    """A word cut into known words, where it is made of them and German joining letters; else as it is."""
+    """Split a compound of known words and German joining letters; any other word is returned unchanged."""
     if word in _KNOWN or len(word) < 5:
         return [word]
     for known in _KNOWN:

@@ -1,4 +1,4 @@
-"""Numbers of a file made a recording: conversion to SI and all checks, all problems at once."""
+"""Convert the values of a file to a recording in SI, and report all problems together."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from clutchid.io.table import SHOWN, Places, Rows, Table, and_more
 from clutchid.log import HOLE, INPUTS, FloatArray
 from clutchid.units import UNITS, to_si
 
-#: Ambient pressure in Pa that gauge pressures are raised by, P_0 of Appendix A.
+#: Ambient pressure in Pa that is added to gauge pressures, P_0 of Appendix A.
 AMBIENT = 1.095e5
 
 _DUTY_SLACK = 1e-9
@@ -25,7 +25,7 @@ _ABSOLUTE = ("pressure_a", "pressure_b")
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Checked:
-    """Columns in SI by name (`time` included), with every problem and every warning of the file."""
+    """Columns in SI by name, including `time`, with all problems and warnings of the file."""
 
     columns: Mapping[str, FloatArray]
     problems: tuple[str, ...]
@@ -34,7 +34,7 @@ class Checked:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Column:
-    """One column: as written, in SI (as written where the unit is not known), and where its samples stand."""
+    """One column: as written, in SI (as written if the unit is unknown), and location of its samples."""
 
     heading: Heading
     written: FloatArray
@@ -44,7 +44,7 @@ class _Column:
 
     @property
     def missing(self) -> Rows:
-        """Rows without a number, except those that a problem names already."""
+        """Rows without a value, except those that a problem reports already."""
         missing = np.isnan(self.values)
         missing[self.unread] = False
         return np.flatnonzero(missing)
@@ -55,7 +55,7 @@ class _Column:
 
 
 def check(table: Table, ambient: float = AMBIENT, required: Sequence[str] = REQUIRED) -> Checked:
-    """The columns of `table` in SI, and everything that is wrong or suspicious in the file.
+    """The columns of `table` in SI, and all problems and warnings of the file.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def check(table: Table, ambient: float = AMBIENT, required: Sequence[str] = REQU
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures.
     required
-        Quantities without which the table is of no use.
+        Quantities that the table must have.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def check(table: Table, ambient: float = AMBIENT, required: Sequence[str] = REQU
 
 
 def check_ambient(ambient: float) -> None:
-    """Make sure that `ambient` in Pa is an absolute pressure.
+    """Check that `ambient` in Pa is an absolute pressure.
 
     Raises
     ------
@@ -93,11 +93,13 @@ def check_ambient(ambient: float) -> None:
         If it is not above 0.
     """
     if not (math.isfinite(ambient) and ambient > 0):
-        raise ParameterError(f"ambient = {ambient:g} Pa: an absolute pressure is above 0. Appendix A has {AMBIENT:g}.")
+        raise ParameterError(
+            f"ambient = {ambient:g} Pa: an absolute pressure must be above 0. Appendix A has {AMBIENT:g}."
+        )
 
 
 def holes(time: FloatArray) -> Rows:
-    """Samples after which the next one is later than 5 median intervals.
+    """Samples after which the interval to the next one exceeds 5 median intervals.
 
     Examples
     --------
@@ -108,20 +110,20 @@ def holes(time: FloatArray) -> Rows:
 
 
 def intervals(time: FloatArray) -> FloatArray:
-    """Time from each sample to the next."""
+    """Interval from each sample to the next."""
     with np.errstate(over="ignore"):
         return np.diff(time)
 
 
 def usual_interval(time: FloatArray) -> float:
-    """Median of the intervals that go forward; infinity where there is none."""
+    """Median of the positive intervals; infinity if there are none."""
     steps = intervals(time)
     forward = steps[steps > 0]
     return float(np.median(forward)) if forward.size else math.inf
 
 
 def quantity(value: float, unit: str | None) -> str:
-    """A number with its unit, as short as it can be for a message.
+    """A value with its unit, for a message.
 
     Examples
     --------
@@ -132,7 +134,7 @@ def quantity(value: float, unit: str | None) -> str:
 
 
 def in_si(heading: Heading, written: FloatArray, ambient: float) -> FloatArray:
-    """The numbers of a column in SI; as written where the unit is not known."""
+    """The values of a column in SI; as written if the unit is unknown."""
     if heading.si is None or heading.unit is None:
         return written
     with np.errstate(over="ignore", invalid="ignore"):
@@ -146,7 +148,7 @@ def _column(heading: Heading, table: Table, ambient: float) -> _Column:
 
 
 def _problems(name: str, column: _Column) -> Iterable[str]:
-    """Everything that is wrong with the numbers of one column."""
+    """All problems of the values of one column."""
     infinite = np.flatnonzero(np.isinf(column.values))
     if infinite.size:
         yield (
@@ -174,7 +176,7 @@ def _time(column: _Column) -> Iterable[str]:
         where = column.places.each(
             rows[late + 1], lambda row: f"has {column.shown(row)} after {column.shown(before[row])}"
         )
-        yield f"column '{column.heading.text}' goes back or repeats: {where}; time must grow from sample to sample."
+        yield f"column '{column.heading.text}' decreases or repeats: {where}; time must increase from sample to sample."
 
 
 def _duty(column: _Column) -> Iterable[str]:
@@ -185,13 +187,13 @@ def _duty(column: _Column) -> Iterable[str]:
     finite = values[np.isfinite(values)]
     per_cent = column.heading.unit == "1" and finite.size and finite.min() >= 0 and 2 < finite.max() <= 100
     if per_cent:
-        advice = f"looks like per cent: write {column.heading.name} [%]."
+        advice = f"looks like percent: write {column.heading.name} [%]."
     else:
         advice = (
             f"allowed is {'0 to 100 %' if column.heading.unit == '%' else '0 to 1'}: correct the values or the unit."
         )
     where = column.places.each(outside, lambda row: f"has {column.shown(row)}")
-    yield f"column '{column.heading.text}' is no duty cycle: {where}; {advice}"
+    yield f"column '{column.heading.text}' is not a duty cycle: {where}; {advice}"
 
 
 def _pressure(column: _Column) -> Iterable[str]:
@@ -210,7 +212,7 @@ def _pressure(column: _Column) -> Iterable[str]:
 
 
 def _gaps(groups: Mapping[str, Sequence[_Column]]) -> list[str]:
-    """The warning about samples whose input is missing."""
+    """Warning about samples with missing inputs."""
     columns = [column for name in INPUTS for column in groups.get(name, ())]
     gaps = [(column, column.missing) for column in columns]
     empty = [(column, missing) for column, missing in gaps if missing.size]
@@ -226,7 +228,7 @@ def _gaps(groups: Mapping[str, Sequence[_Column]]) -> list[str]:
 
 
 def _hole_warning(columns: Sequence[_Column]) -> list[str]:
-    """The warning about intervals that are much longer than the others."""
+    """Warning about holes in time."""
     if not columns:
         return []
     column = columns[0]

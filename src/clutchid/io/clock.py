@@ -1,4 +1,4 @@
-"""Stamps as loggers leave them: repeated, out of order, starting again; mended where that invents nothing, and told."""
+"""Repair the time stamps of loggers: repeated, out of order, or restarted; every change is reported."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from clutchid.io.checks import quantity, usual_interval
 from clutchid.io.table import SHOWN, Places, and_more
 from clutchid.log import HOLE, FloatArray
 
-#: Between two runs that are put one behind the other, in usual intervals: certainly a hole.
+#: Gap between two runs that are placed one after the other, in usual intervals; long enough to be a hole.
 _APART = 20.0
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Where a clock stands after a block: the last stamp as written and as mended, and the usual interval, in s."""
+    """State of the clock after a block: last time stamp as written and as repaired, and usual interval, in s."""
 
     written: float = -math.inf
     last: float = -math.inf
@@ -27,50 +27,52 @@ class Clock:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Mended:
-    """Which samples of a block are kept, their stamps in s, sentences about the rest, and where the clock stands."""
+class RepairedTime:
+    """Kept samples of a block, their time stamps in s, messages about changes, and the state of the clock."""
 
     kept: NDArray[np.bool_]
     time: FloatArray
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
     clock: Clock
 
 
-def mend(stamps: FloatArray, places: Places, clock: Clock | None = None) -> Mended:
-    """Stamps in s that grow from sample to sample.
+def repair(stamps: FloatArray, places: Places, clock: Clock | None = None) -> RepairedTime:
+    """Repair time stamps so that they increase strictly.
 
-    A sample without a stamp is left out. Of samples with one stamp the last is kept. Samples up to five usual intervals
-    late in the file are out of order and left out. A clock that goes back further has started again: the new run is put
-    behind the one before, with a hole between them, so that each is a segment of its own.
+    A sample without a time stamp is dropped. Of samples with equal time stamps the last is kept. Samples that are out
+    of order by up to five usual intervals are dropped. If the clock goes back further, it has restarted: the new run is
+    placed after the previous one with a hole between them, so that each is a separate segment.
 
     Parameters
     ----------
     stamps : s
-        As written.
+        As written in the file.
     places
-        Where the samples stand in the file, for the sentences.
+        Location of the samples in the file, for the messages.
     clock
-        Where the clock stood after the block before.
+        State of the clock after the previous block.
 
     Examples
     --------
-    A logger that was started twice in one file, and one sample that came twice:
+    A logger that was started twice in one file, and one repeated sample:
 
-    >>> found = mend(np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.1]), Places())
+    >>> found = repair(np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.1]), Places())
     >>> [round(float(t), 6) for t in found.time]
     [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 2.6, 2.7]
-    >>> print(*found.told, sep="\\n")
-    1 sample repeats the stamp of another (row 3); the later one is kept.
-    the clock starts again at row 9 (0 s after 0.6 s); each run is a segment of its own, 2 s behind the one before.
+    >>> print(*found.messages, sep="\\n")
+    1 sample repeats the time stamp of another (row 3); the later one is kept.
+    the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
     """
     clock = clock or Clock()
     finite = np.flatnonzero(np.isfinite(stamps))
     time = stamps[finite]
     usual = clock.usual if math.isfinite(clock.usual) else usual_interval(time)
-    told = []
+    messages = []
     if finite.size < stamps.size:
         missing = np.flatnonzero(~np.isfinite(stamps))
-        told.append(f"{_samples(missing.size)} without a stamp ({places.ranges(missing)}) {_are(missing)} left out.")
+        messages.append(
+            f"{_samples(missing.size)} without a time stamp ({places.ranges(missing)}) {_are(missing)} dropped."
+        )
     before = np.r_[clock.written, time[:-1]]
     resets = np.flatnonzero(before - time > HOLE * usual) if math.isfinite(usual) else np.empty(0, dtype=np.int64)
     apart = _APART * usual
@@ -80,27 +82,27 @@ def mend(stamps: FloatArray, places: Places, clock: Clock | None = None) -> Mend
             f"{places.word} {places.number(finite[i])} ({quantity(time[i], 's')} after {quantity(before[i], 's')})"
             for i in resets[:SHOWN].tolist()
         ]
-        told.append(
-            f"the clock starts again at {and_more(shown, resets.size - len(shown))}; each run is a segment of its own, "
-            f"{quantity(apart, 's')} behind the one before."
+        messages.append(
+            f"the clock restarts at {and_more(shown, resets.size - len(shown))}; each run becomes a separate segment, "
+            f"{quantity(apart, 's')} after the previous one."
         )
     ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, shifted])[1:-1]] if time.size else time
     late, same = shifted < ahead, shifted == ahead
-    told = [*_repeats(finite[same], places), *_late(finite[late], places), *told]
-    late |= shifted == clock.last  # the block before has a sample at this stamp
+    messages = [*_repeats(finite[same], places), *_late(finite[late], places), *messages]
+    late |= shifted == clock.last  # the previous block has a sample at this time stamp
     kept = np.zeros(stamps.size, dtype=bool)
     kept[finite[_last_of_each(shifted, late)]] = True
-    mended = np.full(stamps.size, math.nan)
-    mended[finite] = shifted
+    repaired = np.full(stamps.size, math.nan)
+    repaired[finite] = shifted
     last = float(max(clock.last, shifted.max())) if time.size else clock.last
     written = float(time[-1]) if time.size else clock.written
-    return Mended(kept, mended[kept], tuple(told), Clock(written, last, shift, usual))
+    return RepairedTime(kept, repaired[kept], tuple(messages), Clock(written, last, shift, usual))
 
 
 def _shifted(
     time: FloatArray, before: FloatArray, resets: NDArray[np.int64], clock: Clock, apart: float
 ) -> tuple[FloatArray, float]:
-    """Stamps with every run behind the one before it, and the shift of the last run."""
+    """Time stamps with every run placed after the previous one, and the shift of the last run."""
     jumps = np.zeros(time.size)
     jumps[resets] = before[resets] - time[resets] + apart
     shifts = clock.shift + np.cumsum(jumps)
@@ -108,7 +110,7 @@ def _shifted(
 
 
 def _last_of_each(time: FloatArray, late: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Of the samples that are not late, the last one of each stamp."""
+    """Of the samples that are not late, the last one of each time stamp."""
     rows = np.flatnonzero(~late)
     if not rows.size:
         return rows
@@ -118,7 +120,7 @@ def _last_of_each(time: FloatArray, late: NDArray[np.bool_]) -> NDArray[np.int64
 def _repeats(rows: NDArray[np.int64], places: Places) -> list[str]:
     if not rows.size:
         return []
-    verb = "repeats the stamp" if rows.size == 1 else "repeat the stamps"
+    verb = "repeats the time stamp" if rows.size == 1 else "repeat the time stamps"
     other = "another" if rows.size == 1 else "others"
     return [f"{_samples(rows.size)} {verb} of {other} ({places.ranges(rows)}); the later one is kept."]
 
@@ -126,7 +128,7 @@ def _repeats(rows: NDArray[np.int64], places: Places) -> list[str]:
 def _late(rows: NDArray[np.int64], places: Places) -> list[str]:
     if not rows.size:
         return []
-    return [f"{_samples(rows.size)} out of order in time ({places.ranges(rows)}) {_are(rows)} left out."]
+    return [f"{_samples(rows.size)} out of order in time ({places.ranges(rows)}) {_are(rows)} dropped."]
 
 
 def _are(rows: NDArray[np.int64]) -> str:

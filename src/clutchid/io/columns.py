@@ -1,6 +1,6 @@
-"""The grammar of column headings: ``name [unit]``.
+"""Syntax of column headings: ``name [unit]``.
 
-Names are compared without regard to case, and blanks count as underscores; units are compared exactly, without blanks.
+Names are case-insensitive, and blanks count as underscores; units are compared exactly, without blanks.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from types import MappingProxyType
 from clutchid.log import COLUMNS, INPUTS
 from clutchid.units import SPELLINGS, UNITS, known_units
 
-#: Names that have a meaning, and their SI units.
+#: Known quantities and their SI units.
 QUANTITIES: Mapping[str, str] = MappingProxyType({"time": "s", **COLUMNS})
 
-#: Names without which a file is no recording.
+#: Quantities that a recording must have.
 REQUIRED = ("time", "position", *INPUTS)
 
 _GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*)?")
@@ -27,9 +27,9 @@ _SHOWN = 12
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """One heading: its text as written, the quantity it names (None: not known) and its unit (None: not given).
+    """One heading: text as written, quantity (None: unknown) and unit (None: not given).
 
-    `comment` is what the file says of the channel besides.
+    `comment` is the comment on the channel in the file.
     """
 
     index: int
@@ -40,7 +40,7 @@ class Heading:
 
     @property
     def si(self) -> str | None:
-        """SI unit of the values; None where the unit is not given, not known, or one of another quantity."""
+        """SI unit of the values; None if the unit is missing, unknown, or of another quantity."""
         unit = UNITS.get(self.unit or "")
         if unit is None or (self.name is not None and unit.si != QUANTITIES[self.name]):
             return None
@@ -48,7 +48,7 @@ class Heading:
 
 
 def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
-    """The cells of a header, understood.
+    """Parse the cells of a header.
 
     Examples
     --------
@@ -65,7 +65,7 @@ def _heading(index: int, text: str) -> Heading:
 
 
 def channel(index: int, text: str, unit: str | None, comment: str = "") -> Heading:
-    """The heading of a channel whose unit stands apart from its name, as in MDF.
+    """Heading of a channel whose unit is separate from its name, as in MDF.
 
     Examples
     --------
@@ -76,12 +76,12 @@ def channel(index: int, text: str, unit: str | None, comment: str = "") -> Headi
 
 
 def quantity_named(name: str) -> str | None:
-    """The quantity that a name of the contract means; None for any other name."""
+    """Quantity with this standard name; None for any other name."""
     return _KEYS.get(_key(name))
 
 
 def unit_spelled(text: str | None) -> str | None:
-    """A unit as the table of units spells it, where it is a known one; None where there is no unit.
+    """A unit in the spelling of the table of units, if known; None if there is no unit.
 
     Examples
     --------
@@ -100,7 +100,7 @@ _KEYS = {_key(name): name for name in QUANTITIES}
 
 
 def heading_problems(columns: Sequence[Heading], required: Sequence[str] = REQUIRED) -> list[str]:
-    """What is wrong with the headings of a file: duplicate, without unit, in an unknown unit, or missing."""
+    """Problems of the headings of a file: duplicate, without unit, with unknown unit, or missing."""
     same: dict[str, list[Heading]] = defaultdict(list)
     for column in columns:
         if column.name is not None:
@@ -114,7 +114,7 @@ def heading_problems(columns: Sequence[Heading], required: Sequence[str] = REQUI
 
 
 def ignored(columns: Sequence[Heading]) -> list[str]:
-    """The warning that names the columns which have no meaning here, if there are any."""
+    """Warning about unknown columns, if there are any."""
     unknown = [column.text for column in columns if column.name is None and column.text]
     if not unknown:
         return []
@@ -153,7 +153,7 @@ def _missing(names: list[str], columns: Sequence[Heading]) -> str:
     parts = []
     for name in names:
         near = difflib.get_close_matches(name, unknown, n=1, cutoff=0.5)
-        hint = f"; did you mean it by '{unknown[near[0]]}'?" if near else ""
+        hint = f"; is it '{unknown[near[0]]}'?" if near else ""
         parts.append(f"'{name}' (write {name} [{QUANTITIES[name]}]{hint})")
     noun = "column" if len(names) == 1 else "columns"
     return f"no {noun} {', '.join(parts)}; the file has {_some([column.text for column in columns])}."

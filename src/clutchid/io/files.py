@@ -1,4 +1,4 @@
-"""Files as such: written whole or not at all, found or missed in one sentence."""
+"""Atomic writing of files, and checks of files with clear messages."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ CHUNK = 1 << 20
 
 @contextmanager
 def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
-    """A temporary file beside `path` that takes its place when the block ends well.
+    """Temporary file beside `path` that replaces it when the block ends without an error.
 
-    On any error the temporary file is removed and an older file stays as it was. The temporary name has the suffix of
-    `path`, for libraries that choose a format by it.
+    On any error the temporary file is removed and an existing file stays unchanged. The temporary name has the suffix
+    of `path`, for libraries that choose a format by it.
 
     Raises
     ------
     ExportError
-        If the folder is missing or cannot be written, `path` is no plain file, or writing fails.
+        If the folder is missing or cannot be written, `path` is not a plain file, or writing fails.
 
     Examples
     --------
@@ -58,12 +58,12 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
 
 
 def check_writable(path: str | PathLike[str]) -> None:
-    """Make sure, before long work, that `path` can be written later.
+    """Check, before a long computation, that `path` can be written.
 
     Raises
     ------
     ExportError
-        If the folder is missing or cannot be written, or `path` is no plain file.
+        If the folder is missing or cannot be written, or `path` is not a plain file.
     """
     folder = _writable(path).parent
     try:
@@ -74,12 +74,12 @@ def check_writable(path: str | PathLike[str]) -> None:
 
 
 def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
-    """`path`, once it is certain that it is a plain file that may be read; `what` it is to be, for the message.
+    """Check that `path` is a readable plain file; `what` names it in messages.
 
     Raises
     ------
     DataError
-        If it is missing (the text names the nearest name in the folder), a folder, no plain file, or not readable.
+        If it is missing (the text gives the nearest name in the folder), a folder, not a plain file, or not readable.
     """
     file = Path(path)
     try:
@@ -98,7 +98,7 @@ def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of the bytes of a file, in hexadecimal digits.
+    """SHA-256 of a file as hexadecimal digits.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def digest(path: Path) -> str:
 
 
 def _writable(path: str | PathLike[str]) -> Path:
-    """Where `path` points to, links followed, so that a link is kept and its file replaced."""
+    """Target of `path` with links resolved, so that a link is kept and its file replaced."""
     target = Path(path).resolve()
     if not target.parent.is_dir():
         raise ExportError(f"{path}: the folder '{Path(path).parent}' does not exist; create it first.")

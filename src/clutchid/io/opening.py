@@ -1,4 +1,4 @@
-"""Opening a recording: the format is told by the content, and its reader loaded only then."""
+"""Open a recording: the format is detected from the content, and its reader is loaded on demand."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from clutchid.errors import ClutchidError, DataError
 from clutchid.io.files import plain_file
 from clutchid.io.source import Source
 
-#: Bytes at the start of a file that are enough to know its format.
+#: Number of bytes at the start of a file that determine its format.
 _ENOUGH = 1024
 
 
 def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
-    """A file of any known format, opened; `dbc` decode the frames of a bus log.
+    """Open a file of any known format; `dbc` files decode the frames of a bus log.
 
     Raises
     ------
     DataError
-        If there is no plain file that can be read, or a DBC file is none; what is wrong inside the recording is in
+        If the recording or a DBC file is not a readable plain file; problems inside the recording are in
         ``Source.problems``.
     MissingExtra
-        If its format needs a library that is not installed.
+        If the format needs a library that is not installed.
     """
     file = plain_file(path)
     try:
@@ -35,9 +35,7 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
         raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
     if source.rasters or source.problems:
         return source
-    return replace(
-        source, problems=(f"holds no channel with numbers. {' '.join(source.warnings)}".strip(),), warnings=()
-    )
+    return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
 
 
 def _opened(file: Path, dbc: Sequence[Path]) -> Source:
@@ -51,7 +49,7 @@ def _opened(file: Path, dbc: Sequence[Path]) -> Source:
         return parquet_file.open_file(file)
     if head[:4] == b"LOGG":
         return _can(file, dbc)
-    if b"\0" in head:  # no text, but for UTF-16
+    if b"\0" in head:  # not text, except UTF-16
         from clutchid.io.mat import file as mat_file
 
         if mat_file.is_mat(head):
@@ -69,7 +67,7 @@ def _can(file: Path, dbc: Sequence[Path]) -> Source:
 
 
 def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
-    """An MDF of measured channels, or of the frames of a bus where a DBC is given for them."""
+    """An MDF file with measured channels, or with bus frames if a DBC file is given."""
     from clutchid.io.can import mf4 as mf4_bus
     from clutchid.io.mdf import file as mdf_file
 

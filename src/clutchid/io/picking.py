@@ -1,4 +1,4 @@
-"""A channel map laid on a file: which column of which raster is what, with every misfit told at once."""
+"""Apply a channel map to a file: find the channel of each quantity, and report all mismatches together."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _SHOWN = 8
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """Channels of one raster that share their stamps: columns by quantity, `time` among them, and what becomes of them.
+    """Channels on one time grid: heading and map entry by quantity, including `time`.
 
-    `delay` in s is what all of them are behind their stamps.
+    `delay` in s is the common delay of the channels after their time stamps.
     """
 
     raster: int
@@ -27,7 +27,7 @@ class Pick:
 
 
 def pick(source: Source, channels: ChannelMap) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
-    """What the map picks from the file, and every problem with it."""
+    """Channels that the map selects from the file, and all problems of the map."""
     problems: list[str] = []
     found: dict[tuple[int, float], dict[str, tuple[Heading, Channel]]] = {}
     clocks: dict[int, tuple[Heading, Channel]] = {}
@@ -55,7 +55,7 @@ def pick(source: Source, channels: ChannelMap) -> tuple[tuple[Pick, ...], tuple[
 
 
 def _named(source: Source, entry: Channel) -> Iterator[tuple[int, Heading]]:
-    """Where a channel of that name stands, exactly written; else without regard to case."""
+    """Channels with that name, compared exactly, else case-insensitively."""
     for same in (str, str.casefold):
         places = [
             (index, heading)
@@ -75,7 +75,7 @@ def _bare(text: str) -> str:
 
 
 def _misfit(source: Source, name: str, entry: Channel, places: list[tuple[int, Heading]]) -> str:
-    """Why an entry of the map picks no channel, or more than one."""
+    """Message for an entry of the map that selects no channel, or more than one."""
     if places:
         groups = [source.rasters[raster].name for raster, _ in places]
         shown = ", ".join(f"'{group}'" for group in groups[:_SHOWN])
@@ -96,13 +96,13 @@ def _unit_problem(name: str, heading: Heading, unit: str | None) -> list[str]:
     if unit not in UNITS or UNITS[unit].si != QUANTITIES[name]:
         return [
             f"{name}: channel '{heading.text}' has the unit [{unit}]; write unit = '...' in the map (and a factor, "
-            f"where the sensor's own unit is another), one of {', '.join(known)}."
+            f"if the unit of the sensor differs), one of {', '.join(known)}."
         ]
     return []
 
 
 def _own_clock(raster: Raster) -> tuple[Heading, Channel] | None:
-    """The stamps that the file names itself."""
+    """Time stamps as defined by the file."""
     if raster.clock is None:
         return None
     heading = next(heading for heading in raster.headings if heading.index == raster.clock)
@@ -111,6 +111,4 @@ def _own_clock(raster: Raster) -> tuple[Heading, Channel] | None:
 
 def _no_clock(columns: Mapping[str, tuple[Heading, Channel]]) -> str:
     names = " and ".join(f"'{heading.text}'" for heading, _ in columns.values())
-    return (
-        f"{names}: the file does not say when {'it was' if len(columns) == 1 else 'they were'} taken; map [time] too."
-    )
+    return f"{names}: the file defines no time axis for {'it' if len(columns) == 1 else 'them'}; add [time] to the map."

@@ -1,4 +1,4 @@
-"""A channel map proposed from the names, units and ranges of a file."""
+"""Propose a channel map from the names, units and ranges of the channels in a file."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from clutchid.io.source import Raster, Source
 from clutchid.log import FloatArray
 from clutchid.units import UNITS
 
-#: Samples of a raster that are looked at for the range of a channel.
+#: Number of samples that determine the range of a channel.
 _SAMPLED = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A channel map with what speaks for it; `open` says what has to be decided by somebody who knows the file.
+    """A proposed channel map; `open` lists what the user has to decide.
 
-    A quantity is `certain` if its unit is known and no other channel fits as well.
+    A quantity is `certain` if its unit is known and no other channel matches as well.
     """
 
     channels: ChannelMap
@@ -33,13 +33,13 @@ class Proposal:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing has to be decided, so that the file can be read with it as it is."""
+        """Whether nothing has to be decided, so that the file can be read with this map."""
         return not self.open and all(name in self.certain for name in self.channels.channels)
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A channel that may be a quantity, how much speaks for it, and its unit, which may be `guessed` from the range."""
+    """A channel that may be a quantity, its score, and its unit, which may be `guessed` from the range."""
 
     raster: Raster
     heading: Heading
@@ -49,7 +49,7 @@ class _Candidate:
 
 
 def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
-    """Which channel of a file is what, as far as names, units and ranges tell.
+    """Assign the channels of a file to quantities by names, units and ranges.
 
     Raises
     ------
@@ -71,38 +71,38 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         comments[name] = _comment(best, ranges)
         if equal:
             others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
-            remarks.append(f"{name}: '{best.heading.text}' is taken, but {others} would fit as well.")
+            remarks.append(f"{name}: '{best.heading.text}' is proposed, but {others} would match as well.")
         elif best.guessed:
             remarks.append(f"{name}: '{best.heading.text}' has no unit; [{best.unit}] is guessed from its range.")
         elif best.unit is None:
-            remarks.append(f"{name}: '{best.heading.text}' has no unit that is known here; write it into the map.")
+            remarks.append(f"{name}: '{best.heading.text}' has no known unit; add it to the map.")
         else:
             certain.append(name)
     missing = [name for name in required if name not in channels and not (name == "time" and _timed(source))]
-    remarks += [f"{name}: no channel has a name that tells it; write it into the map." for name in missing]
+    remarks += [f"{name}: no channel name matches; add it to the map." for name in missing]
     return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks))
 
 
-def agreed(source: Source, given: ChannelMap | None, required: Sequence[str]) -> ChannelMap | None:
-    """The map to read a file with: the `given` one, else the proposed one where it leaves nothing open.
+def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -> ChannelMap | None:
+    """Channel map for a file: the `given` one, else the proposed one if it is complete.
 
-    None where it is a table whose columns a user can rename by the contract.
+    None for a table whose columns the user can rename.
 
     Raises
     ------
     DataError
-        If there is none; the text says what is open.
+        If there is none; the text lists what is open.
     """
     if given is not None:
         return given
     proposal = propose(source, required)
     if proposal.complete:
-        taken = ", ".join(f"{name} = '{entry.channel}'" for name, entry in proposal.channels.channels.items())
-        said = f"the channels are taken by their names: {taken}; a channel map (--map) says it for certain."
-        return replace(proposal.channels, comments={"": said})
+        assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in proposal.channels.channels.items())
+        note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
+        return replace(proposal.channels, comments={"": note})
     if source.tabular or not source.rasters:
         return None
-    save = "`clutchid look FILE --save MAP.toml` proposes a channel map; mend it and give it with --map."
+    save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
     raise DataError.of(str(source.path), [*source.problems, *proposal.open, save])
 
 
@@ -135,7 +135,7 @@ def _fits(name: str, unit: str | None) -> bool:
 
 
 def _guess(name: str, low: float, high: float) -> str | None:
-    """The unit that the range of a channel speaks for; None where it says nothing."""
+    """Unit that matches the range of a channel; None if unclear."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return None
     size = max(abs(low), abs(high))
@@ -159,12 +159,12 @@ def _comment(best: _Candidate, ranges: _Ranges) -> str:
     index = next(i for i, raster in enumerate(ranges.source.rasters) if raster is best.raster)
     low, high = ranges(index, best.heading)
     unit = best.heading.unit
-    said = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
-    return f"{low:.6g} to {high:.6g}{said}" + (f"; {best.heading.comment}" if best.heading.comment else "")
+    shown_unit = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
+    return f"{low:.6g} to {high:.6g}{shown_unit}" + (f"; {best.heading.comment}" if best.heading.comment else "")
 
 
 class _Ranges:
-    """Lowest and highest of the first samples of a channel, read once a channel."""
+    """Range of the first samples of a channel, read once per channel."""
 
     def __init__(self, source: Source) -> None:
         self.source = source

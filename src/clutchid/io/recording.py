@@ -1,4 +1,4 @@
-"""A file and a channel map made a recording, whole or piece by piece, in SI and on one raster."""
+"""Convert a file with a channel map to a recording in SI on one time grid, as a whole or in pieces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from clutchid.errors import DataError
 from clutchid.io.alignment import Stream, aligned
 from clutchid.io.channel_map import Channel, ChannelMap
 from clutchid.io.checks import check, in_si, usual_interval
-from clutchid.io.clock import Clock, mend
+from clutchid.io.clock import Clock, repair
 from clutchid.io.columns import Heading
 from clutchid.io.picking import Pick, pick
 from clutchid.io.source import Source
@@ -24,8 +24,8 @@ Block = tuple[FloatArray, Mapping[str, FloatArray]]
 
 
 @dataclass(slots=True)
-class _Told:
-    """Problems and warnings of all streams so far, each once."""
+class _Messages:
+    """Problems and warnings of all streams so far."""
 
     problems: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
@@ -34,55 +34,57 @@ class _Told:
 def pieces(
     source: Source, channels: ChannelMap, ambient: float, required: Sequence[str], rows: int | None
 ) -> Iterator[Log]:
-    """The recording in consecutive logs of about `rows` samples (None: one), on one raster.
+    """The recording as consecutive logs of about `rows` samples (None: one log), on one time grid.
 
     Parameters
     ----------
     source, channels
-        The file and which channel of it is what.
+        The file and the assignment of its channels.
     ambient : Pa
-        Absolute pressure that gauge pressures are raised by.
+        Absolute pressure that is added to gauge pressures.
     required
-        Quantities without which it is no recording.
+        Quantities that the recording must have.
     rows
-        Samples a piece; so much of every channel is in memory.
+        Samples per piece, which limits the memory.
 
     Raises
     ------
     DataError
-        If the map does not fit the file, or samples cannot be used; the text lists every problem of the block.
+        If the map does not match the file, or samples are invalid; the text lists all problems of the block.
     """
     picks, problems = pick(source, channels)
     missing = [name for name in required if name not in channels.channels and name != "time"]
     if missing:
-        problems = (*problems, f"no channel for {', '.join(missing)}; add [{missing[0]}] to the map.")
+        problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add [{missing[0]}] to the map.")
     if problems or source.problems:
         raise DataError.of(str(source.path), [*source.problems, *problems])
-    told = _Told(warnings=[*source.warnings, *channels.comments.get("", "").splitlines()])
-    streams = [(*_stream(source, chosen, ambient, rows, told), chosen) for chosen in picks]
-    streams.sort(key=lambda found: found[0])
+    messages = _Messages(warnings=[*source.warnings, *channels.comments.get("", "").splitlines()])
+    streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
+    streams.sort(key=lambda stream: stream[0])
     usual, base, fastest = streams[0]
     others = [stream for _, stream, _ in streams[1:]]
     if channels.raster is not None:
-        _, clock = _stream(source, fastest, ambient, rows, _Told())
+        _, clock = _stream(source, fastest, ambient, rows, _Messages())
         base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
-    yield from _logs(source, aligned(base, others), told)
+    yield from _logs(source, aligned(base, others), messages)
 
 
-def _logs(source: Source, blocks: Iterator[Block], told: _Told) -> Iterator[Log]:
-    """Blocks as logs; whatever was told since the log before goes with the next one."""
+def _logs(source: Source, blocks: Iterator[Block], messages: _Messages) -> Iterator[Log]:
+    """Blocks as logs; messages since the previous log are attached to the next one."""
     for time, columns in blocks:
-        if told.problems:
-            raise DataError.of(str(source.path), told.problems)
-        warnings, told.warnings = tuple(dict.fromkeys(told.warnings)), []
+        if messages.problems:
+            raise DataError.of(str(source.path), messages.problems)
+        warnings, messages.warnings = tuple(dict.fromkeys(messages.warnings)), []
         yield Log(time, columns, source.path.stem, dict(source.metadata), warnings)
-    if told.problems:
-        raise DataError.of(str(source.path), told.problems)
+    if messages.problems:
+        raise DataError.of(str(source.path), messages.problems)
 
 
-def _stream(source: Source, chosen: Pick, ambient: float, rows: int | None, told: _Told) -> tuple[float, Stream]:
-    """The channels of a pick as a stream in SI, and their usual interval in s, which the first block tells."""
-    blocks = _blocks(source, chosen, ambient, rows, told)
+def _stream(
+    source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages
+) -> tuple[float, Stream]:
+    """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
+    blocks = _blocks(source, chosen, ambient, rows, messages)
     first = next(blocks, (np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}))
     usual = usual_interval(first[0])
     longest = {
@@ -93,18 +95,18 @@ def _stream(source: Source, chosen: Pick, ambient: float, rows: int | None, told
     return usual, Stream(chain([first], blocks), longest)
 
 
-def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, told: _Told) -> Iterator[Block]:
-    """The samples of a pick, block by block, with stamps that grow."""
+def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages) -> Iterator[Block]:
+    """The samples of a pick, block by block, with increasing time stamps."""
     clock: Clock | None = None
     for table in source.tables(chosen.raster, [heading.index for heading, _ in chosen.columns.values()], rows):
         named = _named(table, chosen)
         stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
-        mended = mend(stamps, named.places, clock)
-        clock = mended.clock
-        told.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in mended.told]
-        checked = check(_kept(named, np.flatnonzero(mended.kept), mended.time), ambient, ())
-        told.problems += checked.problems
-        told.warnings += checked.warnings
+        repaired = repair(stamps, named.places, clock)
+        clock = repaired.clock
+        messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
+        checked = check(_kept(named, np.flatnonzero(repaired.kept), repaired.time), ambient, ())
+        messages.problems += checked.problems
+        messages.warnings += checked.warnings
         if table.problems:
             yield np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}
             return
@@ -118,14 +120,14 @@ def _where(source: Source, chosen: Pick) -> str:
 
 
 def _named(table: Table, chosen: Pick) -> Table:
-    """The picked columns under the names of their quantities, with sign, factor and offset; one may be two of them."""
+    """The picked columns under the names of their quantities, with sign, factor and offset applied."""
     headings, numbers, unread = [], {}, {}
-    for place, (heading, entry) in enumerate(chosen.columns.values()):
-        headings.append(replace(heading, index=place))
+    for i, (heading, entry) in enumerate(chosen.columns.values()):
+        headings.append(replace(heading, index=i))
         written = table.numbers.get(heading.index)
-        numbers[place] = np.full(table.size, np.nan) if written is None else _scaled(written, entry)
+        numbers[i] = np.full(table.size, np.nan) if written is None else _scaled(written, entry)
         if heading.index in table.unread:
-            unread[place] = table.unread[heading.index]
+            unread[i] = table.unread[heading.index]
     return replace(table, headings=tuple(headings), numbers=numbers, unread=unread)
 
 
@@ -135,7 +137,7 @@ def _scaled(values: FloatArray, entry: Channel) -> FloatArray:
 
 
 def _kept(table: Table, rows: Rows, time: FloatArray) -> Table:
-    """The table with those rows only, and with the mended stamps in s."""
+    """The selected rows of a table, with repaired time stamps in s."""
     clock, *others = table.headings
     numbers = {heading.index: table.numbers[heading.index][rows] for heading in others}
     places = table.places
@@ -154,12 +156,12 @@ def _kept(table: Table, rows: Rows, time: FloatArray) -> Table:
 
 
 def _moved(missing: Rows, rows: Rows) -> Rows:
-    """Where the rows `missing` stand among the kept ones."""
+    """Positions of the rows `missing` among the kept ones."""
     return np.flatnonzero(np.isin(rows, missing))
 
 
 def _uniform(clock: Stream, interval: float, longest: float) -> Stream:
-    """A raster of equal intervals over the time of a stream, without the instants in its holes."""
+    """Uniform time grid over the time of a stream, without the instants in its holes."""
 
     def blocks() -> Iterator[Block]:
         start = last = math.nan
@@ -182,6 +184,6 @@ def _uniform(clock: Stream, interval: float, longest: float) -> Stream:
 
 
 def _snapped(instants: FloatArray, stamps: FloatArray, slack: float) -> FloatArray:
-    """Instants that differ from a stamp by rounding only, as that stamp: a held input must not change a sample late."""
+    """Replace instants that differ from a time stamp by rounding only, so that a held input is not a sample late."""
     after = np.minimum(np.searchsorted(stamps, instants - slack), stamps.size - 1)
     return np.where(np.abs(stamps[after] - instants) <= slack, stamps[after], instants)

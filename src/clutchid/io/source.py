@@ -1,4 +1,4 @@
-"""`Source`: an opened file, as rasters of channels that share their stamps; nothing has a meaning yet."""
+"""`Source`: an opened file, as groups of channels with common time stamps, not yet assigned to quantities."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from typing import Protocol
 from clutchid.io.columns import REQUIRED, Heading
 from clutchid.io.table import Table
 
-#: Samples a block when a recording is read piece by piece.
+#: Samples per block when a recording is read in pieces.
 BLOCK = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
 class Raster:
-    """Channels that share their stamps: the columns of a table, a group of an MDF, a message on a bus.
+    """Channels on one time grid: the columns of a table, a group of an MDF file, a message on a bus.
 
-    `headings` are all its channels in the order of their index, the stamps among them; `clock` is the index of the
-    stamps, None where the file does not say which they are; `size` the number of samples of each; `name` how the file
-    calls it.
+    `headings` are all its channels in order of their index, including the time stamps; `clock` is the index of the time
+    stamps, None if the file does not define it; `size` the number of samples per channel; `name` its name in the file.
     """
 
     headings: tuple[Heading, ...]
@@ -30,23 +29,23 @@ class Raster:
 
 
 class Tables(Protocol):
-    """Reads channels of one raster, in order and block by block."""
+    """Function that reads channels of one time grid, block by block."""
 
     def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-        """Consecutive tables of at most `rows` samples (None: one table) that hold the `columns` of raster `raster`.
+        """Consecutive tables of at most `rows` samples (None: one table) with the `columns` of time grid `raster`.
 
-        `Table.headings` are all headings of the raster, `Table.numbers` the asked columns by index in the units as
-        written (what is no number is NaN), `Table.places` counts on over the blocks, and `Table.problems` are those of
-        the block. Nothing but a block is in memory at a time.
+        `Table.headings` are all headings of the time grid, `Table.numbers` the selected columns by index in the units
+        of the file (NaN where not numeric), `Table.places` counts over all blocks, and `Table.problems` are those of
+        the block. Only one block is in memory at a time.
         """
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """An opened file: what it is, its rasters, and how they are read.
+    """An opened file: format, time grids, and the function that reads them.
 
-    `problems` are sentences about the file as such (truncated, empty), `warnings` what was left out of it, `metadata`
-    what the file says of itself, and `unnamed` why only a channel map can read it, where no channel has a name.
+    `problems` are messages about the file as a whole (truncated, empty), `warnings` about parts that were ignored,
+    `metadata` that of the file, and `unnamed` why it needs a channel map if its channels have no names.
     """
 
     path: Path
@@ -60,10 +59,10 @@ class Source:
 
     @property
     def tabular(self) -> bool:
-        """Whether it is one table whose columns a user can rename, so that misfits are told by the contract."""
+        """Whether it is a table whose columns the user can rename, so that messages ask for the standard names."""
         return self.format in ("CSV", "Parquet")
 
 
 def in_contract(source: Source) -> bool:
-    """Whether a file is one table whose columns have the names of the contract, so that it needs no channel map."""
+    """Whether a file is one table whose columns have the standard names, so that it needs no channel map."""
     return len(source.rasters) == 1 and {heading.name for heading in source.rasters[0].headings}.issuperset(REQUIRED)

@@ -1,4 +1,4 @@
-"""`Table`: the numbers of a file as they are written, before they mean anything."""
+"""`Table`: the values of a file as written, not yet assigned to quantities."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.int64]
 
-#: How many places a message names before it counts the rest.
+#: Number of locations that a message lists before it counts the rest.
 SHOWN = 5
 
-#: The end of a message about a file that has nothing in it.
+#: End of a message about a file without data.
 EXAMPLE = "a header such as time [s],position [m],duty_supply [1],duty_exhaust [1] and samples below it are needed."
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Places:
-    """Where the samples stand in the file: lines of a text, rows of a Parquet table; both count from 1."""
+    """Location of the samples in the file: lines of a text, rows of a Parquet table; both count from 1."""
 
     word: str = "row"
     first: int = 1
@@ -37,12 +37,12 @@ class Places:
         return self.first + int(index) if self.numbers is None else int(self.numbers[index])
 
     def each(self, rows: Rows, what: Callable[[int], str]) -> str:
-        """The first places of `rows` with `what` is to say about them, and the count of the rest."""
+        """The first locations of `rows` with the text `what` about each, and the number of the others."""
         shown = [f"{self.word} {self.number(row)} {what(row)}" for row in rows[:SHOWN].tolist()]
         return and_more(shown, rows.size - len(shown))
 
     def ranges(self, rows: Rows) -> str:
-        """The first runs of neighbouring `rows`, and the count of the other runs: ``lines 4-9, 12``."""
+        """The first runs of consecutive `rows`, and the number of the other runs: ``lines 4-9, 12``."""
         breaks = np.flatnonzero(np.diff(rows) > 1)
         starts, ends = rows[np.r_[0, breaks + 1]], rows[np.r_[breaks, rows.size - 1]]
         pairs = [(self.number(a), self.number(b)) for a, b in zip(starts[:SHOWN], ends[:SHOWN], strict=True)]
@@ -52,9 +52,9 @@ class Places:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Table:
-    """Headings, numbers by column index in the units as written, and what went wrong while they were read.
+    """Headings, values by column index in the units as written, and problems found while reading.
 
-    `unread` holds, by column index, the rows whose cell is no number: a problem names them already.
+    `unread` has, by column index, the rows with an invalid cell, which a problem reports already.
     """
 
     headings: tuple[Heading, ...] = ()
@@ -67,7 +67,7 @@ class Table:
 
 
 def to_frame(log: Log) -> pl.DataFrame:
-    """`log` as a frame of polars with headers in SI, time first."""
+    """`log` as a polars data frame with headings in SI, time first."""
     import polars as pl
 
     return pl.DataFrame(
@@ -76,12 +76,12 @@ def to_frame(log: Log) -> pl.DataFrame:
 
 
 def wanted(columns: Sequence[Heading], every: bool) -> tuple[Heading, ...]:
-    """The columns to read: those with a meaning, or `every` one."""
+    """The columns to read: the known ones, or `every` one."""
     return tuple(column for column in columns if every or column.name is not None)
 
 
 def and_more(shown: Iterable[str], rest: int) -> str:
-    """What is shown, and the count of what is not.
+    """List the shown items, and the number of the others.
 
     Examples
     --------

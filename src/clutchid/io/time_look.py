@@ -1,4 +1,4 @@
-"""What a time axis is like, seen block by block: its ends, its intervals, and the first of its holes."""
+"""Summary of a time axis, updated block by block: ends, intervals, and the first holes."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Hole:
 
 @dataclass(frozen=True, slots=True)
 class TimeLook:
-    """The time axis in s: first and last sample, shortest, usual and longest interval, and the first of the holes.
+    """The time axis in s: first and last sample, shortest, usual and longest interval, and the first holes.
 
-    `repeated` stamps are those of the sample before, `back` is how often the clock goes back.
+    `repeated` counts time stamps equal to the previous one, `back` those below the previous one.
     """
 
     first: float
@@ -49,8 +49,8 @@ class TimeLook:
         return 1 / self.usual
 
 
-def ticked(before: TimeLook | None, time: FloatArray, places: Places) -> TimeLook | None:
-    """The time axis as seen `before`, and a further block of stamps in s; None while there was no stamp.
+def updated(before: TimeLook | None, time: FloatArray, places: Places) -> TimeLook | None:
+    """Update the summary `before` with a further block of time stamps in s; None if there were none so far.
 
     The usual interval is that of the first block.
     """
@@ -62,7 +62,7 @@ def ticked(before: TimeLook | None, time: FloatArray, places: Places) -> TimeLoo
     steps = intervals(joined)
     usual = usual_interval(stamps) if before is None else before.usual
     after = np.flatnonzero(steps > HOLE * usual)
-    offset = joined.size - stamps.size  # 1 where the interval to the block before is counted
+    offset = joined.size - stamps.size  # 1 if the interval to the previous block is included
     shown = tuple(
         Hole(places.number(rows[max(i - offset, 0)]) - (i < offset), float(joined[i]), float(steps[i]))
         for i in after[:SHOWN].tolist()

@@ -1,4 +1,4 @@
-"""Figures, tables and self-contained pages; light to import, matplotlib and jinja2 are loaded where they are used."""
+"""Figures, tables and self-contained pages; matplotlib and jinja2 are imported on demand."""
 
 from clutchid.report.fit_page import fit_page
 from clutchid.report.tables import Column, Table

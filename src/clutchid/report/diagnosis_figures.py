@@ -1,4 +1,4 @@
-"""Figures of the residuals of a recording: their colour, what they share with the valves, and where they are large."""
+"""Figures of the residuals of a recording: autocorrelation, correlation with the valves, and error by region."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Name, and unit in SI with its sign, in which the residual of a column is shown.
+#: Name, display unit in SI, and its symbol, for the residual of a column.
 SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}
 
 _WAYS = (("opening", STYLE.blue), ("closing", STYLE.orange), ("hold", STYLE.measured))
 
 
 def colour_figure(diagnosis: Diagnosis) -> Figure:
-    """Autocorrelation of the residuals and their correlation with both valves, a row a measured column."""
+    """Autocorrelation of the residuals and their correlation with both valves, one row per measured column."""
     columns = list(diagnosis.columns.items())
     figure, axes = new_figure([2.05] * len(columns), 3, share_x=False, share_y=False)
     for row, (name, column) in enumerate(columns):
         own, supply, exhaust = axes[3 * row : 3 * row + 3]
         fast = column.fast
         _stems(own, fast.lag[1:], fast.autocorrelation[1:], fast.bound[1:])
-        label(own, "lag [ms]", "correlation [1]", f"{SHOWN[name][0]}: with itself")
+        label(own, "lag [ms]", "correlation [1]", f"{SHOWN[name][0]}: autocorrelation")
         for axis, key in ((supply, "duty_supply"), (exhaust, "duty_exhaust")):
             found = fast.inputs.get(key)
             if found is not None:
                 _stems(axis, found.lag, found.correlation, found.bound)
             else:
-                axis.text(0.5, 0.5, "does not move", ha="center", va="center", transform=axis.transAxes)
+                axis.text(0.5, 0.5, "constant", ha="center", va="center", transform=axis.transAxes)
             label(axis, "lag [ms]", "", f"with the {key.removeprefix('duty_')} valve")
     return figure
 
 
 def _stems(axis: Axes, lag: FloatArray, values: FloatArray, bound: FloatArray) -> None:
-    """Correlations over the lag with their 99 % bounds; NaN draws nothing."""
+    """Correlations over the lag with their 99 % bounds; NaN is not drawn."""
     ms = lag * 1e3
     axis.fill_between(ms, -bound, bound, color=STYLE.measured, alpha=0.3, linewidth=0)
     axis.vlines(ms, 0.0, values, color=STYLE.blue, linewidth=1.3)
@@ -51,7 +51,7 @@ def _stems(axis: Axes, lag: FloatArray, values: FloatArray, bound: FloatArray) -
 
 
 def region_figure(diagnosis: Diagnosis) -> Figure:
-    """Rms error by stroke region and direction, a panel a measured column."""
+    """Rms error by stroke region and direction, one panel per measured column."""
     columns = list(diagnosis.columns.items())
     figure, axes = new_figure([2.3], len(columns), share_x=False, share_y=False)
     for axis, (name, column) in zip(axes, columns, strict=True):
@@ -68,8 +68,8 @@ def _bars(axis: Axes, column: ColumnDiagnosis, unit: float) -> None:
     for k, (way, colour) in enumerate(_WAYS):
         found = {region.low: region.rms / unit for region in column.regions if region.direction == way}
         x = [lows.index(low) + 0.27 * (k - 1) for low in found]
-        axis.bar(x, list(found.values()), 0.25, color=colour, label="in hold" if way == "hold" else way)
-    axis.axhline(column.rms / unit, color=STYLE.ink, linewidth=0.9, linestyle=":", label="all")
+        axis.bar(x, list(found.values()), 0.25, color=colour, label="during holds" if way == "hold" else way)
+    axis.axhline(column.rms / unit, color=STYLE.ink, linewidth=0.9, linestyle=":", label="overall")
     axis.set_xticks(range(len(lows)), [names[low] for low in lows])
 
 

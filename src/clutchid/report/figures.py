@@ -1,4 +1,4 @@
-"""Drawing: figures made through matplotlib's objects, without pyplot, backends or global settings."""
+"""Figures by matplotlib's object interface, without pyplot, backends or global settings."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Place = Literal["best", "upper left", "lower right", "lower center", "above"]
+LegendPosition = Literal["best", "upper left", "lower right", "lower center", "above"]
 
-#: Curves with more samples than twice this are thinned before they are drawn.
+#: Curves with more samples than twice this are decimated before they are drawn.
 BINS = 1500
 
 
@@ -26,7 +26,7 @@ def new_figure(
 ) -> tuple[Figure, list[Axes]]:
     """An empty figure with a panel per entry of `heights` (inches) and column, row by row.
 
-    Panels above each other share x, panels beside each other y, unless told otherwise.
+    By default, panels in a column share x, and panels in a row share y.
     """
     from matplotlib.figure import Figure
 
@@ -53,7 +53,7 @@ def _dress(axis: Axes, style: Style) -> None:
 
 
 def label(axis: Axes, x: str = "", y: str = "", title: str = "") -> None:
-    """Words with units on the axes, as in ``position [mm]``, and a title above the panel, left-aligned."""
+    """Axis labels with units, as in ``position [mm]``, and a left-aligned title above the panel."""
     if x:
         axis.set_xlabel(x, fontsize=STYLE.font_size, color=STYLE.ink)
     if y:
@@ -62,25 +62,25 @@ def label(axis: Axes, x: str = "", y: str = "", title: str = "") -> None:
         axis.set_title(title, fontsize=STYLE.font_size + 0.5, color=STYLE.ink, loc="left", fontweight="bold")
 
 
-def legend(axis: Axes, place: Place = "best", columns: int = 1) -> None:
-    """The labelled curves of a panel; `place` as in matplotlib, or 'above' the panel."""
+def legend(axis: Axes, position: LegendPosition = "best", columns: int = 1) -> None:
+    """Legend of the labelled curves of a panel; `position` as in matplotlib, or 'above' the panel."""
     if not axis.get_legend_handles_labels()[0]:
         return
     size = STYLE.font_size - 0.5
-    if place == "above":
+    if position == "above":
         axis.legend(
             loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize=size, frameon=False, borderaxespad=0.1,
             handlelength=1.6, columnspacing=1.3,
         )  # fmt: skip
     else:
         axis.legend(
-            loc=place, ncols=columns, fontsize=size, framealpha=0.9, edgecolor="white", handlelength=1.8,
+            loc=position, ncols=columns, fontsize=size, framealpha=0.9, edgecolor="white", handlelength=1.8,
             markerscale=2.5,
         )  # fmt: skip
 
 
 def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:
-    """A curve, thinned so that every extreme stays visible; NaN leaves a gap."""
+    """Draw a curve, decimated so that all extremes stay visible; NaN leaves a gap."""
     x, y = thinned(x, y)
     axis.plot(
         x, y, color=line.colour, linewidth=line.width, linestyle=line.dash, alpha=line.opacity,
@@ -89,7 +89,7 @@ def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:
 
 
 def fill(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Line) -> None:
-    """A band between two curves, thinned so that its extremes stay; NaN leaves a gap."""
+    """Draw a band between two curves, decimated so that its extremes stay visible; NaN leaves a gap."""
     x, low, high = thinned_band(x, low, high)
     axis.fill_between(
         x, low, high, where=(np.isfinite(low) & np.isfinite(high)).tolist(), color=line.colour, alpha=line.opacity,
@@ -100,7 +100,7 @@ def fill(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, line: Lin
 def thinned_band(
     x: FloatArray, low: FloatArray, high: FloatArray, bins: int = BINS
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A long band with the lowest and the highest of every bin, at the first x of it."""
+    """Decimate a band: minimum and maximum of every bin, at its first x."""
     if x.size <= 2 * bins:
         return x, low, high
     starts = np.arange(0, x.size, -(-x.size // bins))
@@ -108,7 +108,7 @@ def thinned_band(
 
 
 def thinned(x: FloatArray, y: FloatArray, bins: int = BINS) -> tuple[FloatArray, FloatArray]:
-    """A long curve with the least and the greatest value of every bin, in the order in which they came.
+    """Decimate a curve: minimum and maximum of every bin, in their original order.
 
     Examples
     --------
@@ -134,12 +134,12 @@ def thinned(x: FloatArray, y: FloatArray, bins: int = BINS) -> tuple[FloatArray,
 
 
 def mark_span(axis: Axes, low: float, high: float, text: str = "") -> None:
-    """A shaded range of x behind the curves, in the units of the axis."""
+    """Shade a range of x behind the curves, in the units of the axis."""
     axis.axvspan(low, high, color=STYLE.span, zorder=0, linewidth=0, label=text or "_nolegend_")
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as the bytes of a PNG file, the same for the same figure."""
+    """The figure as a PNG file; reproducible byte by byte."""
     buffer = BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()

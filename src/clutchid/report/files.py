@@ -1,4 +1,4 @@
-"""Text and pictures into files, whole or not at all."""
+"""Write text and images to files atomically."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from clutchid.io.files import atomic_write
 
 
 def write_text(text: str, path: str | PathLike[str]) -> None:
-    """`text` in UTF-8 at `path`, in one step.
+    """Write `text` in UTF-8 to `path`, atomically.
 
     Raises
     ------
     ExportError
-        If it cannot be written; an older file stays as it was.
+        If it cannot be written; an existing file stays unchanged.
     """
     write_bytes(text.encode("utf-8"), path)
 
 
 def write_bytes(content: bytes, path: str | PathLike[str]) -> None:
-    """`content` at `path`, in one step.
+    """Write `content` to `path`, atomically.
 
     Raises
     ------
     ExportError
-        If it cannot be written; an older file stays as it was.
+        If it cannot be written; an existing file stays unchanged.
     """
     with atomic_write(path) as temporary:
         temporary.write_bytes(content)

@@ -1,4 +1,4 @@
-"""Figures of a fit: the load with its band, and each recording beside its simulation."""
+"""Figures of a fit: load curve with its band, and each recording with its simulation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def load_figure(fit: Fit) -> Figure:
-    """The load over the position with its 95 % band where that is finite, half its peak, and the recordings' reach."""
+    """Load over position with its 95 % band where finite, half its peak, and the reach of the recordings."""
     curve, furthest = fit.load_curve, reach(fit)
     figure, (axis,) = new_figure([3.7])
     x, force = curve.position / MM, curve.force / KN
@@ -34,7 +34,12 @@ def load_figure(fit: Fit) -> Figure:
     draw(axis, x[inside], force[inside], Line(STYLE.blue, "load", 2.0))
     outside = curve.position >= (curve.position[inside][-1] if inside.any() else 0.0)
     if not inside.all():
-        draw(axis, x[outside], force[outside], Line(STYLE.blue, "load where nothing was recorded", 1.4, (0, (4, 3))))
+        draw(
+            axis,
+            x[outside],
+            force[outside],
+            Line(STYLE.blue, "load beyond the reach of the recordings", 1.4, (0, (4, 3))),
+        )
     _mark_half(axis, fit, furthest)
     words = f"reach of the recordings, {furthest / MM:.1f} mm"
     axis.axvline(furthest / MM, color=STYLE.ink, linewidth=1.0, linestyle=":", label=words)
@@ -48,7 +53,7 @@ def load_figure(fit: Fit) -> Figure:
 
 
 def _mark_half(axis: Axes, fit: Fit, furthest: float) -> None:
-    """A point where the load passes half its peak, with its interval."""
+    """Point at which the load reaches half its peak, with its interval."""
     at = half_load_band(fit.load_curve, furthest)
     if not np.isfinite(at.position):
         return
@@ -62,7 +67,7 @@ def _mark_half(axis: Axes, fit: Fit, furthest: float) -> None:
 
 
 def _limits(force: FloatArray, band: FloatArray) -> tuple[float, float]:
-    """Limits that show the curve, and the band unless it is far wider than the curve."""
+    """Axis limits for the curve, and for the band unless it is much wider than the curve."""
     low, high = float(np.nanmin(force)), float(np.nanmax(force))
     high = max(high, low + 1e-3)
     room = high - low
@@ -71,10 +76,10 @@ def _limits(force: FloatArray, band: FloatArray) -> tuple[float, float]:
     return low - 0.05 * (high - low), high + 0.08 * (high - low)
 
 
-def recording_figure(recording: Recording, believed: NDArray[np.bool_] | None = None) -> Figure:
+def recording_figure(recording: Recording, reliable: NDArray[np.bool_] | None = None) -> Figure:
     """Measured and simulated position and pressure, their differences, and the duty cycles, over time.
 
-    Where `believed` is given the pressure was not in use: it is grey where it cannot be believed.
+    `reliable` is given if the pressure was not used in the fit: a grey background marks where it is unreliable.
     """
     measured, simulated = recording.measured, recording.simulated
     with_pressure = "pressure_a" in measured
@@ -84,12 +89,12 @@ def recording_figure(recording: Recording, believed: NDArray[np.bool_] | None = 
     draw(position, t, measured["position"] / MM, Line(STYLE.measured, "measured", 2.2))
     draw(position, t, simulated["position"] / MM, Line(STYLE.blue, "simulated"))
     _difference(error, t, (measured["position"] - simulated["position"]) / MM)
-    _pressure(pressure, measured, simulated, believed)
+    _pressure(pressure, measured, simulated, reliable)
     if with_pressure:
         _difference(axes[3], t, (measured["pressure_a"] - simulated["pressure_a"]) / 1e3)
         label(axes[3], y="measured −\nsimulated [kPa]")
     draw(duty, t, measured["duty_supply"], Line(STYLE.green, "supply", 0.9))
-    draw(duty, t, -measured["duty_exhaust"], Line(STYLE.purple, "exhaust, drawn downwards", 0.9))
+    draw(duty, t, -measured["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
     label(position, y="position [mm]")
     label(error, y="measured −\nsimulated [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
@@ -106,15 +111,15 @@ def _difference(axis: Axes, t: FloatArray, residual: FloatArray) -> None:
     axis.axhline(0.0, color=STYLE.ink, linewidth=0.7)
 
 
-def _pressure(axis: Axes, measured: Log, simulated: Log, believed: NDArray[np.bool_] | None) -> None:
-    """The pressure with its band, the measured one, and a grey ground where it is not to be believed."""
-    t, name = measured.time, "simulated" if believed is None else "from the position"
-    if believed is not None and not believed.all():
+def _pressure(axis: Axes, measured: Log, simulated: Log, reliable: NDArray[np.bool_] | None) -> None:
+    """Simulated pressure with its band, measured pressure, and a grey background where it is unreliable."""
+    t, name = measured.time, "simulated" if reliable is None else "from the position"
+    if reliable is not None and not reliable.all():
         starts = np.arange(0, t.size, max(1, -(-t.size // BINS)))
-        doubtful = np.logical_or.reduceat(~believed, starts)
+        unreliable = np.logical_or.reduceat(~reliable, starts)
         axis.fill_between(
-            t[starts], 0.0, 1.0, where=doubtful.tolist(), transform=axis.get_xaxis_transform(), color=STYLE.grid,
-            linewidth=0, label="not held by vented rests and reach", zorder=0,
+            t[starts], 0.0, 1.0, where=unreliable.tolist(), transform=axis.get_xaxis_transform(), color=STYLE.grid,
+            linewidth=0, label="unreliable: no vented rest, or beyond the reach", zorder=0,
         )  # fmt: skip
     if "pressure_a" in measured:
         draw(axis, t, measured["pressure_a"] / BAR, Line(STYLE.measured, "measured", 2.2))

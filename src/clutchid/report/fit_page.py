@@ -26,7 +26,7 @@ from clutchid.report.fit_figures import load_figure, recording_figure
 from clutchid.report.half_load import half_load_band
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.parameter_page import parameter_blocks
-from clutchid.report.pressure_span import believed
+from clutchid.report.pressure_span import reliable
 from clutchid.report.provenance import provenance
 from clutchid.report.style import BAR, KN, MM
 from clutchid.report.tables import Cell, Column, Table
@@ -214,7 +214,7 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidenc
             "the first or after the last vented rest, or beyond the reach of the fitted recordings."
         )
     as_measured = replace(recording, simulated=as_recorded(fit, name, recording.simulated))
-    span = believed(recording.measured, fit.actuator.parameters, reach(fit)) if position_only else None
+    span = reliable(recording.measured, fit.actuator.parameters, reach(fit)) if position_only else None
     alt = f"Measured and simulated motion and pressure of {name}"
     in_mm, in_bar = Column("", "", MM, 2).shown, Column("", "", BAR, 3).shown
     starts = "; ".join(f"{in_mm(y)} mm, {in_bar(p)} bar" for y, p in recording.starts[:6])

@@ -1,4 +1,4 @@
-"""Figures of merit of a load curve: where it passes half its peak, and the force at round positions."""
+"""Characteristics of a load curve: position at half its peak, and force on a grid of positions."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from clutchid.log import FloatArray
 from clutchid.report.style import KN, MM
 from clutchid.report.tables import Cell, Column, Table
 
-#: Distance in m of the rows of a table of the load.
+#: Step of the positions in a table of the load in m.
 STEP = 1e-3
 
 
 class HalfLoad(NamedTuple):
-    """Where the rising load passes half its peak, and its 95 % interval from the band, in m; NaN where it does not."""
+    """Position where the rising load reaches half its peak, and its 95 % interval from the band, in m; or NaN."""
 
     position: float
     low: float
@@ -24,7 +24,7 @@ class HalfLoad(NamedTuple):
 
 
 def half_load(position: FloatArray, force: FloatArray) -> float:
-    """Position in m where the rising load first passes half its peak, by linear interpolation; NaN where it never does.
+    """Position in m where the rising load first reaches half its peak, by linear interpolation; else NaN.
 
     Examples
     --------
@@ -35,23 +35,23 @@ def half_load(position: FloatArray, force: FloatArray) -> float:
 
 
 def half_load_band(curve: LoadCurve, reach: float) -> HalfLoad:
-    """Position where the rising load first passes half its peak within `reach` in m, and where the ends of its band do.
+    """Position where the rising load first reaches half its peak within `reach` in m, and those of its band limits.
 
     Parameters
     ----------
     curve : LoadCurve
-        With its band.
+        Load curve with its band.
     reach : m
-        Furthest position that was recorded.
+        Largest recorded position.
 
     Returns
     -------
     half : HalfLoad
-        The ends are NaN where an end of the band does not pass the half peak within the reach.
+        A limit is NaN if that limit of the band does not reach half the peak within the reach.
 
     Notes
     -----
-    Half the peak is taken as known: the band moves up and down as a whole more than it tilts.
+    Half the peak is treated as fixed, because errors shift the load curve more than they tilt it.
 
     Examples
     --------
@@ -62,17 +62,17 @@ def half_load_band(curve: LoadCurve, reach: float) -> HalfLoad:
     """
     inside = curve.position <= reach
     y, half = curve.position[inside], _half(curve.force[inside])
-    # the upper end of the band passes first
+    # the upper limit of the band reaches it first
     return HalfLoad(*(_passes(y, force[inside], half) for force in (curve.force, curve.high, curve.low)))
 
 
 def _half(force: FloatArray) -> float:
-    """Half the peak; NaN where no force is known."""
+    """Half the peak; NaN if no force is known."""
     return 0.5 * float(np.nanmax(force)) if np.isfinite(force).any() else float("nan")
 
 
 def _passes(position: FloatArray, force: FloatArray, level: float) -> float:
-    """First position where the force passes `level` from below, by linear interpolation; NaN where it never does."""
+    """First position where the force passes `level` from below, by linear interpolation; else NaN."""
     above = int(np.argmax(force >= level)) if np.isfinite(level) else 0
     if above == 0 or not np.isfinite(force[above - 1 : above + 1]).all():
         return float("nan")
@@ -81,7 +81,7 @@ def _passes(position: FloatArray, force: FloatArray, level: float) -> float:
 
 
 def load_table(curve: LoadCurve, reach: float) -> Table:
-    """The load and its band at round positions, up to the reach in m."""
+    """The load and its band on a grid of positions up to the reach in m."""
     columns = (
         Column("position [m]", "position [mm]", MM, 0), Column("force [N]", "load [kN]", KN, 3),
         Column("low [N]", "from [kN]", KN, 3, group="95 % band"),
@@ -92,4 +92,4 @@ def load_table(curve: LoadCurve, reach: float) -> Table:
     for position in np.arange(0.0, last + 1e-9, STEP):
         values = (np.interp(position, curve.position, y) for y in (curve.force, curve.low, curve.high))
         rows.append((float(position), *(float(value) for value in values)))
-    return Table("Load at round positions", columns, tuple(rows), note="Up to the reach of the recordings.")
+    return Table("Load over position", columns, tuple(rows), note="Up to the reach of the recordings.")

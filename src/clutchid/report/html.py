@@ -15,7 +15,7 @@ __all__ = ["Block", "Bullets", "Details", "Notice", "Page", "Picture", "Section"
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A paragraph of HTML; whoever writes it has escaped what comes from outside."""
+    """A paragraph of HTML; the caller must escape all external text."""
 
     html: str
 
@@ -29,7 +29,7 @@ class Bullets:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """A sentence in a box, plain text, with a list below it: what went well, what to know, what failed."""
+    """A highlighted message in plain text, with an optional list: success, warning or failure."""
 
     text: str
     kind: Literal["ok", "warning", "failed"] = "warning"
@@ -38,7 +38,7 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A PNG figure with a caption in HTML; `alt` says in plain text what it shows."""
+    """A PNG figure with a caption in HTML; `alt` is its description in plain text."""
 
     png: bytes
     caption: str
@@ -46,13 +46,13 @@ class Picture:
 
     @property
     def address(self) -> str:
-        """The picture as a data address that needs no other file."""
+        """The image as a data URL."""
         return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
 
 
 @dataclass(frozen=True, slots=True)
 class Details:
-    """Blocks behind a line of plain text that opens them; on paper they are open."""
+    """Collapsible blocks under a summary line; expanded in print."""
 
     summary: str
     blocks: tuple[Block, ...]
@@ -63,7 +63,7 @@ Block = Text | Bullets | Notice | Picture | Table | Details
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading in plain text and what stands below it."""
+    """A heading in plain text and its content."""
 
     heading: str
     blocks: tuple[Block, ...]
@@ -71,7 +71,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A page: title and subtitle in plain text, sections, and where it comes from."""
+    """A page: title and subtitle in plain text, sections, and provenance."""
 
     title: str
     subtitle: str
@@ -80,7 +80,7 @@ class Page:
 
 
 def render(page: Page) -> str:
-    """The page as HTML that loads nothing from anywhere."""
+    """The page as self-contained HTML."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

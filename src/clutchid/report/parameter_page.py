@@ -1,4 +1,4 @@
-"""Parameters of a fit for people: estimates with intervals, the load weights apart, and what was held fixed."""
+"""Parameters of a fit for a page: estimates with intervals, load weights, and fixed parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from clutchid.report.tables import Cell, Column, Table, scientific
 
 
 def parameter_blocks(fit: Fit) -> tuple[Block, ...]:
-    """The estimates; weights of a load on B-splines, which mean little one by one, behind a line that opens them."""
+    """The estimates; weights of a load on B-splines, which mean little individually, are collapsed."""
     weights = [name for name in fit.parameters if name.partition("@")[0] in fit.actuator.load.names]
     others = [name for name in fit.parameters if name not in weights]
     blocks: list[Block] = [parameter_table(fit, others)] if others else []
@@ -24,9 +24,9 @@ def parameter_blocks(fit: Fit) -> tuple[Block, ...]:
             blocks.append(load_table(fit.load_curve, reach(fit)))
         knots = ", ".join(f"{knot * 1e3:g}" for knot in fit.actuator.load.knots)
         table = parameter_table(fit, weights, "Weights of the B-splines")
-        words = Text(f"Knots at {knots} mm. A weight is about the load near its knot.")
-        blocks.append(Details(f"{len(weights)} load weights", (table, words)))
-    return (*blocks, Details("Held fixed", (Text(_fixed(fit)),)))
+        note = Text(f"Knots at {knots} mm. A weight is approximately the load near its knot.")
+        blocks.append(Details(f"{len(weights)} load weights", (table, note)))
+    return (*blocks, Details("Fixed parameters", (Text(_fixed(fit)),)))
 
 
 def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "Estimated parameters") -> Table:
@@ -56,4 +56,4 @@ def _fixed(fit: Fit) -> str:
         for name in fit.actuator.names
         if name not in free
     ]
-    return "Held fixed: " + escape("; ".join(fixed)) + "."
+    return "Fixed: " + escape("; ".join(fixed)) + "."

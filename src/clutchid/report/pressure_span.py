@@ -1,4 +1,4 @@
-"""Where a pressure that was read from the position alone can be believed."""
+"""Intervals in which a pressure estimated from the position alone is reliable."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from clutchid.signals.velocity import velocity
 
 
 def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:
-    """Sample ranges (start, stop) of rests in the engaged clutch with the supply valve shut: the pressure is ambient.
+    """Sample ranges (start, stop) of rests with the clutch engaged and the supply valve closed, at ambient pressure.
 
     Examples
     --------
@@ -34,11 +34,11 @@ def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:
     return [(a, b) for a, b in spans if time[b - 1] - time[a] >= SHORTEST_REST]
 
 
-def believed(measured: Log, p: Parameters, reach: float) -> NDArray[np.bool_]:
+def reliable(measured: Log, p: Parameters, reach: float) -> NDArray[np.bool_]:
     """Samples between the first and the last vented rest and within `reach` in m, where the load is known.
 
-    A vented rest tells the pressure without a sensor; before the first and after the last one nothing holds it from
-    one side, and beyond the reach the load that it is read from was not recorded.
+    At a vented rest the pressure is known without a sensor. Before the first and after the last one the pressure is
+    constrained from one side only, and beyond the reach the load is not estimated from data.
     """
     rests = vented_rests(measured, p)
     number = np.arange(len(measured))

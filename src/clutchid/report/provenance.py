@@ -1,4 +1,4 @@
-"""Where a page comes from: versions, data and the command that repeats it."""
+"""Provenance of a page: versions, data, and the command that reproduces it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _PACKAGES = ("clutchid", "numpy", "scipy", "numba")
 
 
 def provenance(logs: Iterable[Log], command: str) -> dict[str, str]:
-    """Name and value of all that is needed to repeat a page made from `logs` with `command`."""
+    """Names and values of everything needed to reproduce a page made from `logs` with `command`."""
     found = {"command": command, "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
     for name in _PACKAGES:
         found[name] = _version(name)

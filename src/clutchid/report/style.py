@@ -1,17 +1,17 @@
-"""One look for all figures: a record of sizes and colours, and units in which quantities are shown."""
+"""Common style of all figures: sizes, colours, and display units."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: Shown unit in SI: a value in SI divided by it is in millimetres, bar, kilonewtons.
+#: Display units in SI: millimetre, bar, kilonewton.
 MM, BAR, KN = 1e-3, 1e5, 1e3
 
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """Sizes in inches and points, colours that colour-blind readers can tell apart (Okabe and Ito)."""
+    """Sizes in inches and points, colours that colour-blind readers can distinguish (Okabe and Ito)."""
 
     width: float = 7.4
     dpi: int = 144
@@ -25,7 +25,7 @@ class Style:
     red: str = "#d55e00"
     purple: str = "#cc79a7"
     span: str = "#fdf3d7"
-    #: Dark to light for a number that grows.
+    #: Dark to light, for an increasing parameter.
     ordered: tuple[str, ...] = ("#440154", "#3b528b", "#21918c", "#43b244", "#c8b400")
 
 
@@ -34,7 +34,7 @@ STYLE = Style()
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """How a curve is drawn; without `label` it is not in the legend, a greater `layer` lies on top."""
+    """How a curve is drawn; without `label` it is not in the legend, a higher `layer` is drawn on top."""
 
     colour: str
     label: str = ""

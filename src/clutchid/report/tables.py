@@ -1,4 +1,4 @@
-"""`Table`: rows in SI with columns that know how they are shown, as HTML, CSV or text."""
+"""`Table`: rows in SI and columns with display formats, as HTML, CSV or text."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column: `name` with its SI unit for files, `heading` under `group` for people; it may have two lines.
+    """A column: `name` with its SI unit for files, `heading` (one or two lines) under `group` for display.
 
-    Numbers are shown divided by `scale`, with `decimals` places, or where `significant` is given with that many digits
-    and a power of ten.
+    Values are displayed divided by `scale`, with `decimals` places, or with `significant` digits and a power of ten.
     """
 
     name: str
@@ -30,7 +29,7 @@ class Column:
     group: str = ""
 
     def shown(self, value: Cell) -> str:
-        """The cell as people read it; a dash where there is nothing.
+        """The cell as displayed; a dash for a missing value.
 
         Examples
         --------
@@ -60,7 +59,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table; `rules` are the rows before which a line is drawn, `note` stands below."""
+    """A table; `rules` are the rows with a line above, `note` is the text below."""
 
     title: str
     columns: tuple[Column, ...]
@@ -76,7 +75,7 @@ class Table:
 
 
 def scientific(value: float, digits: int) -> str:
-    """A number with `digits` significant digits (0: as many as it has) and a power of ten where it is large or small.
+    """A value with `digits` significant digits (0: all of them), and a power of ten if it is large or small.
 
     Examples
     --------
@@ -95,7 +94,7 @@ def scientific(value: float, digits: int) -> str:
 
 
 def to_csv(table: Table) -> str:
-    """The table as CSV in SI with all digits; an empty cell where there is nothing."""
+    """The table as CSV in SI with all digits; an empty cell for a missing value."""
     out = StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([column.name for column in table.columns])
@@ -111,7 +110,7 @@ def _plain(cell: Cell) -> str:
 
 
 def to_text(table: Table) -> str:
-    """The table as lines of text, numbers under each other."""
+    """The table as aligned text."""
     heads = [(f"{c.group}: {c.heading}" if c.group else c.heading).replace("\n", " ") for c in table.columns]
     cells = [heads, *[[c.shown(x) for c, x in zip(table.columns, row, strict=True)] for row in table.rows]]
     widths = [max(len(row[i]) for row in cells) for i in range(len(heads))]
@@ -125,7 +124,7 @@ def to_text(table: Table) -> str:
 
 
 def to_html(table: Table) -> str:
-    """The table as an HTML fragment; every outside text is escaped."""
+    """The table as an HTML fragment; all text is escaped."""
     numeric = [_is_numeric(table, i) for i in range(len(table.columns))]
     first = _group_starts(table)
     body = []

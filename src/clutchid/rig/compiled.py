@@ -1,4 +1,4 @@
-"""LuGre friction under a given velocity: kernels from the model's equations."""
+"""LuGre friction for a given velocity: kernels generated from the model's equations."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ _HERE = Path(__file__)
 
 @cache
 def kernels() -> ModuleType:
-    """The module with ``run_all`` for the deflection, and ``force`` and ``force_NAME`` for arrays of v and z.
+    """Module with ``run_all`` for the deflection, and ``force`` and ``force_NAME`` for arrays of v and z.
 
-    ``force_NAME`` is the derivative of the force to z or to a parameter. A warm call neither imports SymPy nor
-    compiles.
+    ``force_NAME`` is the derivative of the force with respect to z or a parameter. With a filled cache, neither SymPy
+    is imported nor anything compiled.
 
     Raises
     ------
     OSError
-        If no cache folder can be written, not even a temporary one.
+        If neither the cache folder nor a temporary folder can be written.
     """
     package = _HERE.parent.parent
     codegen = [path for path in (package / "codegen").rglob("*") if path.suffix in (".py", ".j2")]

@@ -1,4 +1,4 @@
-"""`coulomb_friction`: Coulomb friction at each held pressure, and whether one constant holds for all of them."""
+"""`coulomb_friction`: Coulomb friction at each constant pressure, and a test whether it depends on the pressure."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from clutchid.parameters import Parameters
 from clutchid.rig.strokes import BAND, Cycle, cycles, strokes
 from clutchid.rig.weighted import Component, Equality, Interval, equality, fitted, independent, satterthwaite, student
 
-#: Pressures further apart than this, in Pa, are levels of their own: above the swing of a held pressure in a cycle.
+#: Pressures further apart than this, in Pa, are separate levels: above the variation of a constant pressure in a cycle.
 LEVEL_GAP = 3e4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """Coulomb friction at one held pressure.
+    """Coulomb friction at one constant pressure.
 
-    `pressure` over ambient in Pa, `swing` what it is higher by on the way out (NaN where not measured), `friction` in N
-    with its 95 % interval over cycles, `cycles` each cycle's friction in their order, `speeds` of the strokes out and
-    back in m/s. `drifts`: the cycles are not independent, and the interval is that of a single one.
+    `pressure` above ambient in Pa, `swing` its difference between the strokes out and back (NaN: not measured),
+    `friction` in N with its 95 % interval over cycles, `cycles` the friction of each cycle in order of time, `speeds`
+    of the strokes out and back in m/s. `drifts`: the cycles are not independent, so the interval is that of a single
+    one.
     """
 
     pressure: float
@@ -37,12 +38,12 @@ class Level:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoulombFriction:
-    """Coulomb friction over pressure.
+    """Coulomb friction as a function of pressure.
 
-    `levels` by rising pressure. `area` in m² is the rise of the force with the pressure, negative where the pressure
-    pushes towards larger positions; None where it is not known. `test` asks whether one constant holds for all levels,
-    `constant` is the best one in N; `slope` (m², c_F) and `intercept` (N, F_C) are the line through the levels. They
-    are None with fewer than two levels that have an interval. `dropped` strokes were in no cycle.
+    `levels` in order of pressure. `area` in m² is the slope of the force over the pressure, negative if the pressure
+    acts towards larger positions; None if unknown. `test` is the test for equal friction at all levels, `constant` the
+    common estimate in N; `slope` (m², c_F) and `intercept` (N, F_C) define the line through the levels. They are None
+    with fewer than two levels that have an interval. `dropped` is the number of strokes in no cycle.
     """
 
     levels: tuple[Level, ...]
@@ -62,21 +63,21 @@ def coulomb_friction(
     band: tuple[float, float] = BAND,
     level_gap: float = LEVEL_GAP,
 ) -> CoulombFriction:
-    r"""Coulomb friction from strokes at constant speed against held pressures.
+    r"""Coulomb friction from strokes at constant speed and constant pressures.
 
     .. math:: F_C = (f_{out} - f_{back}) / 2 - A (p_{out} - p_{back}) / 2
 
     Parameters
     ----------
     logs : Sequence[Log]
-        Position in m, force in N (what the rig applies, positive towards larger positions) and, where measured,
-        absolute pressure_a in Pa. Cycles of all recordings are sorted to levels by their pressure.
+        Position in m, force in N (applied by the rig, positive towards larger positions) and, if measured, absolute
+        pressure_a in Pa. Cycles of all recordings are grouped to levels by their pressure.
     ambient : Pa, optional
-        Pressure on the other side of the piston; by default that of each recording's metadata, else P_0.
+        Pressure on the other side of the piston; by default from the metadata of each recording, else P_0.
     area : m², optional
-        Rise of the force with the pressure, where known; by default estimated over the levels.
+        Slope of the force over the pressure, if known; by default estimated over the levels.
     band : (1, 1)
-        Parts of the reach between which a stroke is averaged.
+        Fractions of the reach between which a stroke is averaged.
     level_gap : Pa
         Cycles whose mean pressures are further apart than this belong to different levels.
 
@@ -87,18 +88,18 @@ def coulomb_friction(
     Raises
     ------
     DataError
-        If a recording has no position, force or cycle, or the force helps the motion: its sign is wrong.
+        If a recording has no position, force or cycle, or the force drives the motion, so that its sign is wrong.
     ParameterError
-        If `band` is no part of [0, 1], or an area is given without a measured pressure.
+        If `band` is not in [0, 1], or an area is given without a measured pressure.
 
     Notes
     -----
-    A cycle is the unit: samples of a stroke share its speed, its seal and its bore. Where the cycles of a level drift
-    they are no independent units either, and count as one. Viscous friction at the speed of the strokes is part of F_C.
+    A cycle is the statistical unit, because samples of a stroke share speed, seal and bore. If the cycles of a level
+    drift, they are not independent and count as one. Viscous friction at the speed of the strokes is part of F_C.
 
     Examples
     --------
-    4 N at 1 bar and 6 N at 3 bar over ambient, on a piston of 500 mm²:
+    4 N at 1 bar and 6 N at 3 bar above ambient, on a piston of 500 mm²:
 
     >>> t = np.arange(0.0, 40.0, 0.01)
     >>> y = 0.04 * np.abs((t / 4 + 1) % 2 - 1)
@@ -111,13 +112,15 @@ def coulomb_friction(
     '500 mm², 1.0 N/bar on 3.0 N'
     """
     if not (0.0 <= band[0] < band[1] <= 1.0):
-        raise ParameterError(f"band = {band[0]:g} to {band[1]:g}: parts of the reach between 0 and 1, in rising order.")
+        raise ParameterError(
+            f"band = {band[0]:g} to {band[1]:g}: needs two increasing fractions of the reach between 0 and 1."
+        )
     pairs, dropped = _all_cycles(logs, ambient, band, level_gap)
     groups = _levels(pairs, level_gap)
     if area is not None and not (np.isfinite(area) and np.isfinite(groups[0].pressure)):
         raise ParameterError(
-            f"area = {area:g} m²: a finite area is needed, and recordings with pressure_a, whose difference between "
-            "the strokes it corrects for; leave it out where the pressure is not measured."
+            f"area = {area:g} m²: needs a finite value and recordings with pressure_a, because it corrects for the "
+            "pressure difference between the strokes; omit it if the pressure is not measured."
         )
     known = None if area is None else Interval(area, 0.0, area, area, float("inf"))
     return _result(groups, _area(groups) if known is None and len(groups) > 1 else known, dropped)
@@ -126,13 +129,13 @@ def coulomb_friction(
 def _all_cycles(
     logs: Sequence[Log], ambient: float | None, band: tuple[float, float], level_gap: float
 ) -> tuple[list[tuple[Cycle, float]], int]:
-    """Cycles of all recordings with their pressure over ambient, and the number of strokes in none."""
+    """Cycles of all recordings with their pressure above ambient, and the number of strokes in no cycle."""
     pairs: list[tuple[Cycle, float]] = []
     problems, dropped = [], 0
     for log in logs:
-        lacking = [name for name in ("position", "force") if name not in log or not np.isfinite(log[name]).any()]
-        if lacking:
-            problems.append(f"{log.name}: no {' and no '.join(lacking)}; friction needs both.")
+        absent = [name for name in ("position", "force") if name not in log or not np.isfinite(log[name]).any()]
+        if absent:
+            problems.append(f"{log.name}: no {' and no '.join(absent)}; friction needs both.")
             continue
         found = strokes(log, band)
         own = [cycle for cycle in cycles(found) if not abs(2 * cycle.half_pressure) > level_gap]
@@ -141,18 +144,20 @@ def _all_cycles(
         pairs += [(cycle, cycle.pressure - outside) for cycle in own]
         if not own:
             problems.append(
-                f"{log.name}: no cycle of two strokes at constant speed and held pressure ({len(found)} strokes); give "
-                f"strokes to and fro that pass {100 * band[0]:.0f} to {100 * band[1]:.0f} % of the reach evenly."
+                f"{log.name}: no cycle of two strokes at constant speed and pressure ({len(found)} strokes); record "
+                f"strokes in both directions that pass {100 * band[0]:.0f} to {100 * band[1]:.0f} % of the reach at "
+                "constant speed."
             )
         elif np.median([cycle.half_difference for cycle in own]) <= 0.0:
             problems.append(
-                f"{log.name}: the force is larger on the way back than on the way out, so friction would help the "
-                "motion. The force is that of the rig on the piston, positive towards larger positions; turn its sign."
+                f"{log.name}: the force is larger on the way back than on the way out, so friction would drive the "
+                "motion. The force must be that of the rig on the piston, positive towards larger positions; invert "
+                "its sign."
             )
     if problems or not logs:
-        raise DataError("\n".join(problems) or "no recording given; friction needs at least one.")
+        raise DataError("\n".join(problems) or "no recording is given; friction needs at least one.")
     if len({np.isfinite(pressure) for _, pressure in pairs}) > 1:
-        raise DataError("some recordings have pressure_a, others have none; fit them apart.")
+        raise DataError("some recordings have pressure_a, others do not; fit them separately.")
     return pairs, dropped
 
 
@@ -162,7 +167,7 @@ def _ambient(log: Log) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """The cycles of one level in the order of time: mean pressure over ambient, and half its swing; NaN: not known."""
+    """Cycles of one level in order of time: mean pressure above ambient, and half its swing; NaN: unknown."""
 
     cycles: tuple[Cycle, ...]
     pressure: float
@@ -170,7 +175,7 @@ class _Group:
 
 
 def _levels(pairs: Sequence[tuple[Cycle, float]], gap: float) -> list[_Group]:
-    """Cycles by level, in rising order of pressure."""
+    """Group the cycles by level, in order of pressure."""
     order = sorted(range(len(pairs)), key=lambda i: pairs[i][1])
     members: list[list[int]] = [order[:1]]
     for before, i in pairwise(order):
@@ -187,7 +192,7 @@ def _levels(pairs: Sequence[tuple[Cycle, float]], gap: float) -> list[_Group]:
 
 
 def _spread(values: FloatArray) -> tuple[float, float]:
-    """Variance of the mean of a level's cycles, and its degrees of freedom; that of one cycle where they drift."""
+    """Variance of the mean of a level's cycles (of one cycle if they drift), and its degrees of freedom."""
     if values.size < 2:
         return float("inf"), 0.0
     number = values.size if independent(values) else 1
@@ -197,21 +202,21 @@ def _spread(values: FloatArray) -> tuple[float, float]:
 def _parts(values: Sequence[FloatArray]) -> list[Component]:
     """The variance of each level's mean."""
     parts = []
-    for place, of_level in enumerate(values):
+    for i, of_level in enumerate(values):
         matrix = np.zeros((len(values), len(values)))
-        matrix[place, place], freedom = _spread(of_level)
+        matrix[i, i], freedom = _spread(of_level)
         parts.append(Component(matrix, freedom))
     return parts
 
 
 def _area(groups: Sequence[_Group]) -> Interval:
-    """Rise of the force with the pressure: a line through the middles of the levels."""
-    told = [group for group in groups if len(group.cycles) > 1]
-    if len(told) < 2:  # single cycles: a plain line, without an interval
+    """Slope of the force over the pressure: a line through the mean forces of the levels."""
+    repeated = [group for group in groups if len(group.cycles) > 1]
+    if len(repeated) < 2:  # single cycles: a line without an interval
         middles = [np.mean([cycle.middle for cycle in group.cycles]) for group in groups]
         return student(float(np.polyfit([group.pressure for group in groups], middles, 1)[0]), float("inf"), 0.0)
-    values = [np.array([cycle.middle for cycle in group.cycles]) for group in told]
-    return fitted(_line(told), np.array([v.mean() for v in values]), _parts(values))[1]
+    values = [np.array([cycle.middle for cycle in group.cycles]) for group in repeated]
+    return fitted(_line(repeated), np.array([v.mean() for v in values]), _parts(values))[1]
 
 
 def _line(groups: Sequence[_Group]) -> FloatArray:
@@ -239,16 +244,16 @@ def _level(group: _Group, area: Interval | None) -> Level:
 
 
 def _result(groups: Sequence[_Group], area: Interval | None, dropped: int) -> CoulombFriction:
-    """Levels, and what they say together."""
+    """Friction of each level, and the estimates over all levels."""
     levels = tuple(_level(group, area) for group in groups)
-    told = [i for i, level in enumerate(levels) if np.isfinite(level.friction.std)]
-    if len(told) < 2:
+    usable = [i for i, level in enumerate(levels) if np.isfinite(level.friction.std)]
+    if len(usable) < 2:
         return CoulombFriction(levels, area, None, None, None, None, dropped)
-    means = np.array([levels[i].friction.value for i in told])
-    parts = _parts([levels[i].cycles for i in told])
+    means = np.array([levels[i].friction.value for i in usable])
+    parts = _parts([levels[i].cycles for i in usable])
     if area is not None:
-        swings = np.array([groups[i].swing for i in told])
+        swings = np.array([groups[i].swing for i in usable])
         parts.append(Component(area.std**2 * np.outer(swings, swings), area.degrees_of_freedom))
-    intercept, slope = fitted(_line([groups[i] for i in told]), means, parts)
-    (constant,) = fitted(np.ones((len(told), 1)), means, parts)
+    intercept, slope = fitted(_line([groups[i] for i in usable]), means, parts)
+    (constant,) = fitted(np.ones((len(usable), 1)), means, parts)
     return CoulombFriction(levels, area, equality(means, parts), constant, slope, intercept, dropped)

@@ -1,4 +1,4 @@
-"""LuGre friction in free run: from the measured position to the force, with exact derivatives."""
+"""LuGre friction in free-run simulation: force from the measured position, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from clutchid.rig.compiled import NAMES, kernels
 from clutchid.signals.runs import runs
 from clutchid.signals.velocity import velocity
 
-#: Parameters that the deflection itself depends on; the others stand in the force only.
+#: Parameters that affect the deflection; the others affect the force only.
 _IN_RATE = ("F_C", "K_z")
 
-#: A piece with fewer samples than this says nothing.
+#: Least number of samples of a segment.
 _FEWEST = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
-    """Samples `start` to `stop` (exclusive) without a hole: velocity in m/s, intervals in s, steps an interval."""
+class Segment:
+    """Samples `start` to `stop` (exclusive) without a hole: velocity in m/s, intervals in s, sub-steps per interval."""
 
     start: int
     stop: int
@@ -35,17 +35,17 @@ class Piece:
         return self.stop - self.start
 
 
-def pieces(log: Log, window: float, shortest: float) -> list[Piece]:
-    """The pieces of a recording: a hole in time or a missing position ends one.
+def segments(log: Log, window: float, shortest: float) -> list[Segment]:
+    """Divide a recording into segments; a hole in time or a missing position ends a segment.
 
     Parameters
     ----------
     log : Log
         With a position in m.
     window : s
-        The velocity is the difference of the mean positions over this time after and before a sample.
+        Half window of the velocity: difference of the mean positions after and before a sample.
     shortest : m
-        Shortest F_C / K_z that will be simulated; sub-steps follow it.
+        Smallest F_C / K_z that will be simulated; determines the number of sub-steps.
     """
     position = log["position"]
     apart = np.zeros(len(log), dtype=bool)
@@ -57,20 +57,21 @@ def pieces(log: Log, window: float, shortest: float) -> list[Piece]:
         edges = [first, *(first + 1 + np.flatnonzero(apart[first + 1 : last])).tolist(), last]
         for start, stop in pairwise(edges):
             if stop - start >= _FEWEST:
-                found.append(_piece(log, (start, stop), window, shortest))
+                found.append(_segment(log, (start, stop), window, shortest))
     return found
 
 
-def _piece(log: Log, ends: tuple[int, int], window: float, shortest: float) -> Piece:
+def _segment(log: Log, ends: tuple[int, int], window: float, shortest: float) -> Segment:
     time, position = log.time[slice(*ends)], log["position"][slice(*ends)]
     v, dt = velocity(time, position, window), np.diff(time)
-    # the deflection forgets at |v| K_z / F_C; RK4 is exact to 1e-2 of a step at h |v| K_z / F_C = 1 and stable to 2.8
+    # the deflection decays at rate |v| K_z / F_C; RK4 has an error of 1e-2 per step at h |v| K_z / F_C = 1, is stable
+    # to 2.8
     stiffest = np.abs(v[:-1] + v[1:]) / 2 * dt / shortest
-    return Piece(*ends, v, dt, np.maximum(1, np.ceil(stiffest)).astype(np.int32))
+    return Segment(*ends, v, dt, np.maximum(1, np.ceil(stiffest)).astype(np.int32))
 
 
-def free_run(piece: Piece, values: Sequence[float], z_start: float) -> tuple[FloatArray, FloatArray]:
-    """Friction in N over a piece, and its derivatives to the parameters `NAMES` and to the start.
+def free_run(segment: Segment, values: Sequence[float], z_start: float) -> tuple[FloatArray, FloatArray]:
+    """Friction force in N over a segment, and its derivatives with respect to `NAMES` and to the initial deflection.
 
     Parameters
     ----------
@@ -86,16 +87,16 @@ def free_run(piece: Piece, values: Sequence[float], z_start: float) -> tuple[Flo
 
     Notes
     -----
-    Over an interval the velocity is held at the mean of its ends.
+    Within an interval the velocity is constant at the mean of its ends.
     """
-    module, n, v = kernels(), len(piece), piece.velocity
+    module, n, v = kernels(), len(segment), segment.velocity
     p = np.array(values, dtype=np.float64)
-    held = np.append((v[:-1] + v[1:]) / 2, 0.0)[:, None]
+    mean = np.append((v[:-1] + v[1:]) / 2, 0.0)[:, None]
     slots = [(slot, row, _IN_RATE.index(NAMES[q])) for slot, (row, q) in enumerate(module.SLOTS)]
     fill = [np.ascontiguousarray(column) for column in np.array(slots, dtype=np.int64).T]
     z, sens = np.empty((n, 1)), np.empty((n, 1, 3))
     module.run_all(
-        np.array([z_start]), np.array([[0.0, 0.0, 1.0]]), held, p, piece.dt, piece.substeps,
+        np.array([z_start]), np.array([[0.0, 0.0, 1.0]]), mean, p, segment.dt, segment.substeps,
         np.zeros(n, dtype=np.uint8), np.zeros((n, 0)), *fill, np.zeros(1, dtype=np.int64), z, sens,
     )  # fmt: skip
     z = np.ascontiguousarray(z[:, 0])

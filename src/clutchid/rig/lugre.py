@@ -1,4 +1,4 @@
-"""`fit_lugre`: the paper's friction fitted to position and force of a test rig, in free run."""
+"""`fit_lugre`: fit of the paper's friction model to position and force of a test rig, by free-run simulation."""
 
 from __future__ import annotations
 
@@ -16,25 +16,26 @@ from clutchid.log import FloatArray, Log
 from clutchid.numerics.least_squares import Solution, minimise
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.rig.compiled import NAMES
-from clutchid.rig.free_run import Piece, free_run, pieces
-from clutchid.rig.lugre_task import FREE, Task, linearised, residuals, starts, task_of
+from clutchid.rig.free_run import Segment, free_run, segments
+from clutchid.rig.lugre_problem import FREE, LugreProblem, linearised, lugre_problem, residuals, starts
 from clutchid.signals.residual_colour import effective_samples
 from clutchid.uncertainty.covariance import Covariance, sandwich
 
-#: Half window in s over which the velocity is taken; quantisation and noise of a position sensor average out.
+#: Half window in s over which the velocity is computed; averages quantisation and noise of the position sensor.
 WINDOW = 0.02
 
-#: Units of the numbers of a fit.
+#: Units of the parameters of a fit.
 UNITS_OF = {"F_C": "N", "K_z": "N/m", "D_v": "N·s/m", "D_zdot": "N·s/m", "force_zero": "N"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LugreFit:
-    """Friction of one recording; numbers in SI, intervals 95 % with coloured residuals.
+    """Friction of one recording; values in SI, 95 % intervals that account for coloured residuals.
 
     `parameters` are the free ones of F_C, K_z, D_v, D_zdot and force_zero (N), `values` all of them. `starts` are the
-    deflections in m at the start of each piece without a hole. `force` is the simulated force, NaN outside the pieces;
-    `fit_percent` is that of MATLAB's `compare`, `rms` in N; the samples are worth `effective_samples` independent ones.
+    deflections in m at the start of each segment without a hole. `force` is the simulated force, NaN outside the
+    segments; `fit_percent` is that of MATLAB's `compare`, `rms` in N; `effective_samples` is the number of independent
+    samples.
     """
 
     name: str
@@ -51,23 +52,23 @@ class LugreFit:
 
 
 def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, window: float = WINDOW) -> LugreFit:
-    r"""LuGre friction, Eqs. (2) and (3), of a part that a rig moves.
+    r"""Fit LuGre friction, Eqs. (2) and (3), to a recording of a test rig.
 
     .. math:: f = f_0 + D_v v + K_z z + D_{\dot z} \dot z
 
-    The force is simulated from the position alone (free run) and compared with the measured one.
+    The force is simulated from the measured position alone (free run) and compared with the measured force.
 
     Parameters
     ----------
     log : Log
-        Position in m and force in N: what the rig applies, positive towards larger positions. No pressure over the
-        piston, or a constant one: it then stands in force_zero.
+        Position in m and force in N (applied by the rig, positive towards larger positions), without a pressure
+        difference over the piston, or with a constant one, which is then part of force_zero.
     fixed : {name: value}, optional
-        Numbers that are known: F_C, K_z, D_v, D_zdot, force_zero. With the first four fixed, the fit is a check of
-        them.
+        Parameters that are not estimated: F_C, K_z, D_v, D_zdot, force_zero. With the first four fixed, the fit
+        validates them.
     window : s
-        The velocity is the difference of the mean positions over this time after and before a sample. It should be
-        short against F_C / (K_z v).
+        Half window of the velocity: difference of the mean positions after and before a sample. It should be short
+        compared with F_C / (K_z v).
 
     Returns
     -------
@@ -76,18 +77,18 @@ def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, window: flo
     Raises
     ------
     DataError
-        If position or force is missing, nothing moves, or the force helps the motion: its sign is wrong.
+        If position or force is missing, nothing moves, or the force drives the motion, so that its sign is wrong.
     ParameterError
-        If a fixed name is not known, its value not admissible, or `window` not above 0.
+        If a fixed name is unknown, its value not admissible, or `window` not above 0.
 
     Notes
     -----
-    Free are also the deflection at the start of every piece without a hole, and the zero of the load cell. A damping
-    that ends at its bound 0 is told, and the other intervals take it as fixed there.
+    The initial deflection of every segment and the zero of the load cell are estimated too. A damping at its bound 0
+    gives a warning, and the other intervals treat it as fixed there.
 
     Examples
     --------
-    A block with 2 N of friction whose contact yields by 0.1 mm before it slides:
+    A block with 2 N of friction whose contact deflects by 0.1 mm before it slides:
 
     >>> t = np.arange(0.0, 8.0, 0.005)
     >>> block = Log(t, {"position": 5e-4 * np.sin(2 * np.pi * t / 4), "force": np.zeros(t.size)}, "block")
@@ -97,42 +98,42 @@ def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, window: flo
     >>> f"{found.values['F_C']:.2f} N, {found.values['K_z'] / 1e3:.1f} N/mm, {found.fit_percent:.0f} %"
     '2.00 N, 20.0 N/mm, 100 %'
     """
-    held = _checked(log, {} if fixed is None else fixed, window)
-    task = task_of(log, held, window)
-    low, high = task.low[task.free], task.high[task.free]
+    known = _checked(log, {} if fixed is None else fixed, window)
+    problem = lugre_problem(log, known, window)
+    low, high = problem.low[problem.free], problem.high[problem.free]
     found = [
-        minimise(lambda x: linearised(task, x), (start, linearised(task, start)), low, high, tolerance=1e-10)
-        for start in starts(task)
+        minimise(lambda x: linearised(problem, x), (start, linearised(problem, start)), low, high, tolerance=1e-10)
+        for start in starts(problem)
     ]
-    return _result(task, min(found, key=lambda solution: solution.at.cost))
+    return _result(problem, min(found, key=lambda solution: solution.at.cost))
 
 
 def simulated_force(
     log: Log, values: Mapping[str, float], starts: Sequence[float] = (), window: float = WINDOW
 ) -> FloatArray:
-    """Force in N that friction with these `values` asks for along the position of `log`; NaN in holes.
+    """Force in N that overcomes friction with these `values` along the position of `log`; NaN in holes.
 
     Parameters
     ----------
     values : {name: value}
         All of F_C, K_z, D_v, D_zdot and force_zero.
     starts : Sequence[float]
-        Deflection in m at the start of every piece without a hole, 0 where not given.
+        Initial deflection in m of every segment, 0 by default.
     """
-    parts = pieces(log, window, values["F_C"] / values["K_z"])
+    parts = segments(log, window, values["F_C"] / values["K_z"])
     return _simulated(log, parts, values, [*starts, *[0.0] * len(parts)][: len(parts)])
 
 
-def _simulated(log: Log, parts: Sequence[Piece], values: Mapping[str, float], starts: Sequence[float]) -> FloatArray:
-    force, numbers = np.full(len(log), np.nan), [values[name] for name in NAMES]
-    for piece, z_start in zip(parts, starts, strict=True):
-        force[piece.start : piece.stop] = values["force_zero"] + free_run(piece, numbers, z_start)[0]
+def _simulated(log: Log, parts: Sequence[Segment], values: Mapping[str, float], starts: Sequence[float]) -> FloatArray:
+    force, friction = np.full(len(log), np.nan), [values[name] for name in NAMES]
+    for segment, z_start in zip(parts, starts, strict=True):
+        force[segment.start : segment.stop] = values["force_zero"] + free_run(segment, friction, z_start)[0]
     return force
 
 
 def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, float]:
     if not window > 0.0:
-        raise ParameterError(f"window = {window:g} s: a time above 0 is needed, {WINDOW:g} s by default.")
+        raise ParameterError(f"window = {window:g} s: must be above 0 s; the default is {WINDOW:g} s.")
     for name in fixed:
         if name not in FREE:
             raise ParameterError(unknown_name(name, FREE, "friction parameter"))
@@ -140,37 +141,37 @@ def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, f
     missing = [name for name in ("position", "force") if name not in log or not np.isfinite(log[name]).any()]
     if missing:
         raise DataError(
-            f"{log.name}: no {' and no '.join(missing)} with a finite number; friction needs the position that the rig "
-            f"gives and the force that it takes. The recording has {', '.join(log.columns) or 'no column'}."
+            f"{log.name}: no {' and no '.join(missing)} with finite values; friction needs the position of the rig and "
+            f"its force. The recording has {', '.join(log.columns) or 'no column'}."
         )
     return dict(fixed)
 
 
-def _result(task: Task, solution: Solution) -> LugreFit:
-    x, shared = solution.x, int(task.free[: len(FREE)].sum())
-    numbers = task.all(x)
-    values = {name: float(number) for name, number in zip(FREE, numbers[: len(FREE)], strict=True)}
-    names = [name for name, free in zip(FREE, task.free[: len(FREE)], strict=True) if free]
-    low, high = task.low[task.free], task.high[task.free]
+def _result(problem: LugreProblem, solution: Solution) -> LugreFit:
+    x, shared = solution.x, int(problem.free[: len(FREE)].sum())
+    parameters = problem.all(x)
+    values = {name: float(value) for name, value in zip(FREE, parameters[: len(FREE)], strict=True)}
+    names = [name for name, free in zip(FREE, problem.free[: len(FREE)], strict=True) if free]
+    low, high = problem.low[problem.free], problem.high[problem.free]
     gradient = solution.at.R.T @ solution.at.q
-    held = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
-    scores = [J * r[:, None] for r, J in residuals(task, x)]
-    covariance = sandwich(solution.at.R, scores, ~held, max(1, shared))
-    force = _simulated(task.log, task.parts, values, numbers[len(FREE) :].tolist())
-    error = task.log["force"] - force
-    warnings = [*task.log.warnings, *_at_bounds(names, held, values)]
+    at_bound = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
+    scores = [J * r[:, None] for r, J in residuals(problem, x)]
+    covariance = sandwich(solution.at.R, scores, ~at_bound, max(1, shared))
+    force = _simulated(problem.log, problem.parts, values, parameters[len(FREE) :].tolist())
+    error = problem.log["force"] - force
+    warnings = [*problem.log.warnings, *_at_bounds(names, at_bound, values)]
     if solution.status == "limit":
-        warnings.append(f"the search stopped after {solution.evaluations} evaluations without settling.")
-    block = max(1, round(WINDOW / float(np.median(np.diff(task.log.time)))))
+        warnings.append(f"the search stopped after {solution.evaluations} evaluations without converging.")
+    block = max(1, round(WINDOW / float(np.median(np.diff(problem.log.time)))))
     return LugreFit(
-        name=task.log.name,
+        name=problem.log.name,
         status="warning" if warnings else "ok",
         message=f"{solution.status} after {solution.evaluations} evaluations",
-        parameters=_estimates(names, values, covariance, task),
+        parameters=_estimates(names, values, covariance, problem),
         values=values,
-        starts=tuple(numbers[len(FREE) :].tolist()),
+        starts=tuple(parameters[len(FREE) :].tolist()),
         force=force,
-        fit_percent=fit_percent(task.log["force"], force),
+        fit_percent=fit_percent(problem.log["force"], force),
         rms=float(np.sqrt(np.nanmean(error**2))),
         effective_samples=effective_samples(error, block),
         warnings=tuple(warnings),
@@ -178,12 +179,12 @@ def _result(task: Task, solution: Solution) -> LugreFit:
 
 
 def _estimates(
-    names: Sequence[str], values: Mapping[str, float], covariance: Covariance, task: Task
+    names: Sequence[str], values: Mapping[str, float], covariance: Covariance, problem: LugreProblem
 ) -> dict[str, Estimate]:
     quantile, estimates = covariance.quantile(), {}
     for i, name in enumerate(names):
         at = FREE.index(name)
-        std = float(np.sqrt(covariance.matrix[i, i])) * float(task.unit[at])
+        std = float(np.sqrt(covariance.matrix[i, i])) * float(problem.unit[at])
         low, high = values[name] - quantile * std, values[name] + quantile * std
         if np.isfinite(std):
             low = max(low, 0.0 if name in NAMES else low)
@@ -191,10 +192,10 @@ def _estimates(
     return estimates
 
 
-def _at_bounds(names: Sequence[str], held: NDArray[np.bool_], values: Mapping[str, float]) -> list[str]:
+def _at_bounds(names: Sequence[str], at_bound: NDArray[np.bool_], values: Mapping[str, float]) -> list[str]:
     return [
-        f"{name} lies at a bound of the search, {values[name]:.3g} {UNITS_OF[name]}, and the data would go "
-        "beyond: this recording does not tell it, and the others' intervals take it as fixed there."
+        f"{name} lies at a bound of the search, {values[name]:.3g} {UNITS_OF[name]}, and the cost decreases beyond it: "
+        "this recording does not determine it, and the intervals of the others treat it as fixed there."
         for i, name in enumerate(names)
-        if held[i]
+        if at_bound[i]
     ]

@@ -1,4 +1,4 @@
-"""Strokes at constant speed, cut out of a recording and paired to cycles: the independent units of the statistics."""
+"""Strokes at constant speed, extracted from a recording and paired to cycles, the statistical units."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from clutchid.log import HOLE, FloatArray, Log
 from clutchid.signals.runs import runs
 from clutchid.signals.velocity import velocity
 
-#: Part of the reach over which a stroke is averaged: beyond pre-sliding and the turn at its ends.
+#: Fractions of the reach between which a stroke is averaged: without pre-sliding and the reversals at its ends.
 BAND = (0.3, 0.8)
 
-#: Half window in s over which the speed is taken.
+#: Half window in s over which the speed is computed.
 _WINDOW = 0.05
 
-#: A stroke passes this share of the band, and its speed over thirds of its time differs by this share at most.
+#: Least fraction of the band that a stroke passes, and largest relative difference of its speed between thirds.
 _PASSED, _UNEVEN = 0.9, 0.25
 
-#: Samples that a stroke has at least.
+#: Least number of samples of a stroke.
 _FEWEST = 6
 
-#: Slower than this share of the highest speeds is no stroke.
+#: Least speed of a stroke, as a fraction of the highest speeds.
 _SLOW = 0.1
 
 
@@ -39,19 +39,19 @@ class Stroke:
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """Two strokes that follow each other in opposite directions: `out` towards larger positions, and `back`."""
+    """Two consecutive strokes in opposite directions: `out` towards larger positions, and `back`."""
 
     out: Stroke
     back: Stroke
 
     @property
     def half_difference(self) -> float:
-        """Half the difference of the forces in N: friction, and half of what the pressure differs by."""
+        """Half the difference of the forces in N: friction, plus half the difference of the pressure forces."""
         return (self.out.force - self.back.force) / 2
 
     @property
     def middle(self) -> float:
-        """Mean of the forces in N: pressure and the zero of the load cell."""
+        """Mean of the forces in N: pressure force and zero of the load cell."""
         return (self.out.force + self.back.force) / 2
 
     @property
@@ -66,20 +66,20 @@ class Cycle:
 
 
 def strokes(log: Log, band: tuple[float, float] = BAND) -> list[Stroke]:
-    """Strokes at constant speed, in the order of time, each averaged while it is within `band` of the reach.
+    """Strokes at constant speed in order of time, each averaged within `band` of the reach.
 
     Parameters
     ----------
     log : Log
         Position in m, force in N and, where measured, pressure_a in Pa.
     band : (1, 1)
-        Parts of the reach, in [0, 1]; both directions are averaged over the same positions, so that a force that
-        depends on the position drops out of their difference.
+        Fractions of the reach, in [0, 1]; both directions are averaged over the same positions, so that forces that
+        depend on the position cancel in their difference.
 
     Returns
     -------
     strokes : list of Stroke
-        Without strokes that a hole interrupts, that are uneven, or half of whose forces are missing.
+        Strokes with a hole, uneven speed, or half of their forces missing are left out.
 
     Examples
     --------
@@ -129,7 +129,7 @@ def _stroke(log: Log, speed: FloatArray, first: int, last: int) -> Stroke | None
 
 
 def cycles(found: list[Stroke]) -> list[Cycle]:
-    """Strokes paired to cycles, each stroke in one cycle at most."""
+    """Pair strokes to cycles; each stroke is in at most one cycle."""
     pairs, taken = [], False
     for one, other in pairwise(found):
         if taken or (one.speed > 0) == (other.speed > 0):

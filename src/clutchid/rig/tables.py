@@ -1,4 +1,4 @@
-"""Friction of a rig as plain tables, for the command line."""
+"""Text tables of rig friction for the command line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from clutchid.rig.lugre import LugreFit
 
 
 def parameter_table(parameters: Mapping[str, Estimate]) -> str:
-    """Numbers with their 95 % intervals, a line each."""
+    """Parameters with their 95 % intervals, one per line."""
     rows = [
         [name, f"{e.value:.4g}", *(f"{x:.4g}" if math.isfinite(e.std) else "-" for x in (e.low, e.high)), e.unit]
         for name, e in parameters.items()
@@ -23,13 +23,13 @@ def lugre_table(found: LugreFit) -> str:
     """Fit and parameters of one recording."""
     head = (
         f"{found.name}: fit {found.fit_percent:.1f} % in free run, rms {found.rms:.3g} N, "
-        f"worth {found.effective_samples:.0f} independent samples"
+        f"{found.effective_samples:.0f} effective samples"
     )
     return f"{head}\n{parameter_table(found.parameters)}" if found.parameters else head
 
 
 def level_table(found: CoulombFriction) -> str:
-    """Coulomb friction by level, a line each."""
+    """Coulomb friction by level, one per line."""
     rows = []
     for level in found.levels:
         friction, known = level.friction, math.isfinite(level.friction.std)
@@ -43,7 +43,7 @@ def level_table(found: CoulombFriction) -> str:
                 *(f"{speed * 1e3:+.1f}" for speed in level.speeds),
             ]
         )
-    headings = ["bar over ambient", "F_C [N]", "low", "high", "cycles", "first .. last", "out [mm/s]", "back [mm/s]"]
+    headings = ["bar above ambient", "F_C [N]", "low", "high", "cycles", "first .. last", "out [mm/s]", "back [mm/s]"]
     return _table(headings, rows)
 
 

@@ -1,4 +1,4 @@
-"""Weighted lines through a few means, and whether they are equal, where each variance is an estimate itself."""
+"""Generalised least squares for a few means, and a test whether they are equal, with estimated variances."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from clutchid.log import FloatArray
 
-#: No rig measures a force better than this.
+#: Relative accuracy that no rig exceeds.
 _NEGLIGIBLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Component:
-    """A part of the covariance of the means, shape (k, k), and the degrees of freedom that it was estimated with."""
+    """One term of the covariance of the means, shape (k, k), and its degrees of freedom."""
 
     matrix: FloatArray
     degrees_of_freedom: float
@@ -23,7 +23,7 @@ class Component:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A number with standard error and 95 % interval, in its unit, and the degrees of freedom behind them."""
+    """An estimate with standard error, 95 % interval and degrees of freedom."""
 
     value: float
     std: float
@@ -34,7 +34,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class Equality:
-    """Test of equal means: F statistic, its degrees of freedom, and how probable a larger one is if they are equal."""
+    """Test of equal means: F statistic, its degrees of freedom, and p-value."""
 
     statistic: float
     degrees_of_freedom: tuple[float, float]
@@ -42,7 +42,7 @@ class Equality:
 
 
 def student(value: float, std: float, degrees_of_freedom: float) -> Interval:
-    """95 % interval by Student's t; infinite without a degree of freedom."""
+    """95 % interval from Student's t distribution; infinite without degrees of freedom."""
     from scipy.special import stdtrit
 
     if not (degrees_of_freedom > 0.0 and np.isfinite(std)):
@@ -67,7 +67,7 @@ def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list
     means : (k,)
         In any unit.
     parts : Sequence[Component]
-        Their covariance is the sum.
+        Terms of their covariance.
 
     Returns
     -------
@@ -75,21 +75,21 @@ def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list
 
     Notes
     -----
-    Where the means scatter about the fit more than their own variances say, the standard errors are those of the
-    scatter, and so are the degrees of freedom: what makes the levels differ from the line is not in the cycles.
+    If the means scatter about the fit more than their variances imply, standard errors and degrees of freedom are those
+    of the scatter, because the deviation of the levels from the line is not contained in the cycles.
     """
     weight = np.linalg.inv(_total(parts, means))
     P = np.linalg.inv(X.T @ weight @ X)
     influence = P @ X.T @ weight
     beta = influence @ means
-    r, left = means - X @ beta, X.shape[0] - X.shape[1]
-    scatter = float(r @ weight @ r) / left if left > 0 else 0.0
+    r, freedom = means - X @ beta, X.shape[0] - X.shape[1]
+    scatter = float(r @ weight @ r) / freedom if freedom > 0 else 0.0
     found = []
     for i, row in enumerate(influence):
         variances = [float(row @ part.matrix @ row) for part in parts]
         within = satterthwaite(variances, [part.degrees_of_freedom for part in parts])
         found.append(
-            student(float(beta[i]), float(np.sqrt(P[i, i] * max(1.0, scatter))), left if scatter > 1.0 else within)
+            student(float(beta[i]), float(np.sqrt(P[i, i] * max(1.0, scatter))), freedom if scatter > 1.0 else within)
         )
     return found
 
@@ -104,7 +104,7 @@ def equality(means: FloatArray, parts: Sequence[Component]) -> Equality:
     means : (k,)
         At least two.
     parts : Sequence[Component]
-        Their covariance C is the sum; a variance of one mean, or one that all have in common.
+        Terms of their covariance C: each the variance of one mean, or an error common to all.
 
     Returns
     -------
@@ -112,8 +112,8 @@ def equality(means: FloatArray, parts: Sequence[Component]) -> Equality:
 
     Notes
     -----
-    R takes differences of neighbours, q = k - 1, and A holds what the estimated variances are uncertain by. For means
-    with a variance each this is Welch's analysis of variance.
+    R contains differences of neighbours, q = k - 1, and A accounts for the uncertainty of the estimated variances. With
+    one independent variance per mean this is Welch's analysis of variance.
 
     References
     ----------
@@ -143,9 +143,9 @@ def equality(means: FloatArray, parts: Sequence[Component]) -> Equality:
 
 
 def _total(parts: Sequence[Component], means: FloatArray) -> FloatArray:
-    """The covariance, with a millionth of the largest mean and of the largest standard deviation added to each.
+    """The covariance, regularised by a millionth of the largest mean and of the largest standard deviation.
 
-    So it can be inverted where the means have no scatter, or one error in common that is much larger than their own.
+    It can then be inverted if the means have no scatter, or a common error that is much larger than their own.
     """
     total: FloatArray = np.sum([part.matrix for part in parts], axis=0)
     floor = _NEGLIGIBLE**2 * (float(np.max(means**2)) + float(np.diag(total).max()) + 1e-200)
@@ -153,14 +153,14 @@ def _total(parts: Sequence[Component], means: FloatArray) -> FloatArray:
 
 
 def independent(values: FloatArray) -> bool:
-    r"""Whether values in their order look independent; False where they drift, at 5 %.
+    r"""Test whether consecutive values are independent; False if they drift, at 5 % significance.
 
     .. math:: \sum (x_{i+1} - x_i)^2 / \sum (x_i - \bar x)^2
 
     Parameters
     ----------
     values : (n,)
-        Any unit. Fewer than four always look independent.
+        Any unit. Fewer than four always count as independent.
 
     Returns
     -------

@@ -1,1 +1,1 @@
-"""What sampled signals show: runs, velocity, excitation, and the colour of residuals."""
+"""Analysis of sampled signals: runs, velocity, excitation, and autocorrelation of residuals."""

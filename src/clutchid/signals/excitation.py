@@ -1,4 +1,4 @@
-"""What a recording excites: reach, speeds, vented rests, full strokes, holds, and passes by stroke region."""
+"""Excitation in a recording: reach, speeds, vented rests, full strokes, holds, and passes by stroke region."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from clutchid.parameters import Parameters
 from clutchid.signals.runs import runs
 from clutchid.signals.velocity import velocity
 
-#: Edges of the stroke regions in m; the first region has all below its upper edge, the last all from its lower one.
+#: Edges of the stroke regions in m; the first region is open below, the last one open above.
 REGION_EDGES = (0.0, 2e-3, 5e-3, 8e-3, 12e-3, 16e-3, 20e-3, np.inf)
 
-#: Below this speed in m/s the piston holds: the slowest ramp of the published protocol (20 % of the stroke in 2 s) has
-#: 2.5e-3, a vibration of 0.1 mm at 25 Hz seen through `SLOW_WINDOW` at most 0.7e-3.
+#: Below this speed in m/s the piston is still: the slowest ramp of the published protocol (20 % of the stroke in 2 s)
+#: has 2.5e-3, a vibration of 0.1 mm at 25 Hz averaged over `SLOW_WINDOW` at most 0.7e-3.
 HOLD_SPEED = 1.5e-3
 
-#: Half windows in s over which the velocity is taken: to tell motion from hold, and for the top speed.
+#: Half windows in s over which the velocity is computed: to separate motion from holds, and for the top speed.
 SLOW_WINDOW, FAST_WINDOW = 0.05, 0.005
 
-#: Shortest rest and shortest hold that count, in s: a rest longer than the window that tells it.
+#: Shortest rest and shortest hold that count, in s: longer than the window that detects them.
 SHORTEST_REST, SHORTEST_HOLD = 0.1, 0.2
 
-#: A full stroke goes from the lowest to the highest of these parts of the stroke.
+#: A full stroke goes from the first to the second of these fractions of the stroke.
 STROKE = (0.08, 0.8)
 
-#: The first and the last region have one edge only; they count as passed from this deep inside them, in m.
+#: The first and the last region have one edge only; they count as passed from this depth inside them, in m.
 END_DEPTH = 1e-3
 
-#: A chamber is taken for vented where the piston rests this near to zero, in m.
+#: A chamber counts as vented where the piston rests within this distance of zero, in m.
 VENTED_POSITION = 5e-4
 
-#: Vented: the measured pressure is at most this many times the ambient one.
+#: Vented: the measured pressure is at most this multiple of the ambient one.
 VENTED_PRESSURE = 1.1
 
 
 @dataclass(frozen=True, slots=True)
 class RegionVisit:
-    """Time in s in a stroke region (m), and how often it was passed from edge to edge in each direction."""
+    """Time in s in a stroke region (m), and number of passes from edge to edge in each direction."""
 
     low: float
     high: float
@@ -62,7 +62,7 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """What one recording excites, or several together (`recordings` of them); positions in m, speeds in m/s.
+    """Excitation of one recording, or of several together (`recordings` of them); positions in m, speeds in m/s.
 
     `highest_supply` and `highest_exhaust` are the highest duty cycles, NaN where the input is missing.
     """
@@ -83,12 +83,12 @@ class Excitation:
 
 
 def excitation(measured: Log, parameters: Parameters | None = None) -> Excitation:
-    """What a recording excites.
+    """Excitation of a recording.
 
     Parameters
     ----------
     measured : Log
-        With a position in m; duty cycles and pressure sharpen what counts as a vented rest.
+        With a position in m; duty cycles and pressure, if present, restrict what counts as a vented rest.
     parameters : Parameters, optional
         Stroke, ambient pressure and closing of the supply valve; by default the paper's.
 
@@ -115,7 +115,7 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     position = measured["position"]
     known = position[np.isfinite(position)]
     if known.size == 0:
-        raise DataError(f"{measured.name}: column 'position' has no finite sample; nothing can be said of its motion.")
+        raise DataError(f"{measured.name}: column 'position' has no finite sample, so its motion is unknown.")
     speed = velocity(measured.time, position, FAST_WINDOW)
     rests, holds = _still(measured, p)
     highest = {name: float(np.nanmax(measured[name], initial=0.0)) for name in INPUTS if name in measured}
@@ -137,7 +137,7 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
 
 
 def joined(found: Sequence[Excitation]) -> Excitation:
-    """What several recordings excite together.
+    """Excitation of several recordings together.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def joined(found: Sequence[Excitation]) -> Excitation:
         If there is none.
     """
     if not found:
-        raise DataError("no recording given; at least one is needed.")
+        raise DataError("no recording is given; at least one is needed.")
     regions = tuple(
         replace(
             visits[0],
@@ -173,7 +173,7 @@ def joined(found: Sequence[Excitation]) -> Excitation:
 
 
 def region_of(position: FloatArray) -> NDArray[np.int64]:
-    """Number of the stroke region of each position in m, by `REGION_EDGES`; NaN goes to the last one."""
+    """Index of the stroke region of each position in m, by `REGION_EDGES`; NaN is in the last one."""
     return np.searchsorted(np.array(REGION_EDGES[1:-1]), position, side="right").astype(np.int64)
 
 
@@ -188,8 +188,8 @@ def _still(log: Log, p: Parameters) -> tuple[list[float], tuple[Hold, ...]]:
     pressure = log["pressure_a"] if "pressure_a" in log else np.full(len(log), np.nan)
     closed = closed & ~(pressure > VENTED_PRESSURE * p.P_0)
     rests = [float(time[b - 1] - time[a]) for a, b in runs(still & near & closed)]
-    held = [(a, b) for a, b in runs(still & ~near) if time[b - 1] - time[a] >= SHORTEST_HOLD]
-    holds = [Hold(float(np.nanmean(position[a:b])), float(time[b - 1] - time[a])) for a, b in held]
+    still_runs = [(a, b) for a, b in runs(still & ~near) if time[b - 1] - time[a] >= SHORTEST_HOLD]
+    holds = [Hold(float(np.nanmean(position[a:b])), float(time[b - 1] - time[a])) for a, b in still_runs]
     return [rest for rest in rests if rest >= SHORTEST_REST], tuple(holds)
 
 
@@ -214,7 +214,7 @@ def _visits(log: Log) -> tuple[RegionVisit, ...]:
 
 
 def _passes(position: FloatArray, low: float, high: float) -> tuple[int, int]:
-    """How often the position goes from `low` to `high` and back; noise at one edge counts for nothing."""
+    """Number of passes from `low` to `high` and back; noise at one edge does not count."""
     side = np.where(position >= high, 1, np.where(position <= low, -1, 0))
     turns = np.diff(side[side != 0])
     return int(np.sum(turns > 0)), int(np.sum(turns < 0))

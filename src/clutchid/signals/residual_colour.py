@@ -1,6 +1,6 @@
-"""Colour of a residual: autocorrelation, effective samples, and cross-correlation with an input, with 99 % bounds.
+"""Whiteness of a residual: autocorrelation, effective samples, and cross-correlation with inputs, with 99 % bounds.
 
-A missing value is NaN; each lag uses the pairs that are there.
+A missing value is NaN; each lag uses the available pairs.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 
 from clutchid.log import FloatArray
 
-#: Lags on each side, and the order of the model that whitens an input: those of MATLAB's `resid`.
+#: Lags on each side, and order of the autoregressive model that whitens an input: those of MATLAB's `resid`.
 LAGS, WHITENING_ORDER = 25, 10
 
 #: Half width of a 99 % interval in standard deviations.
 Z_99 = 2.5758
 
-#: Fewer values than this have no colour to speak of.
+#: Least number of values for an autocorrelation.
 FEWEST = 2 * LAGS
 
-#: Samples that are multiplied at a time.
+#: Samples per block of a correlation sum.
 CHUNK = 4096
 
-#: Whitens a constant or a straight line without dividing by zero; far below the noise of any duty cycle.
+#: Regularisation of the whitening filter of a constant or a straight line; far below the noise of any duty cycle.
 _RIDGE = 1e-8
 
 
@@ -49,9 +49,9 @@ class CrossCorrelation:
 class Colour:
     """Autocorrelation of a residual sampled every `interval` s, over `lag` in s, and its 99 % bounds if it were white.
 
-    `share_outside` is the part of the lags above 0 outside the bounds, about 0.01 for white noise; `first` the
-    autocorrelation at the first lag. `inputs` has the correlation with each input that moves. NaN, and no inputs,
-    where there are too few values.
+    `share_outside` is the fraction of the lags above 0 outside the bounds, about 0.01 for white noise; `first` the
+    autocorrelation at the first lag. `inputs` has the correlation with each input that changes. NaN, and no inputs,
+    with too few values.
     """
 
     interval: float
@@ -64,12 +64,12 @@ class Colour:
 
 
 def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: float) -> Colour:
-    """Colour of a residual on an even time axis, NaN where it is missing.
+    """Autocorrelation of a residual on a uniform time grid, NaN where it is missing, and correlation with inputs.
 
     Parameters
     ----------
     residual : any unit
-        One value every `interval`.
+        One value per `interval`.
     inputs : {name: values}
         At the same times.
     interval : s
@@ -80,7 +80,7 @@ def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: flo
 
     Examples
     --------
-    Noise that repeats a share of its last value:
+    Noise that contains a fraction of its last value:
 
     >>> noise = np.random.default_rng(0).standard_normal(20_001)
     >>> found = colour(noise[1:] + 0.5 * noise[:-1], {}, 1e-3)
@@ -101,16 +101,16 @@ def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: flo
 
 
 def effective_samples(residual: FloatArray, block: int) -> float:
-    r"""Number of independent samples that would tell the mean of a residual as well as its coloured samples do.
+    r"""Number of independent samples that would give the mean of a residual the same variance as its coloured ones.
 
     .. math:: n / \Big(1 + 2 \sum_l r_l\Big)
 
     Parameters
     ----------
     residual : any unit
-        On an even time axis, NaN where it is missing.
+        On a uniform time grid, NaN where it is missing.
     block : int
-        Samples that are averaged first; the sum runs over lags of blocks.
+        Number of samples that are averaged first; the sum is over lags of blocks.
 
     Returns
     -------
@@ -141,7 +141,7 @@ def effective_samples(residual: FloatArray, block: int) -> float:
 
 
 def block_means(values: FloatArray, block: int) -> FloatArray:
-    """Means of `block` values in turn, of those that are there; NaN where none is, the rest at the end is left out."""
+    """Means of consecutive blocks of `block` values without the missing ones; an incomplete last block is dropped."""
     if block == 1:
         return values
     cut = values[: values.size // block * block].reshape(-1, block)
@@ -152,14 +152,14 @@ def block_means(values: FloatArray, block: int) -> FloatArray:
 
 
 def _centred(values: FloatArray) -> FloatArray:
-    """Values less their mean, 0 where they are missing."""
+    """Values minus their mean, 0 where they are missing."""
     known = np.isfinite(values)
     result: FloatArray = np.where(known, values - np.mean(values[known]), 0.0)
     return result
 
 
 def _autocorrelation(values: FloatArray, lags: int) -> tuple[FloatArray, FloatArray]:
-    """Autocorrelation at lags 0 to `lags`, and the number of pairs behind each."""
+    """Autocorrelation at lags 0 to `lags`, and the number of pairs for each."""
     x, known = _centred(values), np.isfinite(values).astype(np.float64)
     sums, pairs = _products(x, x, range(lags + 1)), _products(known, known, range(lags + 1))
     variance = max(sums[0] / pairs[0], np.finfo(float).tiny)
@@ -167,13 +167,14 @@ def _autocorrelation(values: FloatArray, lags: int) -> tuple[FloatArray, FloatAr
 
 
 def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> CrossCorrelation | None:
-    r"""Correlation of the residual with an input after both went through the filter that whitens the input.
+    r"""Correlation of the residual with an input after both were filtered by the whitening filter of the input.
 
     .. math:: |r_l| \le 2.58 \sqrt{\sum_t e_{t+l}^2 u_t^2 \; c} \, / \, (N_l \sigma_e \sigma_u), \quad
               c = \max\Big(1, \sum_k r_{ee}(k) \, r_{uu}(k)\Big)
 
-    Whitening is what MATLAB's `resid` does; c is Bartlett's formula for what colour is left. The sum of squares stands
-    in place of N because residuals and valves are busy at the same times, which alone would cross plain bounds.
+    Whitening is what MATLAB's `resid` does; c is Bartlett's formula for the remaining autocorrelation. The sum of
+    squares replaces N because residuals and duty cycles are large at the same times, which alone would exceed plain
+    bounds.
     """
     known = values[np.isfinite(values)]
     if known.size < FEWEST or not np.ptp(known) > 0.0:
@@ -181,7 +182,7 @@ def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> Cross
     whitener = _whitener(_centred(values))
     e, u = (np.convolve(x, whitener, mode="valid") for x in (residual, values))
     if min(np.isfinite(e).sum(), np.isfinite(u).sum()) < FEWEST:
-        e, u = residual, values  # the gaps are too dense to filter: Bartlett's formula does it alone
+        e, u = residual, values  # the gaps are too dense to filter: use Bartlett's formula alone
     colour_left = _autocorrelation(e, LAGS)[0] * _autocorrelation(u, LAGS)[0]
     spread = max(1.0, float(colour_left[0] + 2 * colour_left[1:].sum()))
     numbers = np.isfinite(e).astype(np.float64), np.isfinite(u).astype(np.float64)
@@ -201,7 +202,7 @@ def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> Cross
 
 
 def _products(e: FloatArray, u: FloatArray, lags: range) -> FloatArray:
-    """Sums of e_{t+l} u_t for the lags l, in chunks that stay in the cache: memory sets the pace of an hour."""
+    """Sums of e_{t+l} u_t for the lags l, in chunks that fit the cache: memory bandwidth limits long recordings."""
     aside = max(abs(lag) for lag in lags)
     padded = np.concatenate([np.zeros(aside), e, np.zeros(aside)])
     sums = np.zeros(len(lags))

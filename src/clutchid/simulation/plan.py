@@ -29,6 +29,10 @@ ALIEN = 0.2
 #: s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, tells the position at the start.
 REST_RANGE, REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
 
+#: A period starts at a sample that lies this part of it before its start: stamps and periods are rounded. Without, the
+#: tail of the pulse before was lost for a sample.
+ROUNDING = 1e-6
+
 _JUMPS = {("p", False): 1, ("q", False): 2, ("p", True): 3, ("q", True): 4}
 
 
@@ -211,6 +215,7 @@ def carrier(time: FloatArray, p: Parameters) -> list[FloatArray]:
     if p.T_pwm == 0.0:
         return [np.zeros(time.size), np.zeros(time.size)]
     phase = (time / p.T_pwm) % 1.0
+    phase[phase > 1.0 - ROUNDING] = 0.0
     step = np.diff(time, append=2 * time[-1] - time[-2]) / p.T_pwm
     return [phase, np.where(step < 1.0, step, 0.0)]
 

@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
-from clutchid.smoother.state_search import Damping, States, initial_damping, minimise_states, shifted_states
+from clutchid.smoother.settling import Damping, States, initial_damping, minimise_states, shifted_states
 from clutchid.smoother.trial import NO_GAIN, Trial, accept, evaluate_step, with_theta_fixed, with_theta_free
 
 #: Most steps of the parameters, most reductions of the radius in a step, and the decrease of the cost by a full step

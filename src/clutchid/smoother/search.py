@@ -12,7 +12,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
 from clutchid.smoother.projection import ShootingSolution, bounded_step, project
-from clutchid.smoother.state_search import stepped_states
+from clutchid.smoother.settling import stepped_states
 from clutchid.smoother.trial import NO_GAIN, accept, evaluate_step
 
 #: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.

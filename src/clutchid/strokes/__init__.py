@@ -1,4 +1,4 @@
-"""Strokes and rests: cut a long recording, label and describe its parts, and choose those that tell most.
+"""Strokes and rests: cut a long recording, label its sections, and choose the most informative strokes.
 
 >>> import numpy as np
 >>> from clutchid.log import Log
@@ -13,7 +13,7 @@
 from clutchid.strokes.choice import choose
 from clutchid.strokes.cutting import cut
 from clutchid.strokes.joining import joined
-from clutchid.strokes.section import RESTS, STROKES, Excitation, Section
+from clutchid.strokes.section import RESTS, STROKES, Section, SectionSummary
 from clutchid.strokes.table import sections_table
 
-__all__ = ["RESTS", "STROKES", "Excitation", "Section", "choose", "cut", "joined", "sections_table"]
+__all__ = ["RESTS", "STROKES", "Section", "SectionSummary", "choose", "cut", "joined", "sections_table"]

@@ -1,4 +1,4 @@
-"""Bins of about 10 ms: median position, whether the supply is closed, and what the level of the rest says of them."""
+"""Bins of about 10 ms: median position, state of the supply valve, and position relative to the vented rest."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from clutchid.strokes.stream import Samples
 #: Length of a bin in s: a tenth of the shortest stroke.
 BIN = 0.01
 
-#: A duty cycle up to here leaves its valve closed: less than any magnet answers to.
+#: Up to this duty cycle a valve stays closed: no solenoid responds to less.
 CLOSED = 0.02
 
 
@@ -22,9 +22,9 @@ CLOSED = 0.02
 class Bins:
     """Bins of consecutive samples, one row each.
 
-    Number of the first sample, time in s and number of samples; median position and pressure (NaN: none);
-    position with the last known one where it is missing; whether the supply is closed, the position is within the band
-    of the vented rest, and still; what noise alone does to a piston at rest, level of the rest and reach in m by then.
+    Index of the first sample, time in s and number of samples; median position and pressure (NaN: none); position with
+    gaps filled by the last known one; whether the supply is closed, the position is within the band of the vented rest,
+    and still; half width of the noise band of a piston at rest, level of the rest and reach at that time, in m.
     """
 
     first: NDArray[np.int64]
@@ -54,7 +54,7 @@ class Bins:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawBins:
-    """Bins before the level of the rest is known; `filled` is the position with the last known one where it misses."""
+    """Bins before the level of the rest is known; `filled` is the position with gaps filled by the last known one."""
 
     first: NDArray[np.int64]
     time: FloatArray
@@ -66,12 +66,12 @@ class RawBins:
 
 
 def samples_in_bin(interval: float) -> int:
-    """How many samples at `interval` s make a bin."""
+    """Number of samples per bin at a sampling interval in s."""
     return max(1, round(BIN / interval)) if interval > 0 else 1
 
 
 def raw_bins(samples: Samples, width: int, before: float) -> RawBins:
-    """Bins of `width` samples, the last one shorter; `before` is the last known position in m."""
+    """Bins of `width` samples, the last one shorter; `before` is the last known position in m before them."""
     n = len(samples)
     edges = np.arange(0, n, width)
     position = _by_bin(samples.columns["position"], width)
@@ -93,17 +93,17 @@ def raw_bins(samples: Samples, width: int, before: float) -> RawBins:
     )
 
 
-def judged(raw: RawBins, known: RestLevel, width: int) -> Bins:
-    """Bins seen from the level of the rest; `width` bins make up the time over which a position is called still."""
-    away = np.abs(raw.filled - known.level)
+def relative_to_rest(raw: RawBins, rest: RestLevel, width: int) -> Bins:
+    """Bins compared with the level of the rest; `width` bins cover the time over which a position counts as still."""
+    away = np.abs(raw.filled - rest.level)
     size = raw.first.size
     return Bins(
         raw.first, raw.time, raw.count, raw.position, raw.pressure, raw.filled, raw.closed,
-        inside=away <= known.band,
-        still=~(ranges(raw.filled, width) > known.creep),
-        near=np.full(size, known.near),
-        level=np.full(size, known.level),
-        reach=np.full(size, known.reach),
+        inside=away <= rest.band,
+        still=~(ranges(raw.filled, width) > rest.creep),
+        near=np.full(size, rest.near),
+        level=np.full(size, rest.level),
+        reach=np.full(size, rest.reach),
     )  # fmt: skip
 
 
@@ -114,7 +114,7 @@ def _by_bin(values: FloatArray, width: int) -> FloatArray:
 
 
 def _median(rows: FloatArray) -> FloatArray:
-    """Median of each row over what is finite, NaN where nothing is."""
+    """Median of the finite values of each row, NaN where there are none."""
     if rows.shape[1] == 1:
         return np.where(np.isfinite(rows[:, 0]), rows[:, 0], np.nan)
     if not np.isfinite(rows).all():
@@ -127,7 +127,7 @@ def _median(rows: FloatArray) -> FloatArray:
 
 
 def _filled(position: FloatArray, before: float) -> FloatArray:
-    """`position` with the last known one, or `before`, where it is missing; the next one at the very beginning."""
+    """Fill gaps of `position` with the last known value or `before`; at the very beginning with the next value."""
     known = np.isfinite(position)
     if known.all():
         return position

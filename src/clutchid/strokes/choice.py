@@ -1,4 +1,4 @@
-"""`choose`: the strokes that tell most about the load in so many seconds."""
+"""`choose`: the most informative strokes of a limited total length."""
 
 from __future__ import annotations
 
@@ -12,40 +12,39 @@ from clutchid.log import FloatArray
 from clutchid.strokes.information import SIZE, gram, information
 from clutchid.strokes.section import Section
 
-#: A stroke with more of its positions missing, or with less reach than this part of the recording's, is useless.
+#: A usable stroke has at most this fraction of its positions missing, and travels at least this fraction of the reach.
 MOST_MISSING, LEAST_REACH = 0.5, 0.05
 
-#: Shortest stroke that is of use, in s.
+#: Shortest usable stroke in s.
 SHORTEST = 0.1
 
-#: So many strokes, or samples in them, are looked at together while they come in.
-TOGETHER, SAMPLES = 64, 2**21
+#: Largest batch of strokes, and of samples in them, that is evaluated at once.
+BATCH, SAMPLES = 64, 2**21
 
 
 def choose(sections: Iterable[Section], seconds: float) -> tuple[Section, ...]:
-    """The strokes that tell most about the load in at most `seconds` of recording, in order of time.
+    """The strokes with the most information about the load in at most `seconds` of recording, in order of time.
 
-    What a set of strokes tells is log det(I + sum G / tau): G is the Gram matrix of linear B-splines over the position,
-    once each for opening and closing, slow and fast, weighted by the time spent moving there, with a further row for
-    the vented rest before the stroke (see `clutchid.strokes.information`). It is the information that a load curve of
-    that form would get from the set, and has diminishing returns: a second stroke like one that is there adds less
-    than one that goes elsewhere, at another pace or in the other direction. Strokes are taken one by one, each time the
-    one that adds most for its length. Rests are never taken, nor strokes that are too short, hardly move, or have most
-    of their positions missing.
+    The information of a set of strokes is log det(I + sum G / tau): G is the Gram matrix of linear B-splines over the
+    position, once each for opening and closing, slow and fast, weighted by the time spent moving there, with a further
+    row for the vented rest before the stroke (see `clutchid.strokes.information`). It is the information about a load
+    curve of that form, and has diminishing returns: repeating a stroke adds less than a stroke at other positions, at
+    another speed or in the other direction. The choice is greedy: each time the stroke that adds most information per
+    second. Rests are never chosen, nor strokes that are too short, hardly move, or lack most of their positions.
 
-    The sections may come from a stream: they are looked at in lots, and only the best set so far is kept.
+    The sections may come from a stream: they are evaluated in batches, and only the best set so far is kept.
 
     Parameters
     ----------
     sections : Sections
-        In any number, of one recording.
+        Any number of sections of one recording.
     seconds : s
-        Length of what is chosen, above 0.
+        Greatest total length of the chosen strokes, above 0.
 
     Returns
     -------
     chosen : Sections
-        None, where no useful stroke is short enough.
+        Empty if no usable stroke is short enough.
 
     Raises
     ------
@@ -54,7 +53,7 @@ def choose(sections: Iterable[Section], seconds: float) -> tuple[Section, ...]:
 
     Examples
     --------
-    The second stroke is the first again, the third goes further:
+    The second stroke repeats the first, the third goes further:
 
     >>> from clutchid.log import Log
     >>> from clutchid.strokes.cutting import cut
@@ -65,35 +64,35 @@ def choose(sections: Iterable[Section], seconds: float) -> tuple[Section, ...]:
     [1.0, 7.0]
     """
     if not seconds > 0:
-        raise ParameterError(f"seconds = {seconds:g}: the length of the strokes to choose is above 0.")
+        raise ParameterError(f"seconds = {seconds:g}: the total length of the strokes must be above 0 s.")
     best: list[Section] = []
-    lot: list[Section] = []
+    batch: list[Section] = []
     reach = 0.0
     for section in sections:
-        if not _useful(section, seconds):
+        if not _usable(section, seconds):
             continue
-        reach = max(reach, section.excitation.highest - section.excitation.level)
-        lot.append(section)
-        if len(lot) >= TOGETHER or sum(map(len, lot)) >= SAMPLES:
-            best, lot = _better(best, lot, seconds, reach), []
-    best = _better(best, lot, seconds, reach) if lot else best
+        reach = max(reach, section.summary.highest - section.summary.level)
+        batch.append(section)
+        if len(batch) >= BATCH or sum(map(len, batch)) >= SAMPLES:
+            best, batch = _better(best, batch, seconds, reach), []
+    best = _better(best, batch, seconds, reach) if batch else best
     return tuple(sorted(best, key=lambda section: section.first))
 
 
-def _useful(section: Section, seconds: float) -> bool:
-    found = section.excitation
+def _usable(section: Section, seconds: float) -> bool:
+    summary = section.summary
     return (
         section.kind == "stroke"
-        and found.missing <= MOST_MISSING
+        and summary.missing <= MOST_MISSING
         and SHORTEST <= section.seconds <= seconds
-        and found.highest - found.lowest > LEAST_REACH * found.reach
-        and found.highest > found.level
+        and summary.highest - summary.lowest > LEAST_REACH * summary.reach
+        and summary.highest > summary.level
     )
 
 
-def _better(best: list[Section], lot: list[Section], seconds: float, reach: float) -> list[Section]:
-    """The greedy choice from the best so far and a lot more, if it tells more than the best so far."""
-    pool = [*best, *lot]
+def _better(best: list[Section], batch: list[Section], seconds: float, reach: float) -> list[Section]:
+    """The greedy choice from the best set so far and a further batch, if it has more information than that set."""
+    pool = [*best, *batch]
     grams = np.array([gram(section, reach) for section in pool])
     taken = _greedy(grams, np.array([section.seconds for section in pool]), seconds)
     before, after = (float(information(G.sum(axis=0))) for G in (grams[: len(best)], grams[taken]))
@@ -101,12 +100,13 @@ def _better(best: list[Section], lot: list[Section], seconds: float, reach: floa
 
 
 def _greedy(grams: FloatArray, lengths: FloatArray, seconds: float) -> list[int]:
-    """Numbers of the sections, each time the one that adds most for its length and still fits.
+    """Indices of the chosen sections: each time the one that adds most information per second and still fits.
 
-    What a section adds only falls as others are taken, so old numbers are bounds: only those at the top are renewed.
+    The gain of a section can only fall as others are chosen, so old gains are upper bounds: only those at the top are
+    computed again.
     """
     total = np.zeros((SIZE, SIZE))
-    told, left = 0.0, seconds
+    value, left = 0.0, seconds
     taken: list[int] = []
     bound = np.full(len(grams), math.inf)
     fresh = np.zeros(len(grams), dtype=bool)
@@ -117,11 +117,11 @@ def _greedy(grams: FloatArray, lengths: FloatArray, seconds: float) -> list[int]
             return taken
         if not fresh[best]:
             stale = np.flatnonzero(~fresh & (bound >= bound[best]))
-            bound[stale] = (information(total + grams[stale]) - told) / lengths[stale]
+            bound[stale] = (information(total + grams[stale]) - value) / lengths[stale]
             fresh[stale] = True
             continue
         taken.append(best)
         total = total + grams[best]
-        told, left = float(information(total)), left - float(lengths[best])
+        value, left = float(information(total)), left - float(lengths[best])
         bound[best] = -math.inf
         fresh[:] = False

@@ -15,8 +15,8 @@ from clutchid.strokes.section import Section
 def joined(sections: Iterable[Section]) -> Log:
     """Sections of one recording as one log in order of time, so that each is a segment of its own in a fit.
 
-    Sections that touch go on without a hole. Every sample is as it was. Where the recording had a hole that is too
-    short to be told from the usual interval, a sample without any value (NaN) stands in it.
+    Adjacent sections are joined without a hole. No sample is changed. Where two sections are not adjacent but the gap
+    is too short to count as a hole, a sample with NaN in every column is inserted.
 
     Parameters
     ----------
@@ -39,15 +39,17 @@ def joined(sections: Iterable[Section]) -> Log:
     """
     ordered = sorted(sections, key=lambda section: section.first)
     if not ordered:
-        raise DataError("no section given; at least one is needed.")
+        raise DataError("no section is given; at least one is needed.")
     logs = [section.log for section in ordered]
     names = tuple(logs[0].columns)
     for before, after in pairwise(logs):
         if set(after.columns) != set(names):
-            raise DataError(f"{after.name}: sections with other columns cannot be joined; cut one recording at a time.")
+            raise DataError(
+                f"{after.name}: sections with different columns cannot be joined; join sections of one recording only."
+            )
         if not after.time[0] > before.time[-1]:
             raise DataError(
-                f"{after.name}: a section begins at {after.time[0]:.6g} s, the one before ends at "
+                f"{after.name}: a section begins at {after.time[0]:.6g} s, but the one before ends at "
                 f"{before.time[-1]:.6g} s; join disjoint sections of one recording."
             )
     steps = [np.diff(log.time) for log in logs if len(log) > 1]
@@ -69,5 +71,5 @@ def joined(sections: Iterable[Section]) -> Log:
 
 
 def _needs_hole(before: Section, after: Section, short: float) -> bool:
-    """Whether two sections do not touch, yet the gap may be too short to be seen."""
+    """Whether two sections are not adjacent, yet the gap may be too short to count as a hole."""
     return before.first + len(before) != after.first and after.start - before.end <= short

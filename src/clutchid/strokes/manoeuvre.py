@@ -1,4 +1,4 @@
-"""What an engineer would call a stroke or a rest, from the course of its position."""
+"""Classify a stroke or a rest by the course of its position."""
 
 from __future__ import annotations
 
@@ -9,37 +9,38 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.parameters import Parameters
+from clutchid.signals.runs import runs
 from clutchid.strokes.bins import Bins
-from clutchid.strokes.borders import PRESSED, runs
+from clutchid.strokes.borders import PRESSED
 from clutchid.strokes.rest_level import BoolArray
 
-#: Parts of the reach: a full stroke goes so far, swings and swings in slip are so large, distinct levels so far apart,
-#: slip takes place between these positions.
+#: Fractions of the reach: least peak of a full stroke, least amplitude of a swing and of a swing in slip, least
+#: distance between distinct levels, and the range of positions in which the clutch slips.
 FULL, SWING, SLIP_SWING, APART, SLIP_ZONE = 0.8, 0.3, 0.02, 0.08, (0.06, 0.6)
 
-#: Reaches a second: slip is slower than `SLOW`, a way back slower than `EASED` is no free one (which makes 4 and more),
-#: a level is held below `HOLDS`.
+#: Speeds in reaches per second: slip is slower than `SLOW`, a controlled return slower than `EASED` (a free return has
+#: 4 or more), a hold slower than `HOLDS`.
 SLOW, EASED, HOLDS = 1.0, 1.5, 0.1
 
-#: Times in s: a ramp takes so long to open or in the upper half back; a level is held; a slip is none below
-#: `SHORT_SLIP` and more than that of a gear shift from `LONG_SLIP`.
+#: Least times in s: of a ramp while opening or in the upper half of the return; of a held level; of any slip; and of a
+#: slip that is longer than that of a gear shift.
 RAMP, HELD, SHORT_SLIP, LONG_SLIP = 0.8, 0.25, 0.12, 1.2
 
-#: Shares of a stroke's length: bang-bang is still for less than `MOVING`, levels with more slip are no staircase.
+#: Fractions of a stroke's length: bang-bang motion is still for less than `MOVING`, a staircase slips for less than
+#: `SLIPPING`.
 MOVING, SLIPPING = 0.25, 0.45
 
-#: A rest with a larger share of its positions missing is none that is known.
+#: A rest with a larger fraction of its positions missing is labelled "no position".
 MOST_MISSING = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """What tells manoeuvres apart; positions in parts of the reach, times in s.
+class MotionFeatures:
+    """Features that classify a manoeuvre; positions as fractions of the reach, times in s.
 
-    Length; highest position; number of distinct levels held, and of turns after swings of `SWING`; time of slow motion
-    while it opens, and in the upper half on the way back from the last time at the top; time of slip on that way, which
-    is slow and in `SLIP_ZONE`, and the turns in it; time there that is at least eased; the share of the length that is
-    still.
+    Length; highest position; number of distinct held levels, and of reversals after swings of `SWING`; time of slow
+    motion while opening, and in the upper half of the final return; time of slow motion in `SLIP_ZONE` during that
+    return, and the reversals in it; time there below `EASED`; fraction of the length during which the piston is still.
     """
 
     seconds: float
@@ -54,15 +55,15 @@ class Course:
     still: float
 
 
-def course(time: FloatArray, y: FloatArray, still: BoolArray) -> Course:
-    """The course of a stroke.
+def motion_features(time: FloatArray, y: FloatArray, still: BoolArray) -> MotionFeatures:
+    """Features of a stroke that classify it.
 
     Parameters
     ----------
     time : s
         Bins of about 10 ms, at least two.
     y : 1
-        Position above the vented rest in parts of the reach, above 0 somewhere.
+        Position above the vented rest as a fraction of the reach, above 0 somewhere.
     still
         Where the position is still.
     """
@@ -74,7 +75,7 @@ def course(time: FloatArray, y: FloatArray, still: BoolArray) -> Course:
     creeps = (np.abs(speed) < SLOW) & (np.abs(speed) > HOLDS)
     zone = (back > SLIP_ZONE[0]) & (back < SLIP_ZONE[1])
     slow = zone & (np.abs(speed[after]) < SLOW)
-    return Course(
+    return MotionFeatures(
         seconds=float(time[-1] - time[0]),
         peak=peak,
         levels=_levels(time, y, np.abs(speed) < HOLDS),
@@ -88,8 +89,8 @@ def course(time: FloatArray, y: FloatArray, still: BoolArray) -> Course:
     )
 
 
-#: Labels of strokes with what tells them, in the order in which they are asked; the last one always holds.
-_RULES: tuple[tuple[str, Callable[[Course], bool]], ...] = (
+#: Labels of strokes and their conditions; the first condition that holds decides, and the last one always holds.
+_RULES: tuple[tuple[str, Callable[[MotionFeatures], bool]], ...] = (
     ("bang-bang", lambda c: c.swings >= 4 and c.still < MOVING),
     ("ramp", lambda c: max(c.opening, c.upper) >= RAMP and c.levels <= 1 and c.swings <= 1),
     ("staircase", lambda c: c.swings >= 3 or (c.levels >= 3 and c.slip < SLIPPING * c.seconds)),
@@ -102,26 +103,26 @@ _RULES: tuple[tuple[str, Callable[[Course], bool]], ...] = (
 
 
 def stroke_label(bins: Bins) -> str:
-    """Label of a stroke, one of `STROKES`; a stroke of unknown reach, or that stays at the rest, is a partial one."""
+    """Label of a stroke, one of `STROKES`; "partial stroke" if it stays at the rest level."""
     known = np.isfinite(bins.position) & (bins.reach > 0)
     y = (bins.position - bins.level)[known] / bins.reach[known]
     if y.size < 3 or float(y.max()) <= SLIP_ZONE[0]:
         return "partial stroke"
-    seen = course(bins.time[known], y, bins.still[known])
-    return next(label for label, holds in _RULES if holds(seen))
+    features = motion_features(bins.time[known], y, bins.still[known])
+    return next(label for label, holds in _RULES if holds(features))
 
 
-def rest_label(bins: Bins, *, held: bool, missing: float) -> str:
-    """Label of a rest, one of `RESTS`: a rest off the level, or under pressure, is held."""
+def rest_label(bins: Bins, *, long_hold: bool, missing: float) -> str:
+    """Label of a rest, one of `RESTS`: "held" if it is away from the rest level or under pressure."""
     if missing > MOST_MISSING:
         return "no position"
     pressure = bins.pressure[np.isfinite(bins.pressure)]
     pressed = pressure.size > 0 and float(np.median(pressure)) > PRESSED * Parameters().P_0
-    return "held" if held or pressed or not np.median(bins.inside) else "vented rest"
+    return "held" if long_hold or pressed or not np.median(bins.inside) else "vented rest"
 
 
 def _slopes(time: FloatArray, y: FloatArray, half: int) -> FloatArray:
-    """Slope over `half` bins before and after, fewer at the ends."""
+    """Slope over `half` bins before and after each bin, fewer at the ends."""
     if time.size < 2:
         return np.zeros(time.size)
     here = np.arange(time.size)
@@ -131,18 +132,18 @@ def _slopes(time: FloatArray, y: FloatArray, half: int) -> FloatArray:
 
 
 def _levels(time: FloatArray, y: FloatArray, slow: BoolArray) -> int:
-    """How many distinct levels are held."""
+    """Number of distinct held levels."""
     off = slow & (y > SLIP_ZONE[0])
-    held = [float(np.median(y[a:b])) for a, b in runs(off) if time[b - 1] - time[a] >= HELD]
+    levels = [float(np.median(y[a:b])) for a, b in runs(off) if time[b - 1] - time[a] >= HELD]
     count, last = 0, -np.inf
-    for level in sorted(held):
+    for level in sorted(levels):
         if level > last + APART:
             count, last = count + 1, level
     return count
 
 
 def _swings(y: FloatArray, size: float) -> int:
-    """How often the course turns around by more than `size`."""
+    """Number of reversals after a swing of more than `size`."""
     turns, low, high, rising = 0, np.inf, -np.inf, 0
     for value in y.tolist():
         low, high = min(low, value), max(high, value)

@@ -1,4 +1,4 @@
-"""A `Section`: a stroke or a rest of a recording, with what it excites."""
+"""A `Section`: a stroke or a rest of a recording, and the summary of its motion and inputs."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ RESTS = ("vented rest", "held", "no position")
 
 
 @dataclass(frozen=True, slots=True)
-class Excitation:
-    """What a section excites; positions in m as the sensor gives them, speeds in m/s, times in s.
+class SectionSummary:
+    """Motion and inputs of a section; positions in m as measured, speeds in m/s, times in s.
 
-    `level` is the position of the vented rest that the recording showed at that time (the sensor's zero), `reach` how
-    far from there the piston has been seen by then. `vented_rest` is the time at rest and vented before the section
-    (for a rest: within it), which may be longer than what `Section.log` holds of it. A pulse is a valve's opening from
-    closed, a duty step any change of a duty cycle. `missing` is the share of samples without a position, `pressure`
-    whether the chamber's pressure is measured.
+    `level` is the position of the vented rest estimated up to that time (the sensor's zero), `reach` the largest travel
+    from there up to that time. `vented_rest` is the time at rest and vented before the section (for a rest: within it),
+    which may be longer than the part of it in `Section.log`. A pulse is an opening of a closed valve, a duty step any
+    change of a duty cycle. `missing` is the fraction of samples without a position, `pressure` whether the pressure of
+    chamber A is measured.
     """
 
     lowest: float
@@ -50,11 +50,11 @@ class Excitation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """A stroke or a rest: its samples `log` from `start` to `end` in s, and the number `first` of its first sample.
+    """A stroke or a rest: its samples `log` from `start` to `end` in s, and the index `first` of its first sample.
 
     A stroke's samples begin with up to half a second of the vented rest before it, so that a simulation can start
     there with Eq. (24); `departure` is the time in s at which the stroke leaves it (`start` where there is none).
-    Two sections touch where one's last sample is followed by the other's first.
+    Two sections are adjacent if the last sample of one is followed by the first of the other.
     """
 
     kind: Kind
@@ -64,7 +64,7 @@ class Section:
     end: float
     departure: float
     first: int
-    excitation: Excitation
+    summary: SectionSummary
 
     def __len__(self) -> int:
         return len(self.log)

@@ -1,4 +1,4 @@
-"""A recording as a stream: blocks of one size, whatever the pieces were, and the stretches between holes."""
+"""A recording as a stream: blocks of constant size, independent of the pieces, and the stretches between holes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 
-#: Samples in a block: everything that is learnt of the recording is learnt block by block, so that the cuts do not
-#: depend on the pieces in which it comes.
+#: Samples per block. All estimates are updated per block, so the sections do not depend on the lengths of the pieces.
 BLOCK = 2**16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Consecutive samples: number of the first one in the recording, time in s, columns in SI."""
+    """Consecutive samples: index of the first one in the recording, time in s, columns in SI."""
 
     first: int
     time: FloatArray
@@ -39,7 +38,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Samples `start` to `stop` of a block, with known inputs; `opens` where a hole or the beginning is before it."""
+    """Samples `start` to `stop` of a block, with known inputs; `opens` after a hole or at the beginning."""
 
     start: int
     stop: int
@@ -59,16 +58,18 @@ def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
     for number, piece in enumerate([recording] if isinstance(recording, Log) else recording, 1):
         where = f"{piece.name}, piece {number}"
         if "position" not in piece:
-            raise DataError(f"{where}: no column 'position'; strokes are cut by the position.")
+            raise DataError(f"{where}: no column 'position'; strokes cannot be found without a position.")
         if columns is None:
             columns = tuple(sorted(piece.columns))
         if tuple(sorted(piece.columns)) != columns:
-            raise DataError(f"{where}: has {', '.join(sorted(piece.columns))}; the first has {', '.join(columns)}.")
+            raise DataError(
+                f"{where}: has columns {', '.join(sorted(piece.columns))}; the first piece has {', '.join(columns)}."
+            )
         if len(piece):
             if not piece.time[0] > last:
                 raise DataError(
-                    f"{where}: begins at {piece.time[0]:.6g} s, the piece before ends at {last:.6g} s; "
-                    "time must go on over the pieces."
+                    f"{where}: begins at {piece.time[0]:.6g} s, but the piece before ends at {last:.6g} s; "
+                    "time must increase from piece to piece."
                 )
             last = float(piece.time[-1])
             yield piece
@@ -76,21 +77,21 @@ def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
 
 def blocks(pieces: Iterable[Log], size: int = BLOCK) -> Iterator[Samples]:
     """The recording in blocks of `size` samples, the last one shorter."""
-    waiting: list[Samples] = []
-    held = count = 0
+    pending: list[Samples] = []
+    size_pending = count = 0
     for piece in pieces:
         rest = Samples(count, piece.time, piece.columns)
         count += len(rest)
-        while held + len(rest) >= size:
-            waiting.append(rest.part(0, size - held))
-            rest, held = rest.part(size - held, len(rest)), 0
-            yield _joined(waiting)
-            waiting = []
+        while size_pending + len(rest) >= size:
+            pending.append(rest.part(0, size - size_pending))
+            rest, size_pending = rest.part(size - size_pending, len(rest)), 0
+            yield _joined(pending)
+            pending = []
         if len(rest):
-            waiting.append(rest)
-            held += len(rest)
-    if waiting:
-        yield _joined(waiting)
+            pending.append(rest)
+            size_pending += len(rest)
+    if pending:
+        yield _joined(pending)
 
 
 def stretches(block: Samples, before: float, interval: float) -> list[Stretch]:
@@ -103,7 +104,7 @@ def stretches(block: Samples, before: float, interval: float) -> list[Stretch]:
     before : s
         Time of the sample before the block, NaN where there is none or its inputs are missing.
     interval : s
-        The usual interval between samples.
+        Usual interval between samples.
     """
     known = np.ones(len(block), dtype=bool)
     for name in INPUTS:

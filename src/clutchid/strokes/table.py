@@ -1,4 +1,4 @@
-"""`sections_table`: strokes and rests as text for a terminal."""
+"""`sections_table`: strokes and rests as a text table for a terminal."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _TITLES = (
     "vented rest [s]", "missing",
 )  # fmt: skip
 
-#: The first columns are words, the others numbers.
-_WORDS = 3
+#: Number of left-aligned text columns; the others are numeric.
+_TEXT_COLUMNS = 3
 
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """A line of the table: one section, or the parts of one long rest."""
+    """One line of the table: a section, or the parts of one long rest."""
 
     numbers: tuple[int, int]
     section: Section
@@ -35,7 +35,7 @@ def sections_table(sections: Iterable[Section]) -> str:
     """Plain text table of sections, for a terminal; the parts of a long rest are one line.
 
     Number, kind, label, start, length, lowest and highest position from the vented rest, top speeds while opening and
-    closing, vented rest before (for a rest: in it), and the share of samples without a position.
+    closing, vented rest before (for a rest: in it), and the fraction of samples without a position.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def sections_table(sections: Iterable[Section]) -> str:
       3    rest    vented rest      2.300       1.699
     """
     rows = [_TITLES, *map(_cells, _rows(sections))]
-    return "\n".join(text_table(rows, _WORDS))
+    return "\n".join(text_table(rows, _TEXT_COLUMNS))
 
 
 def _rows(sections: Iterable[Section]) -> Iterator[_Row]:
@@ -75,9 +75,9 @@ def _rows(sections: Iterable[Section]) -> Iterator[_Row]:
 
 
 def _row(number: int, section: Section) -> _Row:
-    found = section.excitation
-    low, high = found.lowest - found.level, found.highest - found.level
-    return _Row((number, number), section, len(section), section.end, low, high, found.missing)
+    summary = section.summary
+    low, high = summary.lowest - summary.level, summary.highest - summary.level
+    return _Row((number, number), section, len(section), section.end, low, high, summary.missing)
 
 
 def _goes_on(row: _Row, section: Section) -> bool:
@@ -87,9 +87,9 @@ def _goes_on(row: _Row, section: Section) -> bool:
 
 
 def _cells(row: _Row) -> tuple[str, ...]:
-    section, found = row.section, row.section.excitation
+    section, summary = row.section, row.section.summary
     first, last = row.numbers
-    rest = row.end - section.start if last > first and found.vented_rest > 0 else found.vented_rest
+    rest = row.end - section.start if last > first and summary.vented_rest > 0 else summary.vented_rest
     return (
         str(first) if first == last else f"{first}-{last}",
         section.kind,
@@ -98,13 +98,13 @@ def _cells(row: _Row) -> tuple[str, ...]:
         f"{row.end - section.start:.3f}",
         _scaled(row.lowest, 1e3, 2),
         _scaled(row.highest, 1e3, 2),
-        _scaled(found.opening_speed, 1e3, 0),
-        _scaled(found.closing_speed, 1e3, 0),
+        _scaled(summary.opening_speed, 1e3, 0),
+        _scaled(summary.closing_speed, 1e3, 0),
         f"{rest:.2f}",
         f"{100 * row.missing:.1f} %",
     )
 
 
 def _scaled(value: float, factor: float, digits: int) -> str:
-    """`value` times `factor`, without a sign before zero; a dash where it is not known."""
+    """`value` times `factor`, without a sign before zero; a dash where it is unknown."""
     return f"{round(value * factor, digits) + 0.0:.{digits}f}" if math.isfinite(value) else "-"

@@ -1,4 +1,4 @@
-"""Studies: the paper's (Section 3), repeated on a recording, and the proving ground on a fleet of virtual trucks."""
+"""Studies: the paper's Section 3 repeated on a recording, and the proving ground with virtual trucks."""
 
 from clutchid.study.paper.recording import bundled_recording, halves
 from clutchid.study.paper.study import PaperStudy, paper_study

@@ -1,4 +1,4 @@
-"""The virtual truck: recordings from a plant that is richer than the paper's model, with their truth apart.
+"""The virtual truck: recordings from a more detailed plant than the paper's model, with separate truth.
 
 >>> from clutchid.truck import drive, truck
 >>> done = drive(truck(7), seconds=5, seed=1, wear=1e-3)

@@ -1,4 +1,4 @@
-"""Age: what wear of the facing and the number of strokes do to a truck."""
+"""Ageing: effect of facing wear and number of strokes on a truck."""
 
 from __future__ import annotations
 
@@ -6,28 +6,28 @@ import math
 
 from clutchid.truck.parameters import Truck
 
-#: Strokes over which rubber and seats wear, and over which the springs settle.
-LIFE, SETTLING = 1e6, 2e5
+#: Numbers of strokes that scale the wear of rubber and seats, and the relaxation of the springs.
+LIFE, RELAXATION = 1e6, 2e5
 
 
 def aged(truck: Truck, wear: float = 0.0, cycles: float = 0.0) -> Truck:
-    """`truck` after more wear and strokes.
+    """`truck` after additional wear and strokes.
 
-    Wear moves the working point of the diaphragm, the point where the clutch takes hold and the engaged rest of the
-    piston; strokes raise seal friction and leaks and let the springs settle. The numbers of the new truck stay as they
-    are, `wear` and `cycles` add up.
+    Wear moves the working point of the diaphragm, the touch point of the clutch and the engaged rest of the piston;
+    strokes increase seal friction and leakage and relax the springs. The parameters of the new truck are kept; `wear`
+    and `cycles` accumulate.
 
     Parameters
     ----------
     wear : m
-        Further wear of the facing.
+        Additional wear of the facing.
     cycles : 1
-        Further strokes.
+        Additional strokes.
 
     Raises
     ------
     ParameterError
-        If less than nothing wears, or more than the facing has.
+        If the wear is negative or more than the facing allows.
 
     Examples
     --------
@@ -38,35 +38,35 @@ def aged(truck: Truck, wear: float = 0.0, cycles: float = 0.0) -> Truck:
     return truck.replace({"wear": truck.wear + wear, "cycles": truck.cycles + cycles})
 
 
-def worn_numbers(truck: Truck) -> dict[str, float]:
-    r"""Numbers of a truck at its age: those that strokes change, and the place of the engaged rest.
+def worn_parameters(truck: Truck) -> dict[str, float]:
+    r"""Parameters of a truck at its age: those that strokes change, and the position of the engaged rest.
 
     .. math:: F = F_C (1 + a_F n), \quad C = C_0 (1 + a_C n), \quad n = cycles / 10^6, \qquad
               (H, F_r) \propto 1 - a_H (1 - e^{-cycles / (2 \cdot 10^5)}), \quad y_r = -i_w \, wear
 
     Returns
     -------
-    numbers
+    parameters
         ``F_C`` [N], ``C_AB`` and ``C_A0`` [m³/(Pa·s)], ``H`` [m], ``F_r`` [N] and the rest ``y_r`` [m], which is 0 for
-        the new truck and below it for a worn one.
+        the new truck and negative for a worn one.
 
     References
     ----------
-    Push-type clutch: the engaged rest moves towards the cylinder as the facing wears (facts of the project). The laws
-    over strokes are guesses of the usual form: rubber and seats wear steadily, steel settles early.
+    Push-type clutch: the engaged rest moves towards the cylinder as the facing wears (truck specification). The laws
+    over strokes are assumptions: rubber and seats wear at a constant rate, steel relaxes early.
 
     Examples
     --------
-    >>> round(worn_numbers(Truck(wear=2e-3, cycles=1e6))["F_C"])
+    >>> round(worn_parameters(Truck(wear=2e-3, cycles=1e6))["F_C"])
     175
     """
     n = truck.cycles / LIFE
-    settled = 1 - truck.a_H * (1 - math.exp(-truck.cycles / SETTLING))
+    relaxed = 1 - truck.a_H * (1 - math.exp(-truck.cycles / RELAXATION))
     return {
         "F_C": truck.F_C * (1 + truck.a_F * n),
         "C_AB": truck.C_AB * (1 + truck.a_C * n),
         "C_A0": truck.C_A0 * (1 + truck.a_C * n),
-        "H": truck.H * settled,
-        "F_r": truck.F_r * settled,
+        "H": truck.H * relaxed,
+        "F_r": truck.F_r * relaxed,
         "y_r": -truck.i_w * truck.wear,
     }

@@ -1,4 +1,4 @@
-"""Air in a chamber: mass and internal energy are the states, so both are conserved by any step of the integration."""
+"""Air in a chamber: mass and internal energy are the states, so any integration method conserves both."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def pressure(U: Expr, V: Expr, gamma: Expr) -> Expr:
 
     Examples
     --------
-    A quarter of a litre at 5 bar holds 312 J:
+    A quarter of a litre at 5 bar contains 312 J:
 
     >>> f"{pressure(312.5, 0.25e-3, 1.4) / 1e5:.2f} bar"
     '5.00 bar'
@@ -72,7 +72,7 @@ def temperature(U: Expr, m: Expr, R: Expr, gamma: Expr) -> Expr:
 
 
 def wall_area(V: Expr, A: Expr) -> Expr:
-    r"""Area through which a cylindrical chamber gives heat to its wall: two lids and the liner.
+    r"""Heat transfer area of a cylindrical chamber: two end faces and the liner.
 
     .. math:: S = 2 A + 2 \sqrt{\pi / A} \, V
 
@@ -124,7 +124,7 @@ def heat_flow(p: Expr, T: Expr, T_w: Expr, S: Expr, h: Expr, p_N: Expr, T_N: Exp
     References
     ----------
     Eichelberg's dependence on pressure and temperature, without piston speed, as usual for servo-pneumatic cylinders
-    (recalled, not verified); 20 to 150 W/(m²·K) as in the project's facts.
+    (not verified); 20 to 150 W/(m²·K) from the truck specification.
 
     Examples
     --------
@@ -144,9 +144,9 @@ def energy_rate(H: Expr, Q: Expr, p: Expr, V_dot: Expr) -> Expr:
     Parameters
     ----------
     H : W
-        Enthalpy that flows in, c_p T w with the temperature of where the air comes from.
+        Enthalpy flow into the chamber, c_p T w with the upstream temperature.
     Q : W
-        Heat that flows in.
+        Heat flow into the chamber.
     p : Pa
         Pressure.
     V_dot : m³/s

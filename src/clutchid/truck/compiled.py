@@ -1,4 +1,4 @@
-"""The compiled closed loop, from the cache or made from the equations."""
+"""The compiled closed loop, from the cache or generated from the equations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from clutchid.codegen.cache import load_module
 from clutchid.truck.order import SETTINGS
 
 #: Functions and constants of `clutchid.truck.law` that the loop uses.
-_FUNCTIONS = ("magnet", "lift_rate", "settled", "governor", "quantised", "lagged", "request", "duty")
+_FUNCTIONS = ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")
 _CONSTANTS = ("TICK", "SAMPLE", "TICKS", "FILTER_Y", "FILTER_V", "SLOW", "ENGAGED", "VENTING")
 
 _HERE = Path(__file__).parent
@@ -18,14 +18,14 @@ _HERE = Path(__file__).parent
 
 @cache
 def loop(ledger: bool = False) -> ModuleType:
-    """The module with ``drive``; with `ledger`, of the plant that books what crosses its border.
+    """Module with ``drive``; with `ledger`, for the plant with balances of mass and energy across its boundary.
 
-    A warm call neither imports SymPy nor compiles.
+    With a filled cache, neither SymPy is imported nor anything compiled.
 
     Raises
     ------
     OSError
-        If no cache folder can be written, not even a temporary one.
+        If neither the cache folder nor a temporary folder can be written.
     """
     equations = [
         _HERE / f"{name}.py" for name in ("air", "flow", "friction", "motion", "plant", "law", "compiled", "order")
@@ -39,7 +39,7 @@ def loop(ledger: bool = False) -> ModuleType:
 def loop_source(ledger: bool) -> str:
     """Source of the module: the plant's equations inside the loop of valves, sensor and controller.
 
-    The plant stands in the loop's own body rather than behind a call, so its states stay in registers.
+    The plant is inlined in the loop rather than called, so that its states stay in registers.
     """
     import inspect
 

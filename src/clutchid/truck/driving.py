@@ -1,4 +1,4 @@
-"""`drive`: a truck along a manoeuvre, recorded; `respond`: with given duty cycles; `life`: at several ages."""
+"""`drive`: record a truck in a manoeuvre; `respond`: with given duty cycles; `life`: at several ages."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load import LoadCurve, load_curve
-from clutchid.truck.manoeuvres import Feel, wanted_position
+from clutchid.truck.manoeuvres import ClutchPoints, set_point
 from clutchid.truck.parameters import Truck
 from clutchid.truck.running import Course, Run, at_rest, run
 from clutchid.truck.truth import Truth, truth_of, write_truth
 
 #: Longest drive in s: an hour needs half a gigabyte.
 LONGEST = 3600.0
-#: How far from the far stop the transmission wants the piston, in m.
+#: Distance in m between the far stop and the largest set point.
 MARGIN = 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A recording and, apart from it, its truth; `wanted` is what the transmission asked for [m], sensor's zero."""
+    """A recording and, separately, its truth; `wanted` is the set point [m], relative to the sensor's zero."""
 
     log: Log
     truth: Truth
@@ -40,7 +40,7 @@ class Drive:
         Raises
         ------
         ExportError
-            If the file cannot be written; an older file is then as it was.
+            If the file cannot be written; an older file is then unchanged.
         """
         write_truth({stem or self.log.name: self.truth}, path)
 
@@ -65,32 +65,32 @@ def drive(
     Parameters
     ----------
     manoeuvre : name
-        One of `clutchid.truck.MANOEUVRES`; "mix" is a stretch of a day.
+        One of `clutchid.truck.MANOEUVRES`; "mix" combines all of them.
     seconds : s
         Length of the recording, 0.5 to 3600.
     seed : int
-        For everything random: manoeuvre, noise, governor, clock. The same seed gives the same recording.
+        Seed of manoeuvre, noise, governor and clock. The same seed gives the same recording.
     wear, cycles : m, 1
-        Wear of the facing and strokes, added to the truck's, see `aged`.
+        Wear of the facing and number of strokes, added to those of the truck, see `aged`.
     temperature : K, optional
-        Ambient temperature in place of the truck's.
+        Ambient temperature instead of that of the truck.
     pressure : bool
-        Whether the recording has the chamber's pressure.
+        Whether the recording includes the chamber pressure.
     recorder : 'controller' or 'bus'
         1 kHz in the controller, or 100 Hz on the bus, with its own clock.
     dropouts : int
-        Number of stretches of 5 to 60 ms without measurements (NaN).
+        Number of intervals of 5 to 60 ms without measurements (NaN).
     stuck : (s, s), optional
-        From when to when the position sensor is stuck; the controller sees that too.
+        Start and end of the time for which the position sensor is stuck, also for the controller.
     name : str
         Name of the recording.
 
     Raises
     ------
     ParameterError
-        For an impossible truck or option; wear beyond the facing; a manoeuvre that does not exist.
+        For an impossible truck or option, wear beyond the facing, or an unknown manoeuvre.
     SolveError
-        If the run leaves the finite numbers.
+        If the simulation produces values that are not finite.
 
     Examples
     --------
@@ -102,11 +102,11 @@ def drive(
     truck = aged(truck, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
     curve = load_curve(truck)
     of_course, of_noise, of_air, of_recorder = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
-    feel = Feel(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
-    wanted = wanted_position(manoeuvre, seconds, feel, of_course)
+    points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
+    wanted = set_point(manoeuvre, seconds, points, of_course)
     noise = sensors.position_noise(truck, wanted.size, of_noise)
     course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck))
-    start, working = _morning(truck, curve, of_air)
+    start, working = _initial_state(truck, curve, of_air)
     done = run(truck, course, start=start, working=working)
     read = sensors.measured_pressure(truck, done.pressure, of_air) if pressure else None
     log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
@@ -120,14 +120,14 @@ def drive(
 def life(
     truck: Truck, ages: Sequence[tuple[float, float]], *, seconds: float = 30.0, seed: int = 0
 ) -> tuple[Drive, ...]:
-    """The life of a vehicle: a drive at each age, the first with pressure (calibration), the rest without (worn1, ...).
+    """Life of a vehicle: a drive at each age, the first with pressure (calibration), the others without (worn1, ...).
 
     Parameters
     ----------
     ages : (m, 1) each
-        Wear of the facing and strokes, counted from `truck`.
+        Wear of the facing and number of strokes, relative to `truck`.
     seconds, seed
-        As in `drive`; every drive gets a seed of its own.
+        As in `drive`; every drive has its own seed.
 
     Raises
     ------
@@ -151,16 +151,16 @@ def life(
 
 
 def respond(truck: Truck, duty_supply: FloatArray, duty_exhaust: FloatArray) -> Drive:
-    """`truck` from the engaged rest with given duty cycles at every millisecond, recorded without noise.
+    """Response of `truck` from the engaged rest to duty cycles given at every millisecond, recorded without noise.
 
-    Between the starts of two periods (`T_pwm`) a duty cycle is held, as the valves' timer does it.
+    A duty cycle is held over each period (`T_pwm`), as in the timer of the valves.
 
     Raises
     ------
     ParameterError
         If the duty cycles are not two columns of the same length within 0 to 1.
     SolveError
-        If the run leaves the finite numbers.
+        If the simulation produces values that are not finite.
 
     Examples
     --------
@@ -172,14 +172,14 @@ def respond(truck: Truck, duty_supply: FloatArray, duty_exhaust: FloatArray) -> 
     """
     forced = np.column_stack([duty_supply, duty_exhaust]).astype(np.float64)
     if len(forced) < 2 or not np.all((forced >= 0) & (forced <= 1)):
-        raise ParameterError("duty cycles: two columns of at least 2 numbers between 0 and 1 are needed.")
+        raise ParameterError("duty cycles: two columns of at least 2 values between 0 and 1 are needed.")
     curve, nothing = load_curve(truck), np.zeros(len(forced))
     done = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
     return Drive(_recorded(done, done.pressure, "response", {}), truth_of(truck, curve, done), nothing)
 
 
 def _samples(span: tuple[float, float] | None) -> tuple[int, int]:
-    """The samples from when to when, or none."""
+    """Start and end as sample indices, or (-1, -1)."""
     return (-1, -1) if span is None else (round(span[0] / SAMPLE), round(span[1] / SAMPLE))
 
 
@@ -188,8 +188,8 @@ def _recorded(done: Run, pressure: FloatArray | None, name: str, metadata: dict[
     return Log(done.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
 
 
-def _morning(truck: Truck, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
-    """States at the start, somewhere on the governor's saw-tooth, and whether the compressor works."""
+def _initial_state(truck: Truck, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
+    """Initial states, at a random phase of the governor's saw-tooth, and whether the compressor runs."""
     p_G = truck.P_S + truck.dP_G * rng.uniform(-0.95, 0.95)
     return at_rest(truck, curve, p_G), bool(rng.uniform() < truck.r_down / (truck.r_up + truck.r_down))
 
@@ -197,14 +197,14 @@ def _morning(truck: Truck, curve: LoadCurve, rng: np.random.Generator) -> tuple[
 def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple[float, float] | None) -> None:
     problems = []
     if not 0.5 <= seconds <= LONGEST:
-        problems.append(f"seconds = {seconds:g}: a drive takes 0.5 to {LONGEST:g} s.")
+        problems.append(f"seconds = {seconds:g}: a drive lasts 0.5 to {LONGEST:g} s.")
     if seed < 0:
-        problems.append(f"seed = {seed}: a seed is a whole number of at least 0.")
+        problems.append(f"seed = {seed}: must be an integer of at least 0.")
     if dropouts < 0:
-        problems.append(f"dropouts = {dropouts}: a number of at least 0 is needed.")
+        problems.append(f"dropouts = {dropouts}: must be at least 0.")
     if recorder not in ("controller", "bus"):
         problems.append(f"recorder = {recorder!r}: must be controller or bus.")
     if stuck is not None and not 0 <= stuck[0] < stuck[1]:
-        problems.append(f"stuck = {stuck}: give the start and the end in s, in this order.")
+        problems.append(f"stuck = {stuck}: give start and end in s, with start before end.")
     if problems:
         raise ParameterError("\n".join(problems))

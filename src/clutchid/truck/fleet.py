@@ -1,4 +1,4 @@
-"""Truck types: each number draws one from the ranges in ``ranges.toml``."""
+"""Truck types: each number seeds a draw from the ranges in ``ranges.toml``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from clutchid.truck.parameters import Truck
 #: The versioned file with the ranges.
 RANGES = Path(__file__).parent / "ranges.toml"
 
-#: Period in s at which bang-bang drive decides; its valves are as quick as for PWM of 100 Hz.
+#: Sampling period in s of the bang-bang drive; its valves are as fast as for PWM at 100 Hz.
 BANG_PERIOD, BANG_VALVES = 0.002, 0.01
 
 
@@ -25,7 +25,7 @@ def truck(number: int) -> Truck:
     Raises
     ------
     ParameterError
-        If `number` is no whole number of at least 0.
+        If `number` is not an integer of at least 0.
 
     Examples
     --------
@@ -47,12 +47,12 @@ def truck(number: int) -> Truck:
 
 @cache
 def ranges() -> dict[str, Any]:
-    """The content of the file with the ranges."""
+    """Content of the file with the ranges."""
     return tomllib.loads(RANGES.read_text(encoding="utf-8"))
 
 
 def tuning(T_pwm: float, drive: str) -> dict[str, float]:
-    """Numbers of the controller for a period of the valves: the longer it waits, the further it looks ahead."""
+    """Parameters of the controller for a period of the valves; a longer period needs a longer prediction time."""
     if drive == "bang-bang":
         return {"T_pwm": BANG_PERIOD, "L_p": 3e-3, "t_lead": 0.01, "e_in": 0.8e-3, "e_out": 1e-3}
     return {"T_pwm": T_pwm, "L_p": 3e-3 + 0.2 * T_pwm, "t_lead": 0.007 + 0.6 * T_pwm, "e_in": 0.15e-3, "e_out": 0.3e-3}

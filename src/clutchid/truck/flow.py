@@ -1,4 +1,4 @@
-"""Flow of air through valves, orifices and leaks: ISO 6358 with upstream temperature, and the viscous slit."""
+"""Air flow through valves, orifices and leaks: ISO 6358 with upstream temperature, and viscous slit flow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ RHO_N, P_N, T_N = 1.185, 1e5, 293.15
 
 
 def flow_function(r: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
-    r"""Flow function of ISO 6358-1:2013 with a straight line near r = 1.
+    r"""Flow function of ISO 6358-1:2013, linear near r = 1.
 
     .. math:: \psi(r) = \begin{cases} 1, & r \le b \\
               \left(1 - \left(\frac{r - b}{1 - b}\right)^2\right)^m, & b < r \le r_{lam} \\
@@ -20,7 +20,7 @@ def flow_function(r: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
     Parameters
     ----------
     r : 1
-        Pressure behind over pressure before, at least 0.
+        Ratio of downstream to upstream pressure, at least 0.
     b : 1
         Critical pressure ratio, in [0, r_lam).
     m : 1
@@ -35,8 +35,8 @@ def flow_function(r: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
 
     References
     ----------
-    ISO 6358-1:2013 (sonic conductance C, critical ratio b, subsonic index m). The straight line is ours: for m < 1 the
-    curve reaches r = 1 with a vertical tangent.
+    ISO 6358-1:2013 (sonic conductance C, critical ratio b, subsonic index m). The linear part is added: for m < 1 the
+    curve has a vertical tangent at r = 1.
 
     Examples
     --------
@@ -59,9 +59,9 @@ def valve_flow(p_h: Expr, p_l: Expr, T_h: Expr, C: Expr, b: Expr, m: Expr, r_lam
     Parameters
     ----------
     p_h, p_l : Pa
-        Pressure before and behind, above 0.
+        Upstream and downstream pressure, above 0.
     T_h : K
-        Temperature before, above 0.
+        Upstream temperature, above 0.
     C : m³/(Pa·s)
         Sonic conductance, at least 0.
     b, m, r_lam : 1
@@ -85,7 +85,7 @@ def valve_flow(p_h: Expr, p_l: Expr, T_h: Expr, C: Expr, b: Expr, m: Expr, r_lam
 
 
 def orifice_flow(p_1: Expr, p_2: Expr, T_1: Expr, T_2: Expr, C: Expr, b: Expr, m: Expr, r_lam: Expr) -> Expr:
-    r"""Mass flow from 1 to 2 through an orifice that is open both ways, negative from 2 to 1.
+    r"""Mass flow from 1 to 2 through an orifice that passes flow in both directions, negative from 2 to 1.
 
     .. math:: w_{12} = \begin{cases} w(p_1, p_2, T_1), & p_1 \ge p_2 \\ -w(p_2, p_1, T_2), & p_1 < p_2 \end{cases}
 
@@ -117,7 +117,7 @@ def orifice_flow(p_1: Expr, p_2: Expr, T_1: Expr, T_2: Expr, C: Expr, b: Expr, m
 
 
 def slit_flow(p_1: Expr, p_2: Expr, T: Expr, C: Expr) -> Expr:
-    r"""Leak through a narrow slit from 1 to 2, negative from 2 to 1.
+    r"""Leakage through a narrow slit from 1 to 2, negative from 2 to 1.
 
     .. math:: w_{12} = \rho_N \, C \, \frac{p_1^2 - p_2^2}{p_N} \frac{T_N}{T}
 
@@ -126,7 +126,7 @@ def slit_flow(p_1: Expr, p_2: Expr, T: Expr, C: Expr) -> Expr:
     p_1, p_2 : Pa
         Pressures on both sides.
     T : K
-        Temperature of the slit's wall, above 0; the air takes it.
+        Temperature of the wall of the slit and of the air in it, above 0.
     C : m³/(Pa·s)
         Conductance, at least 0.
 
@@ -136,8 +136,8 @@ def slit_flow(p_1: Expr, p_2: Expr, T: Expr, C: Expr) -> Expr:
 
     References
     ----------
-    Textbook: isothermal viscous flow of an ideal gas in a slit goes with the difference of the squared pressures;
-    piston-seal and outward leak of this size as in the project's facts.
+    Textbook: isothermal viscous flow of an ideal gas in a slit is proportional to the difference of the squared
+    pressures; leakage of this size from the truck specification.
 
     Examples
     --------
@@ -157,7 +157,7 @@ def line_flow(p_1: Expr, p_2: Expr, G: Expr) -> Expr:
     Parameters
     ----------
     p_1, p_2 : Pa
-        Pressure before and behind.
+        Upstream and downstream pressure.
     G : kg/(Pa·s)
         Conductance, at least 0.
 
@@ -168,7 +168,7 @@ def line_flow(p_1: Expr, p_2: Expr, G: Expr) -> Expr:
 
     References
     ----------
-    Textbook, small pressure difference; the check valve holds a circuit's air when the compressor rests.
+    Textbook, small pressure difference; the check valve keeps the air in the circuit while the compressor is off.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Friction: LuGre at the seals, with Stribeck effect, pressure and cold; Dahl in the release bearing and the spring."""
+"""Friction: LuGre with Stribeck effect, pressure and temperature at the seals; Dahl in release bearing and springs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from clutchid.codegen.system import Expr
 
 
 def coulomb_force(p_A: Expr, p_B: Expr, F_C: Expr, c_F: Expr) -> Expr:
-    r"""Coulomb friction of the seals; the pressure presses the lips.
+    r"""Coulomb friction of the seals, which increases with the pressure on the lips.
 
     .. math:: F = F_C + c_F \, |p_A - p_B|
 
@@ -19,7 +19,7 @@ def coulomb_force(p_A: Expr, p_B: Expr, F_C: Expr, c_F: Expr) -> Expr:
     F_C : N
         Friction without pressure, above 0.
     c_F : m²
-        Rise with the pressure over the piston seal, at least 0.
+        Increase with the pressure over the piston seal, at least 0.
 
     Returns
     -------
@@ -27,7 +27,7 @@ def coulomb_force(p_A: Expr, p_B: Expr, F_C: Expr, c_F: Expr) -> Expr:
 
     References
     ----------
-    Size as in the project's facts, F_C(p).
+    Magnitude from the truck specification, F_C(p).
 
     Examples
     --------
@@ -49,7 +49,7 @@ def stribeck_force(v: Expr, F: Expr, R_S: Expr, v_S: Expr) -> Expr:
     F : N
         Coulomb friction, above 0.
     R_S : 1
-        Stiction over Coulomb friction, at least 1.
+        Ratio of static to Coulomb friction, at least 1.
     v_S : m/s
         Stribeck velocity, above 0.
 
@@ -59,7 +59,7 @@ def stribeck_force(v: Expr, F: Expr, R_S: Expr, v_S: Expr) -> Expr:
 
     References
     ----------
-    Hess and Soom, Trans. ASME J. Tribology 112 (1990) (recalled); ratio 1.2 to 1.6 as in the project's facts.
+    Hess and Soom, Trans. ASME J. Tribology 112 (1990) (not verified); ratio 1.2 to 1.6 from the truck specification.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def deflection_rate(v: Expr, z: Expr, K: Expr, g: Expr) -> Expr:
 
 
 def seal_force(v: Expr, z: Expr, z_dot: Expr, K_z: Expr, D_z: Expr, v_z: Expr, D_v: Expr) -> Expr:
-    r"""Friction of the seals; the damping of the deflection fades with speed, so that sliding takes energy only.
+    r"""Friction of the seals; the damping of the deflection decays with speed, so that sliding is dissipative.
 
     .. math:: f = K_z z + \frac{D_z}{1 + (v / v_z)^2} \dot z + D_v v
 
@@ -117,7 +117,7 @@ def seal_force(v: Expr, z: Expr, z_dot: Expr, K_z: Expr, D_z: Expr, v_z: Expr, D
     D_z : N·s/m
         Damping at rest, at least 0.
     v_z : m/s
-        Velocity at which half the damping is left, above 0.
+        Velocity at which the damping is halved, above 0.
     D_v : N·s/m
         Viscous friction, at least 0, see `viscous_friction`.
 
@@ -128,7 +128,7 @@ def seal_force(v: Expr, z: Expr, z_dot: Expr, K_z: Expr, D_z: Expr, v_z: Expr, D
 
     References
     ----------
-    As `deflection_rate`; fading damping: Olsson, thesis, Lund 1996 (recalled).
+    As `deflection_rate`; velocity-dependent damping: Olsson, thesis, Lund 1996 (not verified).
 
     Examples
     --------
@@ -139,7 +139,7 @@ def seal_force(v: Expr, z: Expr, z_dot: Expr, K_z: Expr, D_z: Expr, v_z: Expr, D
 
 
 def viscous_friction(D_v: Expr, beta: Expr, T: Expr, T_N: Expr) -> Expr:
-    r"""Viscous friction of the grease, which stiffens in the cold.
+    r"""Viscous friction of the grease, which increases at low temperature.
 
     .. math:: D = D_v \exp(-\beta (T - T_N))
 
@@ -158,7 +158,7 @@ def viscous_friction(D_v: Expr, beta: Expr, T: Expr, T_N: Expr) -> Expr:
 
     References
     ----------
-    Reynolds' viscosity law; twice at -30 °C and half at 80 °C as in the project's facts.
+    Reynolds' viscosity law; twice at -30 °C and half at 80 °C from the truck specification.
 
     Examples
     --------
@@ -180,7 +180,7 @@ def bearing_force(f_l: Expr, F_h: Expr, mu_h: Expr) -> Expr:
     F_h : N
         Friction without load, above 0.
     mu_h : 1
-        Share of the load, at least 0.
+        Fraction of the load, at least 0.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def bearing_force(f_l: Expr, F_h: Expr, mu_h: Expr) -> Expr:
 
     References
     ----------
-    Hysteresis of 5 to 10 % of the load as in the project's facts, that is mu_h of 0.025 to 0.05.
+    Hysteresis of 5 to 10 % of the load from the truck specification, that is mu_h of 0.025 to 0.05.
 
     Examples
     --------

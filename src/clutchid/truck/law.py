@@ -1,25 +1,25 @@
-"""What runs beside the plant on a clock: the magnets of the valves, the governor, the sensor and the controller.
+"""Discrete-time parts of the truck: solenoids of the valves, governor, sensor and controller.
 
-Plain functions of numbers. Their source is copied into the generated module and compiled with the plant, so they use
-nothing but arithmetic and `math`; tests call them as they stand here.
+Scalar functions. Their source is copied into the generated module and compiled with the plant, so they use only
+arithmetic and `math`; tests call them directly.
 """
 
 from __future__ import annotations
 
 import math
 
-#: Clock of valves and integration, and clock of sensor, controller and recording, in s.
+#: Time step of valves and integration, and sampling time of sensor, controller and recording, in s.
 TICK, SAMPLE = 1e-4, 1e-3
-#: Ticks in a sample.
+#: Ticks per sample.
 TICKS = 10
 
 #: Time constants of the controller's filters for position and velocity, in s.
 FILTER_Y, FILTER_V = 0.002, 0.005
-#: Velocity below which the controller may hold, in m/s.
+#: Velocity in m/s below which the controller may close both valves.
 SLOW = 0.02
-#: Wanted position below which the clutch is meant to be engaged and the chamber is vented, in m.
+#: Set point in m below which the clutch is engaged and the chamber vented.
 ENGAGED = 1e-4
-#: How long the exhaust stays open after the piston is back, in s.
+#: Time in s for which the exhaust stays open after the piston has returned.
 VENTING = 0.4
 
 
@@ -31,7 +31,7 @@ def magnet(flux: float, energised: bool, t_pull: float, t_drop: float, tick: flo
 
 
 def lift_rate(flux: float, energised: bool, lift: float, t_open: float, t_close: float, tick: float) -> float:
-    """Rate of a valve's lift over a tick in 1/s: it opens with full flux, closes without, and rests in between."""
+    """Rate of a valve's lift over a tick in 1/s: it opens at full flux, closes without flux, and stays in between."""
     if energised and flux > 1.0 - 1e-6:
         return min(1.0 / t_open, (1.0 - lift) / tick)
     if not energised and flux < 1e-6:
@@ -39,27 +39,27 @@ def lift_rate(flux: float, energised: bool, lift: float, t_open: float, t_close:
     return 0.0
 
 
-def settled(lift: float) -> float:
-    """A lift without the rounding of its ramp: exactly 0 or 1 at the ends."""
+def snapped(lift: float) -> float:
+    """A lift without the rounding errors of its ramp: exactly 0 or 1 at the ends."""
     if lift < 1e-9:
         return 0.0
     return 1.0 if lift > 1.0 - 1e-9 else lift
 
 
 def governor(working: bool, p_G: float, P_S: float, dP_G: float) -> bool:
-    """Whether the compressor works: it starts at the lower end of the saw-tooth and stops at the upper one."""
+    """Whether the compressor runs: on-off control with hysteresis between the ends of the saw-tooth."""
     if p_G <= P_S - dP_G:
         return True
     return working and p_G < P_S + dP_G
 
 
 def quantised(value: float, quantum: float) -> float:
-    """`value` as the converter gives it."""
+    """`value` rounded to multiples of `quantum`."""
     return quantum * math.floor(value / quantum + 0.5) if quantum > 0.0 else value
 
 
 def lagged(out: float, before: float, now: float, tau: float, tick: float) -> float:
-    """First-order lag over a tick in which its input goes straight from `before` to `now`; exact."""
+    """First-order lag over one tick with a linear input from `before` to `now`; exact."""
     if tau <= 0.0:
         return now
     x = tick / tau
@@ -79,19 +79,19 @@ def request(
     e_in: float,
     e_out: float,
 ) -> tuple[float, bool, float]:
-    """What the controller asks of the valves, -1 (exhaust open) to 1 (supply open), from filtered measurements.
+    """Controller output to the valves, -1 (exhaust open) to 1 (supply open), from filtered measurements.
 
-    It acts on the error that will be left when the valves answer, holds inside a dead band with hysteresis, and vents
-    the chamber when the clutch is meant to be engaged.
+    It acts on the predicted error at the time when the valves respond, closes both valves inside a dead band with
+    hysteresis, and vents the chamber if the clutch is to be engaged.
 
     Parameters
     ----------
     wanted, y, v
-        Wanted and filtered position in m, filtered velocity in m/s.
+        Set point and filtered position in m, filtered velocity in m/s.
     holding, venting
-        Memory: whether it holds, and for how many seconds more it vents.
+        State of the controller: whether it holds, and remaining venting time in s.
     band, lead, e_in, e_out
-        Error at full opening in m, look-ahead in s, dead band in m.
+        Error at full opening in m, prediction time in s, dead band in m.
     """
     if wanted < ENGAGED:
         left = VENTING if y > 0.5e-3 else venting - SAMPLE
@@ -104,7 +104,7 @@ def request(
 
 
 def duty(ask: float, dead: float, bang_bang: bool, timer: float) -> float:
-    """Duty cycle of a valve for a request of 0 to 1: past its dead zone, in steps of the timer, or on and off."""
+    """Duty cycle of a valve for a request of 0 to 1: above its dead zone, in steps of the timer, or on-off."""
     if ask <= 0.0:
         return 0.0
     if bang_bang:

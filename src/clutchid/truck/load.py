@@ -1,4 +1,4 @@
-"""The load on the piston of a truck, solved once from its springs and held as a piecewise cubic table."""
+"""Load on the piston of a truck, computed once from its springs and stored as a piecewise cubic table."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.truck.ageing import worn_numbers
+from clutchid.truck.ageing import worn_parameters
 from clutchid.truck.parameters import Truck
 from clutchid.truck.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
 
-#: Distance of the table's breakpoints, and how far it reaches beyond the far stop, in m.
+#: Distance of the breakpoints of the table, and its extent beyond the far stop, in m.
 PITCH, BEYOND = 0.1e-3, 2e-3
-#: Travel at which Kluever's load stands for a clutch that takes hold, in m.
+#: Travel in m that counts as the touch point of Kluever's load.
 KLUEVER_TOUCH = 6e-3
-#: Share of the clamping force that is left where the clutch takes hold.
+#: Fraction of the clamping force at the touch point.
 TOUCH = 0.15
 
 
@@ -26,8 +26,8 @@ class LoadCurve:
     """Load over the mechanical position of the piston, which is 0 at the engaged rest of the new clutch.
 
     `breakpoints` [m] and `coefficients` [N/m^k], shape (s + 1, 4), in powers of the distance to the breakpoint on the
-    left, are what the kernel reads; `rest` and `touch` [m] are where the piston rests when the clutch is engaged, and
-    where the clutch takes hold.
+    left, are inputs of the kernel; `rest` and `touch` [m] are the position of the piston with the clutch engaged, and
+    the touch point.
     """
 
     breakpoints: FloatArray
@@ -47,28 +47,28 @@ class LoadCurve:
 
 @lru_cache(maxsize=64)
 def load_curve(truck: Truck) -> LoadCurve:
-    r"""The load curve of `truck` at its age.
+    r"""Load curve of `truck` at its age.
 
     .. math:: y = y_r + i_l \left(s + \frac{F}{K_c}\right), \quad F = P_1(l_0 - w + s) - F_{cushion}(c_0 - s), \quad
               f_l = \frac{F}{i_l} + F_r + k_r y
 
-    The pressure plate lifts by s; cover and fingers give way by F / K_c in series; the cushion, pressed by c_0 when the
-    clutch is engaged, helps until it is free. The return spring acts beside them.
+    The pressure plate lifts by s; cover and fingers deflect by F / K_c in series; the cushion, compressed by c_0 in the
+    engaged clutch, reduces the load until it is free. The return spring acts in parallel.
 
     Raises
     ------
     ParameterError
-        If the springs pull the piston somewhere in the stroke, or snap.
+        If the load is negative somewhere in the stroke, or the diaphragm snaps through.
 
     Examples
     --------
     >>> curve = load_curve(Truck())
-    >>> f"{curve.force(np.array([8.1e-3]))[0] - 40 - 1500 * 8.1e-3:.0f} N, holds from {curve.touch * 1e3:.1f} mm"
-    '4771 N, holds from 5.7 mm'
+    >>> f"{curve.force(np.array([8.1e-3]))[0] - 40 - 1500 * 8.1e-3:.0f} N, touch point at {curve.touch * 1e3:.1f} mm"
+    '4771 N, touch point at 5.7 mm'
     """
     from scipy.interpolate import CubicSpline
 
-    worn = worn_numbers(truck)
+    worn = worn_parameters(truck)
     rest = worn["y_r"]
     travel = np.arange(0.0, truck.y_max - rest + BEYOND, PITCH)
     force, touch = _diaphragm(truck, travel) if truck.load == "diaphragm" else _kluever(truck, travel)
@@ -76,7 +76,7 @@ def load_curve(truck: Truck) -> LoadCurve:
     if np.any(force[:-1] + spring <= 0):
         low = travel[np.argmin(force)] * 1e3
         raise ParameterError(
-            f"springs: at {low:.1f} mm the clutch pulls the piston; it would stay open. Check H and h."
+            f"springs: at {low:.1f} mm the load is negative, so the clutch would stay open. Check H and h."
         )
     spline = CubicSpline(travel, force).c[::-1].T
     engaged = np.array([[spring[0], truck.k_r, 0.0, 0.0]])
@@ -88,13 +88,13 @@ def load_curve(truck: Truck) -> LoadCurve:
 
 
 def clutch_force(truck: Truck, travel: FloatArray) -> FloatArray:
-    """Force of the clutch alone in N over the travel from its engaged rest in m, without the return spring."""
+    """Force of the clutch in N over the travel from its engaged rest in m, without the return spring."""
     return (_diaphragm if truck.load == "diaphragm" else _kluever)(truck, travel)[0]
 
 
 def _diaphragm(t: Truck, travel: FloatArray) -> tuple[FloatArray, float]:
-    """Force at the actuator over its travel, and the travel at which the clutch takes hold."""
-    steel = (t.E, t.nu, t.h, worn_numbers(t)["H"], t.R_d, t.r_d, t.R_1, t.r_1)
+    """Force at the actuator over its travel, and the travel at the touch point."""
+    steel = (t.E, t.nu, t.h, worn_parameters(t)["H"], t.R_d, t.r_d, t.R_1, t.r_1)
     l_w = t.l_0 - t.wear
     clamp = diaphragm_force(l_w, *steel)
     if clamp <= 0:
@@ -110,7 +110,7 @@ def _diaphragm(t: Truck, travel: FloatArray) -> tuple[FloatArray, float]:
         return force
 
     low, high = np.zeros_like(travel), travel / t.i_l + clamp / t.K_c
-    for _ in range(60):  # bisection: the travel rises with s as long as the springs in series are stable
+    for _ in range(60):  # bisection: the travel increases with s as long as the springs in series are stable
         middle = 0.5 * (low + high)
         below = t.i_l * (middle + rim(middle) / t.K_c) < travel
         low, high = np.where(below, middle, low), np.where(below, high, middle)
@@ -118,7 +118,7 @@ def _diaphragm(t: Truck, travel: FloatArray) -> tuple[FloatArray, float]:
     if np.abs(t.i_l * (lift + rim(lift) / t.K_c) - travel).max() > 1e-9 or np.any(
         np.diff(lift) > 10 * np.diff(travel) / t.i_l
     ):
-        raise ParameterError(f"K_c = {t.K_c:g} N/m: so soft a cover lets the diaphragm snap; it must be stiffer.")
+        raise ParameterError(f"K_c = {t.K_c:g} N/m: the diaphragm snaps through with a cover this soft; increase K_c.")
     free = c_0 - cushion_compression(TOUCH * clamp, t.F_cu, t.c_cu, t.n_cu)
     return rim(lift) / t.i_l, float(t.i_l * (free + rim(np.array([free]))[0] / t.K_c))
 

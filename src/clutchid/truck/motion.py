@@ -8,7 +8,7 @@ from clutchid.codegen.system import Expr
 
 
 def acceleration(p_A: Expr, p_B: Expr, f: Expr, A_A: Expr, A_B: Expr, P_0: Expr, M: Expr) -> Expr:
-    r"""Newton's second law for the piston and what moves with it.
+    r"""Newton's second law for the piston and the mass that moves with it.
 
     .. math:: \dot v = \frac{1}{M} \left(A_A (p_A - P_0) - A_B (p_B - P_0) - f\right)
 
@@ -42,7 +42,7 @@ def acceleration(p_A: Expr, p_B: Expr, f: Expr, A_A: Expr, A_B: Expr, P_0: Expr,
 
 
 def stop_force(d: Expr, d_dot: Expr, K_stop: Expr, chi: Expr) -> Expr:
-    r"""Force of an end stop at the penetration d; one-sided, without a step, never pulling.
+    r"""Force of an end stop at the penetration d; one-sided, continuous, never pulling.
 
     .. math:: f = K_{stop} \, d^{3/2} \max(0, 1 + \chi \dot d) \quad \text{for } d > 0
 
@@ -53,7 +53,7 @@ def stop_force(d: Expr, d_dot: Expr, K_stop: Expr, chi: Expr) -> Expr:
     K_stop : N/m^1.5
         Stiffness of the contact, above 0.
     chi : s/m
-        Damping, at least 0: what an impact at the speed u loses is about 2/3 chi u of that speed.
+        Damping, at least 0: an impact at speed u loses about the fraction 2/3 chi u of that speed.
 
     Returns
     -------

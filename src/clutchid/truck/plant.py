@@ -11,8 +11,8 @@ from clutchid.truck import air, flow, friction, motion
 from clutchid.truck.order import INPUTS, LEDGER, PARAMETERS, STATES
 
 
-class _Book:
-    """Definitions in the order in which they are written; ``book.p_A = value`` names an expression."""
+class _Definitions:
+    """Named expressions in order of definition; ``definitions.p_A = value`` adds one."""
 
     def __init__(self, known: dict[str, Expr]) -> None:
         self.__dict__.update(known)
@@ -29,7 +29,7 @@ class _Book:
 
 @cache
 def plant(ledger: bool = False) -> System:
-    r"""The equations of the virtual truck; with `ledger` also the air and energy that cross its border.
+    r"""The equations of the virtual truck; with `ledger` also the mass and energy that cross its boundary.
 
     .. math:: \dot x = f(x, u), \quad x = (y, v, m_A, U_A, m_B, U_B, m_S, U_S, z, z_h, x_s, x_e, p_G)
 
@@ -44,8 +44,8 @@ def plant(ledger: bool = False) -> System:
 
     Notes
     -----
-    A lift and the governor's pressure move at rates that are held over a tick of 0.1 ms, so every ramp and every edge
-    of a valve lies on the grid of the integration.
+    Valve lifts and the governor's pressure change at rates that are constant over a tick of 0.1 ms, so every ramp and
+    every valve edge coincides with an integration step.
 
     Examples
     --------
@@ -53,7 +53,7 @@ def plant(ledger: bool = False) -> System:
     (13, 15)
     """
     names = (*STATES, *INPUTS, *PARAMETERS, "f_l")
-    b = _Book({name: sp.Symbol(name, real=True) for name in names})
+    b = _Definitions({name: sp.Symbol(name, real=True) for name in names})
     _air(b)
     _flows(b)
     _forces(b)
@@ -71,7 +71,7 @@ def plant(ledger: bool = False) -> System:
     )
 
 
-def _air(b: _Book) -> None:
+def _air(b: _Definitions) -> None:
     """Volumes, pressures and temperatures."""
     b.V_A = b.V_0A + b.A_A * b.y
     b.V_B = b.V_0B + b.A_B * (b.y_max - b.y)
@@ -87,8 +87,8 @@ def _air(b: _Book) -> None:
     b.Q_S = b.UA_S * (b.T_0 - b.T_S)
 
 
-def _flows(b: _Book) -> None:
-    """Mass flows; each of a valve is computed only while it is open."""
+def _flows(b: _Definitions) -> None:
+    """Mass flows; the flow of a valve is computed only while it is open."""
     supply = b.x_s * flow.valve_flow(b.p_S, b.p_A, b.T_S, b.C_s, b.b_s, b.m_s, b.r_lam)
     exhaust = b.x_e * flow.valve_flow(b.p_A, b.P_0, b.T_A, b.C_e, b.b_e, b.m_e, b.r_lam)
     b.w_s = sp.Piecewise((supply, b.x_s > 0), (0, True))
@@ -103,8 +103,8 @@ def _flows(b: _Book) -> None:
     b.T_A0 = sp.Piecewise((b.T_A, b.w_A0 > 0), (b.T_0, True))
 
 
-def _forces(b: _Book) -> None:
-    """Friction, hysteresis of the load, and stops: at the engaged rest, which moves with wear, and at the far end."""
+def _forces(b: _Definitions) -> None:
+    """Friction, hysteresis of the load, and end stops: engaged rest, which moves with wear, and far end."""
     b.F_t = friction.coulomb_force(b.p_A, b.p_B, b.F_C, b.c_F)
     b.z_dot = friction.deflection_rate(b.v, b.z, b.K_z, friction.stribeck_force(b.v, b.F_t, b.R_S, b.v_S))
     b.D_T = friction.viscous_friction(b.D_v, b.beta, b.T_w, flow.T_N)
@@ -115,7 +115,7 @@ def _forces(b: _Book) -> None:
     )
 
 
-def _rates(b: _Book) -> tuple[Expr, ...]:
+def _rates(b: _Definitions) -> tuple[Expr, ...]:
     """Right-hand sides in the order of `STATES`."""
     force = b.f_l + b.f_h + b.f_f + b.f_s
     H_A = b.c_p * (b.T_S * b.w_s - b.T_A * b.w_e - b.T_AB * b.w_AB - b.T_A0 * b.w_A0)
@@ -138,8 +138,8 @@ def _rates(b: _Book) -> tuple[Expr, ...]:
     )
 
 
-def _ledger_rates(b: _Book) -> tuple[Expr, ...]:
-    """Air and energy into everything: reservoir, both chambers, and the moving mass; typed for the border alone."""
+def _ledger_rates(b: _Definitions) -> tuple[Expr, ...]:
+    """Mass and energy flows across the boundary around reservoir, both chambers and the moving mass."""
     mass = b.w_G + b.w_r - b.w_e - b.w_A0
     enthalpy = b.c_p * (b.T_0 * b.w_G + b.T_r * b.w_r - b.T_A * b.w_e - b.T_A0 * b.w_A0)
     work = (b.f_l + b.f_h + b.f_f + b.f_s + b.P_0 * (b.A_A - b.A_B)) * b.v

@@ -1,4 +1,4 @@
-"""Running the compiled loop: numbers of a truck in the loop's order, and the state of a truck at rest."""
+"""Run the compiled loop: parameters of a truck in the order of the loop, and the state of a truck at rest."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import numpy as np
 
 from clutchid.errors import ParameterError, SolveError
 from clutchid.log import FloatArray
-from clutchid.truck.ageing import worn_numbers
+from clutchid.truck.ageing import worn_parameters
 from clutchid.truck.compiled import loop
 from clutchid.truck.law import SAMPLE, TICK
 from clutchid.truck.load import LoadCurve, load_curve
 from clutchid.truck.order import LEDGER, PARAMETERS, SETTINGS, STATES
 from clutchid.truck.parameters import Truck
 
-#: Request at which bang-bang drive opens a valve.
+#: Controller output at which the bang-bang drive opens a valve.
 BANG = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """What a run follows, at every millisecond.
+    """Inputs of a run at every millisecond.
 
-    Wanted position [m] in the sensor's zero, forced duty cycles (NaN where the controller decides), noise of the
-    position sensor [m], and the samples from when to when the sensor is stuck.
+    Set point [m] relative to the sensor's zero, prescribed duty cycles (NaN: from the controller), noise of the
+    position sensor [m], and the first and last sample for which the sensor is stuck.
     """
 
     wanted: FloatArray
@@ -35,9 +35,9 @@ class Course:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What a run gives at every millisecond.
+    """Outputs of a run at every millisecond.
 
-    The plant's states, the position as measured [m] in the sensor's zero, the chamber's pressure behind the lag of its
+    States of the plant, measured position [m] relative to the sensor's zero, chamber pressure after the lag of its
     sensor [Pa], both duty cycles, and the mechanical position [m] of the sensor's zero.
     """
 
@@ -63,25 +63,25 @@ def run(
     substeps: int = 1,
     ledger: bool = False,
 ) -> Run:
-    """Run `truck` along `course`, from the engaged rest or from `start`.
+    """Simulate `truck` with the inputs `course`, from the engaged rest or from `start`.
 
     Parameters
     ----------
     curve : LoadCurve, optional
-        Another load than the truck's own.
+        Load instead of that of the truck.
     start : states, optional
         In the order of `clutchid.truck.order.STATES`.
     working : bool
-        Whether the compressor works at the start.
+        Whether the compressor runs at the start.
     substeps : int
-        Integration steps in a tick of 0.1 ms.
+        Integration steps per tick of 0.1 ms.
     ledger : bool
-        Add the books of `clutchid.truck.order.LEDGER` as further states.
+        Add `clutchid.truck.order.LEDGER` as further states.
 
     Raises
     ------
     SolveError
-        If the run leaves the finite numbers; the text says when.
+        If the simulation produces values that are not finite; the text gives the time.
     """
     curve = load_curve(truck) if curve is None else curve
     x0 = at_rest(truck, curve) if start is None else np.array(start, dtype=np.float64)
@@ -91,12 +91,15 @@ def run(
     n = course.wanted.size
     states, measured, pressure, duties = np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2))
     failed = loop(ledger).drive(
-        x0, _plant_numbers(truck), _settings(truck, zero, working), curve.breakpoints, curve.coefficients,
+        x0, _plant_parameters(truck), _settings(truck, zero, working), curve.breakpoints, curve.coefficients,
         course.wanted, course.forced, course.noise, np.array(course.stuck, dtype=np.int64), substeps,
         states, measured, pressure, duties,
     )  # fmt: skip
     if failed >= 0:
-        raise SolveError(f"the truck left the finite numbers at {failed * SAMPLE:.3f} s; its numbers are too extreme.")
+        raise SolveError(
+            f"the simulation of the truck is not finite from {failed * SAMPLE:.3f} s on; its parameters are too "
+            "extreme."
+        )
     return Run(states, measured, pressure, duties, zero)
 
 
@@ -115,7 +118,7 @@ def _air(t: Truck, p: float, V: float, T: float) -> tuple[float, float]:
 
 
 def rest_position(truck: Truck, curve: LoadCurve) -> float:
-    """Mechanical position in m where the return spring presses the vented piston into the stop."""
+    """Mechanical position in m of the vented piston, pressed into the stop by the return spring."""
     depth = 0.0
     for _ in range(8):  # contracts by k_r / (stiffness of the stop), 1 in 1000
         force = float(curve.force(np.array([curve.rest - depth]))[0])
@@ -123,9 +126,9 @@ def rest_position(truck: Truck, curve: LoadCurve) -> float:
     return curve.rest - depth
 
 
-def _plant_numbers(truck: Truck) -> FloatArray:
+def _plant_parameters(truck: Truck) -> FloatArray:
     known = {name: getattr(truck, name) for name in PARAMETERS if hasattr(truck, name)}
-    known |= worn_numbers(truck) | {"T_w": truck.T_0 + truck.dT_w}
+    known |= worn_parameters(truck) | {"T_w": truck.T_0 + truck.dT_w}
     return np.array([known[name] for name in PARAMETERS])
 
 
@@ -142,6 +145,6 @@ def _settings(truck: Truck, zero: float, working: bool) -> FloatArray:
 
 
 def column(states: FloatArray, name: str) -> FloatArray:
-    """A state by its name in `clutchid.truck.order.STATES`, or a book of the ledger."""
+    """A state by its name in `clutchid.truck.order.STATES` or `LEDGER`."""
     result: FloatArray = states[:, (*STATES, *LEDGER).index(name)]
     return result

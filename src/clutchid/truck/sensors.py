@@ -13,7 +13,7 @@ BUS = 0.01
 
 
 def position_noise(truck: Truck, n: int, rng: np.random.Generator) -> FloatArray:
-    """White noise and engine-order vibration of the position sensor in m; the engine wanders from 600 to 1900 rpm."""
+    """White noise and engine-order vibration of the position sensor in m; engine speed 600 to 1900 rpm."""
     anchors = np.arange(n // 500 + 3)
     speed = np.interp(np.arange(n) / 500, anchors, rng.uniform(600, 1900, anchors.size)) / 60
     phase = 2 * np.pi * np.cumsum(speed) * SAMPLE * truck.order + rng.uniform(0, 2 * np.pi)
@@ -23,13 +23,13 @@ def position_noise(truck: Truck, n: int, rng: np.random.Generator) -> FloatArray
 
 
 def measured_pressure(truck: Truck, pressure: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """The pressure as measured in Pa, from the pressure behind the sensor's lag."""
+    """Measured pressure in Pa from the lagged one: offset, noise and quantisation."""
     noisy: FloatArray = pressure + truck.e_p + truck.s_p * rng.standard_normal(pressure.size)
     return truck.q_p * np.round(noisy / truck.q_p) if truck.q_p > 0 else noisy
 
 
 def with_dropouts(log: Log, count: int, rng: np.random.Generator) -> Log:
-    """`log` with `count` drop-outs of 5 to 60 ms, in which no measurement is there (NaN)."""
+    """`log` with `count` drop-outs of 5 to 60 ms, in which measurements are missing (NaN)."""
     gone = np.zeros(len(log), dtype=bool)
     for start in rng.integers(0, len(log), count):
         end = log.time[start] + rng.uniform(0.005, 0.06)
@@ -39,12 +39,12 @@ def with_dropouts(log: Log, count: int, rng: np.random.Generator) -> Log:
 
 
 def bus_log(truck: Truck, log: Log, rng: np.random.Generator) -> Log:
-    """`log` as heard on the bus: a message every 10 ms with the controller's last values, stamped by another clock.
+    """`log` as recorded on the bus: a message every 10 ms with the controller's last values and another clock.
 
-    The clock starts anywhere within a message's period, runs fast or slow by `e_clock`, and stamps with jitter.
+    The clock has a random phase within the message period, a drift `e_clock`, and jitter.
     """
     sent = np.arange(rng.uniform(0, BUS), log.time[-1], BUS)
     index = np.searchsorted(log.time, sent, side="right") - 1
-    heard = sent * (1 + truck.e_clock) + rng.uniform(0, truck.j_clock, sent.size)
+    stamps = sent * (1 + truck.e_clock) + rng.uniform(0, truck.j_clock, sent.size)
     columns = {name: values[index] for name, values in log.columns.items()}
-    return Log(np.maximum.accumulate(heard) + 1e-9 * np.arange(sent.size), columns, log.name, log.metadata)
+    return Log(np.maximum.accumulate(stamps) + 1e-9 * np.arange(sent.size), columns, log.name, log.metadata)

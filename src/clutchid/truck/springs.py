@@ -44,11 +44,11 @@ def diaphragm_force(
 
     References
     ----------
-    Almen and Laszlo, Trans. ASME 58 (1936), in the form used for clutches; numbers as in the project's facts.
+    Almen and Laszlo, Trans. ASME 58 (1936), in the form used for clutches; dimensions from the truck specification.
 
     Examples
     --------
-    The force passes a hump and a valley:
+    The force has a maximum and then a minimum:
 
     >>> steel = (206e9, 0.3, 5.6e-3, 9.9e-3, 0.204, 0.160, 0.202, 0.163)
     >>> " ".join(f"{diaphragm_force(l * 1e-3, *steel) / 1e3:.1f}" for l in (3, 5.73, 7.5, 11.8))
@@ -69,7 +69,7 @@ def cushion_force(c: Expr, F_cu: Expr, c_cu: Expr, n_cu: Expr) -> Expr:
     c : m
         Compression, at least 0.
     F_cu, c_cu : N, m
-        A force and the compression that belongs to it, above 0.
+        Reference force and the compression at that force, above 0.
     n_cu : 1
         Exponent, at least 1.
 
@@ -79,7 +79,7 @@ def cushion_force(c: Expr, F_cu: Expr, c_cu: Expr, n_cu: Expr) -> Expr:
 
     References
     ----------
-    30 kN (c / 0.8 mm)^2.2 as in the project's facts.
+    30 kN (c / 0.8 mm)^2.2 from the truck specification.
 
     Examples
     --------
@@ -127,11 +127,11 @@ def kluever_force(s: Expr, F_k: Expr, a_k: Expr, k_k: Expr) -> Expr:
     s : m
         Travel from the engaged clutch, at least 0.
     F_k : N
-        Height, above 0.
+        Amplitude, above 0.
     a_k : 1/m
         Steepness, above 0.
     k_k : N/m
-        Fall with travel, at least 0.
+        Decrease with travel, at least 0.
 
     Returns
     -------

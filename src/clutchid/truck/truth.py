@@ -1,4 +1,4 @@
-"""The truth of a drive, kept apart from its recording: the load, the states, the temperatures, the supply."""
+"""Truth of a drive, separate from its recording: load, states, temperatures and supply."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from clutchid.truck.load import LoadCurve
 from clutchid.truck.parameters import Truck
 from clutchid.truck.running import Run, column
 
-#: Positions in m, in the sensor's zero, at which a truth file gives the load.
+#: Positions in m, relative to the sensor's zero, at which a truth file gives the load.
 GRID = np.arange(1, 41) / 2000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """What really happened, at the times of the controller.
+    """True states and load, at the sampling times of the controller.
 
     `truck` is the truck at its age; `curve` is the load over the mechanical position; `zero` is the mechanical position
-    [m] at which the sensor says 0. `states` holds columns in SI: position (in the sensor's zero), velocity, the three
-    pressures and temperatures, masses of air, deflections of seal and bearing, lifts of the valves, governor.
+    [m] at which the sensor reads 0. `states` has columns in SI: position (relative to the sensor's zero), velocity, the
+    three pressures and temperatures, masses of air, deflections of seal and bearing, lifts of the valves, governor.
     """
 
     truck: Truck
@@ -42,11 +42,11 @@ class Truth:
 
     @property
     def touch(self) -> float:
-        """Position in m, in the sensor's zero, where the clutch takes hold."""
+        """Touch point of the clutch in m, relative to the sensor's zero."""
         return self.curve.touch - self.zero
 
     def load(self, position: FloatArray) -> FloatArray:
-        """True load in N, without friction and hysteresis, at positions in m in the sensor's zero."""
+        """True load in N, without friction and hysteresis, at positions in m relative to the sensor's zero."""
         return self.curve.force(np.asarray(position) + self.zero)
 
     @property
@@ -78,13 +78,13 @@ def truth_of(truck: Truck, curve: LoadCurve, run: Run) -> Truth:
 def write_truth(truths: Mapping[str, Truth], path: str | PathLike[str]) -> None:
     """Write the true loads of several recordings, by the stem of each recording's file, as JSON.
 
-    Keys: ``position_m`` (0.5 to 20 mm, in the sensor's zero) and ``logs``: stem: ``load_N``, ``supply_Pa``, and
-    ``wear_m``, ``cycles``, ``ambient_K``, ``zero_m`` (mechanical position of the sensor's zero), ``touch_m``.
+    Keys: ``position_m`` (0.5 to 20 mm, relative to the sensor's zero) and ``logs``: stem: ``load_N``, ``supply_Pa``,
+    and ``wear_m``, ``cycles``, ``ambient_K``, ``zero_m`` (mechanical position of the sensor's zero), ``touch_m``.
 
     Raises
     ------
     ExportError
-        If the file cannot be written; an older file is then as it was.
+        If the file cannot be written; an older file is then unchanged.
     """
     content = {"position_m": GRID.tolist(), "logs": {stem: _entry(truth) for stem, truth in truths.items()}}
     with atomic_write(path) as temporary:

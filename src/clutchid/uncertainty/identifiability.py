@@ -1,4 +1,4 @@
-"""What a recording cannot tell, in the user's words; computed from the information that the recording carries."""
+"""Parameters that a recording does not determine, from the Jacobian of its residuals; sentences for the user."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from numpy.typing import NDArray
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 
-#: Two estimates that correlate more than this, in magnitude, are told as one sum only.
+#: Two estimates with a correlation above this, in magnitude, cannot be estimated separately.
 CORRELATION = 0.98
 
-#: A singular value of the Jacobian with columns of length one below this is a direction that is not told.
+#: A singular value of the Jacobian with unit columns below this is a direction that is not identifiable.
 SINGULAR = 1e-3
 
-#: The recording says nothing about a number whose change by its natural size moves all residuals together by less
-#: than this many noise scales: alone, its standard error would exceed that size.
-SILENT = 1.0
+#: A parameter is not identifiable if a change by its natural scale changes the norm of the residuals by less than this
+#: many noise scales: even alone, its standard error would exceed that scale.
+LEAST_NORM = 1.0
 
 
-def cannot_tell(
+def identifiability_warnings(
     R: FloatArray, names: Sequence[str], actuator: Actuator, reach: float, with_pressure: bool
 ) -> list[str]:
-    """Warnings about parameters that the recording says nothing about, or cannot tell apart.
+    """Warnings about parameters that are not identifiable, or that cannot be estimated separately.
 
     Parameters
     ----------
     R : (k, k)
-        Triangular factor of the Jacobian to dimensionless numbers, the first of which are `names`.
+        Triangular factor of the Jacobian with respect to dimensionless parameters, the first of which are `names`.
     reach : m
         Furthest position in the recording.
     with_pressure : bool
-        Whether the measured pressure is in use already.
+        Whether the measured pressure is used already.
     """
-    silent = ~heard(R)
-    warnings = _silence([name for i, name in enumerate(names) if silent[i]], actuator, reach)
-    others = np.flatnonzero(~silent).tolist()
+    known = identifiable(R)
+    warnings = _not_identifiable([name for i, name in enumerate(names) if not known[i]], actuator, reach)
+    others = np.flatnonzero(known).tolist()
     if len(others) > 1:
         correlation = correlations(R[:, others])
         pairs = [
@@ -46,32 +46,32 @@ def cannot_tell(
             for j in range(i)
             if others[i] < len(names) and others[j] < len(names) and abs(correlation[i, j]) > CORRELATION
         ]
-        warnings += _alike(pairs, actuator, reach, with_pressure)
-        warnings += _together(R[:, others], [names[i] if i < len(names) else "" for i in others])
+        warnings += _correlated(pairs, actuator, reach, with_pressure)
+        warnings += _combinations(R[:, others], [names[i] if i < len(names) else "" for i in others])
     return warnings
 
 
-def _together(R: FloatArray, names: Sequence[str]) -> list[str]:
-    """Warnings about three or more parameters of which only a combination is told."""
-    group = [names[i] for i in entangled(R) if names[i]]
+def _combinations(R: FloatArray, names: Sequence[str]) -> list[str]:
+    """Warning about three or more parameters of which only combinations are identifiable."""
+    group = [names[i] for i in collinear(R) if names[i]]
     if len(group) < 3:
         return []
     return [
-        f"of {listed(group)} only combinations are told by this recording: one change of them together leaves the "
-        "simulation as it is; fix some of them, their single values and intervals mean nothing."
+        f"only combinations of {listed(group)} are identifiable from this recording: they can change together without "
+        "changing the simulation; fix some of them, because their individual values and intervals are meaningless."
     ]
 
 
-def entangled(R: FloatArray) -> list[int]:
-    """Which dimensionless numbers are told in combination only, from the factor R of the Jacobian; no column is 0."""
+def collinear(R: FloatArray) -> list[int]:
+    """Parameters that are identifiable in combination only, from the factor R of the Jacobian without zero columns."""
     _, s, Vt = np.linalg.svd(R / np.sqrt(np.sum(R**2, axis=0)))
     members = {int(i) for row in np.flatnonzero(s < SINGULAR) for i in np.flatnonzero(np.abs(Vt[row]) > 0.1)}
     return sorted(members)
 
 
-def heard(R: FloatArray) -> NDArray[np.bool_]:
-    """Which dimensionless numbers the recording says anything about, shape (k,), from the factor R of the Jacobian."""
-    result: NDArray[np.bool_] = np.sqrt(np.sum(R**2, axis=0)) >= SILENT
+def identifiable(R: FloatArray) -> NDArray[np.bool_]:
+    """Which dimensionless parameters affect the residuals enough, shape (k,), from the factor R of the Jacobian."""
+    result: NDArray[np.bool_] = np.sqrt(np.sum(R**2, axis=0)) >= LEAST_NORM
     return result
 
 
@@ -85,32 +85,34 @@ def correlations(R: FloatArray) -> FloatArray:
     return result
 
 
-def _silence(names: list[str], actuator: Actuator, reach: float) -> list[str]:
+def _not_identifiable(names: list[str], actuator: Actuator, reach: float) -> list[str]:
     if not names:
         return []
-    text = f"the recording says nothing about {listed(names)}"
+    text = f"the recording contains no information about {listed(names)}"
     begun = np.abs(actuator.load.phi(np.linspace(0.0, reach, 101))).max(axis=0) > 0.0
     acts = dict(zip(actuator.load.names, begun.tolist(), strict=True))
     if not any(acts.get(name, True) for name in names):
-        text += f": it reaches y = {reach * 1e3:.1f} mm, where their part of the load has not begun"
+        text += f": it reaches y = {reach * 1e3:.1f} mm, below the position from which they act"
     return [f"{text}; the interval is infinite."]
 
 
-def _alike(pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float, with_pressure: bool) -> list[str]:
+def _correlated(
+    pairs: list[tuple[str, str, float]], actuator: Actuator, reach: float, with_pressure: bool
+) -> list[str]:
     warnings = []
     for one, other, correlation in sorted(pairs, key=lambda pair: -abs(pair[2]))[:5]:
-        text = f"{other} and {one} cannot be told apart by this recording (correlation {correlation:+.3f})"
+        text = f"{other} and {one} cannot be estimated separately from this recording (correlation {correlation:+.3f})"
         if one.startswith("theta_") and other.startswith("theta_"):
-            wanted = actuator.load.knots[-1]
-            if reach < wanted:
-                text += f": it reaches {reach * 1e3:.1f} mm, drive it to {wanted * 1e3:.1f} mm or more"
+            needed = actuator.load.knots[-1]
+            if reach < needed:
+                text += f": it reaches {reach * 1e3:.1f} mm; record strokes to {needed * 1e3:.1f} mm or more"
             else:
-                text += ": add slow strokes over the whole travel"
+                text += ": record slow strokes over the full travel as well"
         else:
             text += ": fix one of them" + ("" if with_pressure else ", or measure the pressure and fit with it")
-        warnings.append(f"{text}; their intervals are wide for that reason, the load curve may still be well known.")
+        warnings.append(f"{text}. Their intervals are wide for this reason; the load curve may still be accurate.")
     if len(pairs) > 5:
-        warnings.append(f"{len(pairs) - 5} more pairs of parameters correlate above {CORRELATION}.")
+        warnings.append(f"{len(pairs) - 5} more pairs of parameters have a correlation above {CORRELATION}.")
     return warnings
 
 

@@ -4,9 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from clutchid.estimate.prediction_error.innovations import innovations, noise_scales
 from clutchid.estimate.prediction_error.problem import predict_errors
+from clutchid.uncertainty.noise import Noise
 
 SAMPLES = 20_000
 
@@ -62,3 +64,15 @@ def test_a_noisier_sensor_is_found_out(plant, recorded_by, problem_of):
 def test_a_better_sensor_than_usual_is_not_believed(plant, recorded_by, problem_of):
     problem = problem_of(recorded_by(plant, 1.0, seed=None), plant, ("C_vs",))
     assert noise_scales(problem, predict_errors(problem, np.zeros(1))) == problem.noise.measured
+
+
+@pytest.mark.parametrize("rough", [2.0, 4.0])
+def test_the_state_variance_is_subtracted_from_the_errors_and_the_usual_noise_is_not(rough):
+    usual = Noise().measured["position"]
+    state_std, sensor = 1.5 * usual, rough * usual
+    # the filter expects its spread and the usual sensor; the errors, all quantiles, have the spread and this one
+    normal = norm.ppf((np.arange(SAMPLES) + 0.5) / SAMPLES)
+    expected = state_std**2 + usual**2
+    observed = prediction(np.sqrt((state_std**2 + sensor**2) / expected) * normal, variance=expected)
+    problem = SimpleNamespace(measure=("position",), noise=Noise())
+    assert noise_scales(problem, observed) == {"position": pytest.approx(sensor, rel=1e-3)}

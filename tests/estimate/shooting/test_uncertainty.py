@@ -196,3 +196,27 @@ def test_states_that_cannot_be_simulated_are_a_failure(problem, solution):
     assert isinstance(
         parameter_uncertainty(problem, ShootingSolution(solution.x, X, solution.at, "converged", 1), None), Failure
     )
+
+
+def test_correlations_of_a_calibration_move_the_estimate_as_they_move_that_of_the_dense_problem(
+    problem, solution, plant
+):
+    # three times as uncertain as they drift, and all together too high or too low
+    names = (*DRIFT_SHARES, *DRIFT_WIDTHS)
+    width = np.array([drift(plant, name) for name in names])
+    covariance = np.outer(3 * width, 3 * width) * (0.1 * np.eye(width.size) + 0.9)
+    known = Calibration(names, covariance)
+    track = replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18])
+    X, k = (solution.X[0][6:18],), solution.x.size
+    shot = ShootingSolution(solution.x, X, solution.at, "converged", 1)
+    uncertain = parameter_uncertainty(replace(problem, tracks=(track,)), shot, known)
+    # the covariance of what is considered is written down, not multiplied from the root that is under test
+    numbers = uncertain.problem.coordinates[k:]
+    assert [c.base for c in numbers] == list(names)
+    widths = np.array([c.width for c in numbers])
+    A, B = dense_rows(uncertain, solution.x, X, 1.0)
+    gain = (-np.linalg.pinv(A) @ B)[-k:]
+    expected = DEVIATION_FACTOR**2 * gain @ ((covariance + np.diag(width**2)) / np.outer(widths, widths)) @ gain.T
+    scale = np.sqrt(np.diag(expected))
+    added = uncertain.matrix - DEVIATION_FACTOR**2 * uncertain.noise_root @ uncertain.noise_root.T
+    assert added / np.outer(scale, scale) == pytest.approx(expected / np.outer(scale, scale), abs=1e-6)

@@ -114,3 +114,26 @@ def test_numbers_of_a_fit_are_of_order_one_and_go_back_to_si(truth, cut):
     for name, value in zip(NAMES, problem.si(problem.x0), strict=False):
         assert value == pytest.approx(truth.value(name))
     assert problem.actuator_at(problem.x0).value("C_vs") == pytest.approx(19e-9)
+
+
+@pytest.mark.parametrize(
+    ("supply", "highest"),
+    [(9e5, 18e5), (1e5, 2.19e5)],
+    ids=["twice the supply", "twice the ambient where the supply is lower"],
+)
+def test_a_free_start_is_within_2_mm_and_from_half_the_ambient_to_twice_the_highest_pressure(
+    truth, cut, supply, highest
+):
+    problem = problem_of(truth.replace({"P_S": supply}), [cut], None, ("position",))
+    part = problem.segments[-1]
+    low, high, start = (problem.si(values)[list(part.start)] for values in (problem.low, problem.high, problem.x0))
+    assert low == pytest.approx([start[0] - 2e-3, 54_750.0])
+    assert high == pytest.approx([start[0] + 2e-3, highest])
+    # where the recording says the piston is, to the noise of 0.05 mm
+    assert start[0] == pytest.approx(cut["position"][part.segment.start], abs=5 * 5e-5)
+
+
+def test_a_start_at_rest_is_not_free_and_one_with_measured_pressure_only_in_position(truth, cut):
+    problem = problem_of(truth, [cut], None, ("position", "pressure_a"))
+    assert [len(part.start) for part in problem.segments] == [0, 1]
+    assert problem.x0.size == problem.low.size == problem.high.size == len(NAMES) + 1

@@ -13,7 +13,7 @@ from clutchid.study import PaperStudy, halves, paper_study
 from clutchid.study.paper import study as paper
 from clutchid.study.paper.deviations import DEVIATIONS
 from clutchid.study.paper.equation_21 import equation_21
-from clutchid.study.paper.findings import FIGURES, TABLES, Findings
+from clutchid.study.paper.results import FIGURES, TABLES, StudyResults
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_a_study_without_pressure_and_without_a_known_load_is_whole(drive, tmp_p
     first, second = halves(Log(drive.time[:3000], {n: v[:3000] for n, v in columns.items()}, "mine & <yours>"))
     study = paper_study(first, replace(second, warnings=("mind <this>",)), tmp_path)
     html = study.page.read_text(encoding="utf-8")
-    assert "true load is not known" in html
+    assert "true load is unknown" in html
     assert "mine &amp; &lt;yours&gt;, first half" in html
     assert "<yours>" not in html
     assert '<p class="notice warning">mind &lt;this&gt;</p>' in html
@@ -102,7 +102,7 @@ def test_a_folder_that_is_a_file_is_refused_in_one_sentence(logs, tmp_path):
 
 def test_a_folder_below_a_file_is_refused_in_one_sentence(logs, tmp_path):
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(ExportError, match="the folder cannot be made"):
+    with pytest.raises(ExportError, match="the folder cannot be created"):
         paper_study(*logs, tmp_path / "file" / "out")
 
 
@@ -123,7 +123,7 @@ def test_a_study_that_fails_removes_every_folder_that_it_made(logs, tmp_path):
 
 def test_a_study_that_cannot_write_its_last_file_leaves_nothing_in_a_new_folder(logs, tmp_path, monkeypatch):
     def without_figures(fit_log, verify_log, progress):
-        return Findings(fit_log, verify_log, (), None, {}, {"table_1": equation_21()}, {2: b"picture"})
+        return StudyResults(fit_log, verify_log, (), None, {}, {"table_1": equation_21()}, {2: b"picture"})
 
     def full(content, path):
         if path.name == "index.html":

@@ -123,7 +123,7 @@ def test_unknown_workflows_and_foreign_folders_are_refused(tmp_path):
     with pytest.raises(ExportError, match="another version or fleet"):
         proving.prove("paper", [0], tmp_path)
     (tmp_path / "file").write_text("")
-    with pytest.raises(ExportError, match="cannot be made"):
+    with pytest.raises(ExportError, match="cannot be created"):
         proving.prove("paper", [0], tmp_path / "file")
 
 

@@ -15,7 +15,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.uncertainty.covariance import Covariance, sandwich
-from clutchid.uncertainty.identifiability import cannot_tell, heard, listed
+from clutchid.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 
 
 def result(problem: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
@@ -29,7 +29,8 @@ def result(problem: Problem, solution: Solution, scales: Mapping[str, float]) ->
     warnings = plan_warnings(problem.plans)
     if problem.has_motion:
         reach = furthest([recording.measured for recording in recordings.values()])
-        warnings += cannot_tell(solution.at.R, problem.names, fitted, reach, "pressure_a" in problem.measure)
+        with_pressure = "pressure_a" in problem.measure
+        warnings += identifiability_warnings(solution.at.R, problem.names, fitted, reach, with_pressure)
         warnings += _does_not_move(recordings)
     else:
         warnings.append(_resting(problem.names))
@@ -99,7 +100,7 @@ def _covariance(problem: Problem, solution: Solution, scales: Mapping[str, float
         rows = np.zeros((len(part.segment), solution.x.size))
         rows[:, [*range(len(problem.names)), *part.start]] = local
         scores.append(rows)
-    known = heard(solution.at.R) & ~_at_active_bound(problem, solution) & problem.has_motion
+    known = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & problem.has_motion
     return sandwich(solution.at.R, scores, known, len(problem.names))
 
 

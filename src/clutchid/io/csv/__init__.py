@@ -1,1 +1,1 @@
-"""CSV as it comes from everywhere."""
+"""CSV files in the dialects of common tools."""

@@ -1,4 +1,4 @@
-"""What a cell of a CSV file means: a number, a missing sample, a truth value or a stamp of date and time."""
+"""Interpretation of a CSV cell: a number, a missing sample, a truth value, or a date and time."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-#: Words of a missing sample, in lower case; so is an empty cell. All else that is no number is a problem.
+#: Words for a missing sample, in lower case; an empty cell is missing too. Any other text is a problem.
 MISSING = frozenset(
     ["nan", "+nan", "-nan", "na", "n/a", "#n/a", "#na", "#nv", "null", "none", "-", "--", "---"]
     + [f"{sign}1.#{word}" for sign in ("", "-") for word in ("qnan", "ind")]
 )
 
-#: Words of truth values, in lower case; they are read as 1 and 0 in a column that holds nothing else.
+#: Words of truth values, in lower case; they are read as 1 and 0 in a column without other values.
 TRUTH = {
     **dict.fromkeys(("true", "on", "ein", "an", "yes", "ja", "wahr"), 1.0),
     **dict.fromkeys(("false", "off", "aus", "no", "nein", "falsch"), 0.0),
@@ -25,7 +25,7 @@ TRUTH = {
 #: A number with either decimal mark.
 NUMBER = re.compile(r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.ASCII | re.IGNORECASE)
 
-#: A comma that may be a decimal comma or stand between thousands; where it may not, it is a decimal comma.
+#: A comma that may be a decimal or a thousands separator; all other commas are decimal.
 AMBIGUOUS = r"[+-]?[1-9]\d{0,2},\d{3}"
 COMMA = r"[+-]?(?:\d+,\d*|,\d+)(?:[eE][+-]?\d+)?"
 THOUSANDS = (
@@ -44,15 +44,15 @@ Integers = NDArray[np.int64]
 
 
 def matches(pattern: str, text: str) -> bool:
-    """Whether a text is of this pattern, which is compiled only when it is needed, since that takes milliseconds."""
+    """Whether a text matches this pattern, which is compiled on demand because that takes milliseconds."""
     return re.fullmatch(pattern, text, re.ASCII) is not None
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What the cells of one column are: ``number``, ``truth``, ``stamp`` or ``text``.
+    """Type of the cells of one column: ``number``, ``truth``, ``stamp`` (date or time) or ``text``.
 
-    `decimal` is the decimal mark; `origin` the first stamp in ns.
+    `decimal` is the decimal mark; `origin` the first time stamp in ns.
     """
 
     kind: str = "number"
@@ -61,7 +61,7 @@ class Form:
 
 
 def plain_number(text: str) -> float | None:
-    """The number that `text` is in the notation of programs; NaN for an empty cell, None for anything else.
+    """Value of `text` in programming notation; NaN for an empty cell, None for anything else.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def plain_number(text: str) -> float | None:
 
 
 def reader(form: Form) -> Callable[[str], float | None]:
-    """The function that reads a cell of this form; it returns None for what is no sample, NaN where one is missing.
+    """Function that reads a cell of this form; it returns None for an invalid cell, NaN for a missing sample.
 
     Examples
     --------
@@ -110,7 +110,7 @@ def reader(form: Form) -> Callable[[str], float | None]:
 
 
 def nanoseconds(text: str) -> int | None:
-    """Nanoseconds of a stamp from 1970, those from midnight where there is no date; None where it is no stamp.
+    """Nanoseconds since 1970, or since midnight without a date; None if the text is not a date or time.
 
     Examples
     --------
@@ -128,7 +128,7 @@ def nanoseconds(text: str) -> int | None:
 
 
 def counted(fields: Sequence[Integers], fraction: Integers, zone: Integers) -> tuple[Integers, NDArray[np.bool_]]:
-    """Nanoseconds of the fields of `STAMP` (0 where a field is empty), and which of them are dates and times at all."""
+    """Nanoseconds from the fields of `STAMP` (0 if empty), and which of them are valid dates and times."""
     hour, minute, second = fields[6:9]
     year, month, day = fields[0] + fields[5], fields[1] + fields[4], fields[2] + fields[3]
     dated = month + day + year > 0
@@ -150,14 +150,14 @@ def _days(year: Integers, month: Integers, day: Integers) -> Integers:
 
 
 def zone_minutes(zone: str) -> int:
-    """Minutes of a time zone such as ``+02:00`` before universal time."""
+    """Offset in minutes of a time zone such as ``+02:00``."""
     if len(zone) < 5:
         return 0
     return int(zone[0] + "1") * (int(zone[1:3]) * 60 + int(zone[-2:]))
 
 
 def written(text: str) -> str:
-    """A stamp as it goes into the metadata: ISO 8601 with a point, in the order of year, month, day.
+    """A date and time for the metadata, in ISO 8601 with a decimal point.
 
     Examples
     --------
@@ -173,21 +173,21 @@ def written(text: str) -> str:
 
 
 def numberlike(cell: str) -> bool:
-    """Whether a cell is a sample of whatever kind: a number with either decimal mark, grouped or not, or a stamp."""
+    """Whether a cell is a sample: a number with either decimal mark, with or without grouping, or a date or time."""
     cell = cell.strip()
     return bool(NUMBER.fullmatch(cell)) or matches(STAMP, cell) or matches(THOUSANDS, cell)
 
 
 def missing(cell: str) -> bool:
-    """Whether a cell says that there is no sample."""
+    """Whether a cell marks a missing sample."""
     cell = cell.strip()
     return not cell or cell.casefold() in MISSING
 
 
 def decimal_mark(cells: Iterable[str]) -> str:
-    """The decimal mark that the cells show: ``.`` or ``,``; empty where no cell tells.
+    """Decimal mark of the cells: ``.`` or ``,``; empty if all cells are ambiguous.
 
-    Both are only seen where one of them is wrong; then the more frequent one counts.
+    If both occur, one of them is wrong, and the more frequent one is used.
 
     Examples
     --------
@@ -204,7 +204,7 @@ def decimal_mark(cells: Iterable[str]) -> str:
 
 
 def form(cells: Sequence[str], decimal: str) -> Form:
-    """The form of a column, told by some of its cells.
+    """Form of a column, from some of its cells.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The dialect of a CSV file, told by its first lines: separator, header, units, decimal mark, kinds of columns."""
+"""Dialect of a CSV file, detected from its first lines: separator, header, units, decimal mark, column types."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from clutchid.io.csv.header import heading, is_comment, split, split_header, unc
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 
-#: Lines that are looked at, and those of them that tell what a column holds.
-_LOOKED = 1000
-_TELLING = 100
+#: Number of lines that are examined, and number of samples that determine the type of a column.
+_EXAMINED = 1000
+_TYPED = 100
 _ABOVE = 12
 _BETWEEN = 3
 _KEPT = 50
 
-#: The name of a column behind the last one that LabVIEW leaves empty, separator and all.
+#: Name of an empty column that LabVIEW adds after the last one.
 _REMARK = "Comment"
 
 Filled = Sequence[tuple[int, str]]
@@ -29,9 +29,9 @@ Filled = Sequence[tuple[int, str]]
 class Dialect:
     """How a CSV file is written.
 
-    `separator` is a blank for runs of blanks; `decimal` is empty where no cell tells it. `header`, `units`, `samples`
-    are the lines of the names, of the row of units (0: there is none) and of the first sample. `clock` is the column of
-    the time, `start` the first stamp where that holds stamps; `about` is what stands above the header.
+    `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous. `header`, `units`, `samples` are
+    the lines of the names, of the units (0: there is none) and of the first sample. `clock` is the time column, `start`
+    the first time stamp if it contains dates or times; `about` is metadata above the header.
     """
 
     separator: str
@@ -54,13 +54,13 @@ class Dialect:
         return f"{SEPARATORS[self.separator]}, {mark}, {names}{units}, samples from line {self.samples}"
 
     def with_decimal(self, mark: str) -> Dialect:
-        """The same with another decimal mark."""
+        """A copy with another decimal mark."""
         return replace(self, decimal=mark, forms=tuple(replace(form, decimal=mark) for form in self.forms))
 
 
 @dataclass(frozen=True, slots=True)
-class _Layout:
-    """Where things stand, as indices of the lines that are not blank (-1: nowhere), and how well a separator fits."""
+class _Structure:
+    """Indices of header, units and first sample among the non-blank lines (-1: none), and score of the separator."""
 
     separator: str
     names: tuple[str, ...]
@@ -71,7 +71,7 @@ class _Layout:
 
 
 def dialect(lines: Sequence[str]) -> Dialect | None:
-    """The dialect that the first lines of a file show; None where there is nothing but blank lines and comments.
+    """Dialect of a file from its first lines; None if there are only blank lines and comments.
 
     Examples
     --------
@@ -79,16 +79,16 @@ def dialect(lines: Sequence[str]) -> Dialect | None:
     >>> found.text, found.headings[1].text, found.headings[1].unit
     ('semicolon, decimal comma, names on line 2, units on line 3, samples from line 4', 'Weg', 'mm')
     """
-    filled = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()][:_LOOKED]
+    filled = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()][:_EXAMINED]
     first = next((at for at, (_, line) in enumerate(filled) if not is_comment(line, ";")), None)
     if first is None:
         return None
-    layout = _by_contract(filled, first) or _by_numbers(filled) or _by_count(filled, first)
-    return _dialect(filled, layout)
+    structure = _by_contract(filled, first) or _by_numbers(filled) or _by_count(filled, first)
+    return _dialect(filled, structure)
 
 
-def _by_contract(filled: Filled, first: int) -> _Layout | None:
-    """The layout where the first line that is no comment names quantities: then this is the header, come what may."""
+def _by_contract(filled: Filled, first: int) -> _Structure | None:
+    """Structure if the first line that is not a comment has standard names, and therefore is the header."""
     line = filled[first][1]
     best: tuple[int, str, list[str]] = (0, "", [])
     for separator in SEPARATORS:
@@ -100,21 +100,21 @@ def _by_contract(filled: Filled, first: int) -> _Layout | None:
         return None
     below = filled[first + 1] if first + 1 < len(filled) else (0, "")
     units = first + 1 if below[0] and units_in(split(below[1], best[1])) else -1
-    rows = [split(line, best[1]) for _, line in filled[: first + _TELLING]]
+    rows = [split(line, best[1]) for _, line in filled[: first + _TYPED]]
     samples = max(first, units) + 1
     while 0 <= units < samples < min(len(rows) - 1, units + _BETWEEN) and _is_words(rows[samples]):
         samples += 1
-    return _Layout(best[1], tuple(_padded(best[2], rows[samples:])), first, units, samples)
+    return _Structure(best[1], tuple(_padded(best[2], rows[samples:])), first, units, samples)
 
 
 def _is_words(row: Sequence[str]) -> bool:
-    """Whether a line holds words, but no sample."""
+    """Whether a line contains words, but no sample."""
     words = any(character.isalpha() for cell in row if not missing(cell) for character in cell)
     return words and not any(map(numberlike, row))
 
 
 def _padded(names: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """`names` with a cell for the separator that ends every line, or without the one that ends only the header."""
+    """Adjust `names` for a separator at the end of every line, or at the end of the header only."""
     longer = [row for row in rows if len(row) == len(names) + 1 and not row[-1].strip()]
     if len(longer) > 0.9 * len(rows):
         return [*names, ""]
@@ -122,20 +122,20 @@ def _padded(names: list[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return names[:-1] if not names[-1].strip() and len(shorter) > 0.9 * len(rows) else names
 
 
-def _by_numbers(filled: Filled) -> _Layout | None:
-    """The layout where numbers are found: the header is the last text above them that has as many cells."""
+def _by_numbers(filled: Filled) -> _Structure | None:
+    """Structure from the numbers: the header is the last text above them with as many cells."""
     found = []
     for separator in SEPARATORS:
         rows = [split(line, separator) for _, line in filled]
-        tails = [rows[-max(1, len(rows) // part) :][-_TELLING:] for part in (4, 2, 1)]
-        found += [layout for tail in tails if (layout := _with_separator(filled, separator, rows, tail))]
-    return max(found, key=lambda layout: layout.score, default=None)
+        tails = [rows[-max(1, len(rows) // part) :][-_TYPED:] for part in (4, 2, 1)]
+        found += [structure for tail in tails if (structure := _with_separator(filled, separator, rows, tail))]
+    return max(found, key=lambda structure: structure.score, default=None)
 
 
 def _with_separator(
     filled: Filled, separator: str, rows: Sequence[list[str]], tail: Sequence[list[str]]
-) -> _Layout | None:
-    """The layout of numbers if this is the separator and these are the last lines of the table."""
+) -> _Structure | None:
+    """Structure for this separator, if these are the last lines of the table."""
     width = Counter(map(len, tail)).most_common(1)[0][0]
     table = [row for row in tail if len(row) == width]
     columns = [column for column in range(width) if _is_numeric([row[column] for row in table])]
@@ -158,9 +158,9 @@ def _with_separator(
     fitting = len(table) / len(tail) * sum(numberlike(cell) or missing(cell) for cell in cells) / len(cells)
     if not above:
         names = tuple(f"column {index + 1}" for index in range(width))
-        return _Layout(separator, names, -1, -1, samples, (samples == 0, fitting, width))
+        return _Structure(separator, names, -1, -1, samples, (samples == 0, fitting, width))
     header, units, names = above
-    return _Layout(separator, names, header, units, samples, (len(names) == width, fitting, width))
+    return _Structure(separator, names, header, units, samples, (len(names) == width, fitting, width))
 
 
 def _is_numeric(cells: Sequence[str]) -> bool:
@@ -171,7 +171,7 @@ def _is_numeric(cells: Sequence[str]) -> bool:
 def _names_above(
     filled: Filled, separator: str, samples: int, least: int, width: int
 ) -> tuple[int, int, tuple[str, ...]] | None:
-    """The lines of the names and of the units, and the names; comments are taken only where nothing else fits."""
+    """Lines of the names and of the units, and the names; comments are used only if nothing else matches."""
     texts: dict[bool, list[tuple[int, list[str]]]] = {False: [], True: []}
     ragged = None
     for at in range(samples - 1, max(-1, samples - 1 - _ABOVE), -1):
@@ -189,32 +189,32 @@ def _names_above(
     fitting = texts[False] or [text for text in texts[True] if width > 1]
     if not fitting:
         return ragged
-    for place, (at, cells) in enumerate(fitting[:-1][:2]):
+    for i, (at, cells) in enumerate(fitting[:-1][:2]):
         if units_in(cells):
-            header, names = fitting[place + 1]
+            header, names = fitting[i + 1]
             return header, at, tuple(names)
     return fitting[0][0], -1, tuple(fitting[0][1])
 
 
-def _by_count(filled: Filled, first: int) -> _Layout:
-    """The layout where nothing else tells: the first line is the header, its most frequent separator the separator."""
+def _by_count(filled: Filled, first: int) -> _Structure:
+    """Structure as a last resort: the first line is the header, its most frequent separator the separator."""
     line = filled[first][1]
     separator = max((",", ";", "\t", "|"), key=line.count)
-    return _Layout(separator, tuple(split(line, separator)), first, -1, first + 1)
+    return _Structure(separator, tuple(split(line, separator)), first, -1, first + 1)
 
 
-def _dialect(filled: Filled, layout: _Layout) -> Dialect:
-    """The dialect of a layout, with what the first samples tell of their columns."""
-    width = len(layout.names)
-    rows = [split(line, layout.separator) for _, line in filled[layout.samples :]]
-    rows = [row for row in (*rows[:_TELLING], *rows[_TELLING:][-_TELLING:]) if len(row) == width]
+def _dialect(filled: Filled, structure: _Structure) -> Dialect:
+    """Dialect of a structure, with column types from the first and last samples."""
+    width = len(structure.names)
+    rows = [split(line, structure.separator) for _, line in filled[structure.samples :]]
+    rows = [row for row in (*rows[:_TYPED], *rows[_TYPED:][-_TYPED:]) if len(row) == width]
     decimal = decimal_mark(cell for row in rows for cell in row)
     forms = tuple(form([row[column] for row in rows], decimal) for column in range(width))
     lines = [number for number, _ in filled]
-    units = (units_in(_unit_cells(filled, layout)) or []) if layout.units >= 0 else []
+    units = (units_in(_unit_cells(filled, structure)) or []) if structure.units >= 0 else []
     columns = tuple(
         _stamped(heading(index, name, units[index] if index < len(units) else None), forms[index])
-        for index, name in enumerate(layout.names)
+        for index, name in enumerate(structure.names)
     )
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is None:
@@ -225,36 +225,38 @@ def _dialect(filled: Filled, layout: _Layout) -> Dialect:
         if stamped and clock is not None
         else ""
     )
-    header = lines[layout.header] if layout.header >= 0 else 0
-    above = max(layout.header, layout.units)
-    samples = lines[layout.samples] if above < layout.samples - 1 else lines[above] + 1 if above >= 0 else lines[0]
+    header = lines[structure.header] if structure.header >= 0 else 0
+    above = max(structure.header, structure.units)
+    samples = (
+        lines[structure.samples] if above < structure.samples - 1 else lines[above] + 1 if above >= 0 else lines[0]
+    )
     return Dialect(
-        layout.separator,
+        structure.separator,
         decimal,
         columns,
         forms,
         header,
-        lines[layout.units] if layout.units >= 0 else 0,
+        lines[structure.units] if structure.units >= 0 else 0,
         samples,
         clock,
         written(start) if start else "",
-        _about(filled[: max(layout.header, 0)], layout.separator),
+        _about(filled[: max(structure.header, 0)], structure.separator),
     )
 
 
-def _unit_cells(filled: Filled, layout: _Layout) -> list[str]:
-    line = filled[layout.units][1]
-    text = uncommented(line) if is_comment(line, layout.separator) else line
-    return split_header(text, layout.separator, len(layout.names))
+def _unit_cells(filled: Filled, structure: _Structure) -> list[str]:
+    line = filled[structure.units][1]
+    text = uncommented(line) if is_comment(line, structure.separator) else line
+    return split_header(text, structure.separator, len(structure.names))
 
 
 def _stamped(column: Heading, form: Form) -> Heading:
-    """A column of stamps is read in seconds, whatever its heading says."""
+    """A column of dates or times is read in seconds, whatever its heading says."""
     return replace(column, unit="s") if form.kind == "stamp" else column
 
 
 def _about(above: Filled, separator: str) -> dict[str, str]:
-    """Names and values that stand above the header."""
+    """Names and values above the header."""
     about: dict[str, str] = {}
     for _, line in above:
         text = uncommented(line) if is_comment(line, separator) else line

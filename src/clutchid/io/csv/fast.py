@@ -1,4 +1,4 @@
-"""Blocks of CSV by the fast parsers: NumPy for small files, polars for large ones, which takes 80 ms to import."""
+"""Fast parsers for blocks of CSV: NumPy for small files, polars (80 ms to import) for large ones."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from clutchid.io.columns import Heading
 from clutchid.io.csv.cells import MISSING, STAMP, Form, counted, reader, zone_minutes
 from clutchid.io.csv.dialect import Dialect
 from clutchid.io.csv.lines import Block
-from clutchid.io.csv.text import Part, told
+from clutchid.io.csv.text import Part, must_be_numeric
 from clutchid.io.table import SHOWN, Places
 from clutchid.log import FloatArray
 
 if TYPE_CHECKING:
     import polars as pl
 
-#: The words of a missing sample as they are usually written.
+#: Usual spellings of a missing sample.
 _WORDS = sorted({"", *MISSING, *(word.upper() for word in MISSING), "NaN", "Null", "None", "n/A", "N/a"})
 
 
 def is_plain(block: Block, dialect: Dialect) -> bool:
-    """Whether the lines have as many separators as the header: neither more nor fewer, and none in quotes."""
+    """Whether the lines have as many separators as the header, and none in quotes."""
     width = len(dialect.headings)
     if dialect.separator == " ":
         return b'"' not in block.text
@@ -34,7 +34,7 @@ def is_plain(block: Block, dialect: Dialect) -> bool:
 
 
 def by_numpy(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
-    """The numbers of a block that holds nothing but numbers and empty cells; None where it holds something else."""
+    """The values of a block with numbers and empty cells only; None if it contains anything else."""
     comma = dialect.decimal == "," and dialect.separator != ","
     if any(dialect.forms[column.index].kind == "stamp" for column in selected) or (comma and b"." in block.text):
         return None
@@ -64,14 +64,14 @@ def _loaded(text: bytes, delimiter: str | None) -> FloatArray:
 
 
 def _filled(text: str, separator: str) -> str:
-    """`text` with ``nan`` in its empty cells, which NumPy does not know."""
+    """Fill empty cells, which NumPy does not accept, with ``nan``."""
     inner, start, end = f"{separator}nan{separator}", f"\nnan{separator}", f"{separator}nan\n"
     text = f"\n{text}\n".replace(separator * 2, inner).replace(separator * 2, inner)
     return text.replace(f"{separator}\n", end).replace(f"\n{separator}", start)[1:-1]
 
 
 def by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
-    """The samples of a block by polars; None where it does not find as many as there are lines."""
+    """The samples of a block by polars; None if their number differs from the number of lines."""
     import polars as pl
 
     if dialect.separator == " ":
@@ -93,13 +93,13 @@ def by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Pa
 
 
 def _numbers(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
-    """The samples where every column that should hold numbers holds numbers; an error of polars where not."""
+    """The samples if all selected columns are numeric; otherwise polars raises an error."""
     import polars as pl
 
     kinds = [dialect.forms[column.index].kind for column in selected]
     strange = b'"' in block.text or (dialect.decimal == "," and (b"." in block.text or dialect.separator == ","))
     if strange or any(kind in ("stamp", "truth", "text") for kind in kinds):
-        raise pl.exceptions.ComputeError("not every column holds plain numbers")
+        raise pl.exceptions.ComputeError("not every column is numeric")
     text = block.text.replace(b",", b".") if dialect.decimal == "," else block.text
     frame = _frame(text, dialect, selected, pl.Float64())
     columns = {column.index: frame[str(column.index)].to_numpy() for column in selected}
@@ -107,7 +107,7 @@ def _numbers(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Par
 
 
 def _words(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
-    """The samples where some cells are words or stamps; each word is read once."""
+    """The samples if some cells are words, dates or times; each word is interpreted once."""
     import polars as pl
 
     frame = _frame(block.text, dialect, selected, pl.String())
@@ -124,7 +124,7 @@ def _words(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
             words = stripped.replace_strict(known, default=None, return_dtype=pl.Float64)
             unread = odd & words.is_null()
             numbers = numbers.fill_null(words)
-            if told(column, dialect) and unread.any():
+            if must_be_numeric(column, dialect) and unread.any():
                 part.unread[column.index] = rows = unread.arg_true().to_numpy().astype(np.int64)
                 part.texts[column.index] = cells.gather(rows[:SHOWN]).to_list()
         part.numbers[column.index] = numbers.to_numpy()
@@ -147,7 +147,7 @@ def _frame(text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.
 
 
 def _plain(cells: pl.Series, form: Form) -> pl.Series:
-    """Cells as numbers, null where they are none."""
+    """Cells as numbers, null if invalid."""
     import polars as pl
 
     if form.decimal == ",":
@@ -157,7 +157,7 @@ def _plain(cells: pl.Series, form: Form) -> pl.Series:
 
 
 def _stamps(cells: pl.Series, form: Form) -> pl.Series:
-    """Stamps as seconds from the first, null where they are none."""
+    """Dates and times in seconds since the first one, null if invalid."""
     import polars as pl
 
     groups = cells.str.extract_groups(STAMP).struct.unnest()

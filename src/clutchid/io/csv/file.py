@@ -1,7 +1,7 @@
-"""CSV: names with units, samples below them; separator, decimal mark and all else is told by the content.
+"""CSV: a header with units, then samples; separator, decimal mark and the rest are detected from the content.
 
-A block of lines is read by a fast parser first. What that refuses, or reads with another number of cells than the text
-has, is read again as text, slowly, and that finds the line and the column of each problem.
+A block of lines is read by a fast parser first. If that fails, or the number of cells differs from that of the text,
+the block is read again cell by cell, which finds the line and the column of each problem.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from clutchid.log import Log
 _SMALL = 8e6
 
 _NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
-_LONG = f"line 1 is longer than {SAMPLE:,} bytes, so this is no table; save the recording as CSV with line feeds."
+_LONG = f"line 1 is longer than {SAMPLE:,} bytes, so this is not a table; save the recording as CSV with line breaks."
 _EMPTY = f"the file is empty; {EXAMPLE}"
 
-#: Cells that a line may have.
+#: Largest number of cells per line.
 _WIDEST = 10_000
 
-#: Cells that only have one decimal mark, in any line.
-_TELLING = (
+#: Cells with an unambiguous decimal mark, in any line.
+_UNAMBIGUOUS = (
     rb"(?:^|[;|\t \"])[+-]?(?:(?P<point>\d*\.\d+)|0\d*,\d+|\d*,\d{1,2}|\d*,\d{4,}|\d{4,},\d+|\d*,\d+(?=[eE]))"
     rb"(?:[eE][+-]?\d+)?(?=$|[;|\t \"])"
 )
 
 
 def open_file(path: Path) -> Source:
-    """A CSV file: one raster, its dialect in the metadata under ``dialect``, the first stamp under ``start``.
+    """A CSV file: one time grid, its dialect in the metadata under ``dialect``, the first time stamp under ``start``.
 
-    A file without names has columns ``column 1``, ``column 2`` and so on, and `Source.unnamed` says why it is no
-    recording by itself. The size of the raster counts blank and broken lines too.
+    A file without a header has columns ``column 1``, ``column 2`` and so on, and `Source.unnamed` says that it needs a
+    channel map. The size of the time grid includes blank and invalid lines.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def open_file(path: Path) -> Source:
     Raises
     ------
     OSError
-        If the file cannot be read; what is wrong inside it is in `Source.problems` and `Table.problems`.
+        If the file cannot be read; problems inside it are in `Source.problems` and `Table.problems`.
 
     Examples
     --------
@@ -74,23 +74,23 @@ def open_file(path: Path) -> Source:
     wide = next((number for number, line in enumerate(first, start=1) if _is_wide(line)), 0)
     if wide:
         return _refused(
-            path, f"line {wide} has more than {_WIDEST:,} cells; write a channel a column, a sample a line."
+            path, f"line {wide} has more than {_WIDEST:,} cells; write one column per channel and one line per sample."
         )
     found = dialect(first)
     if found is None:
         return _refused(path, _EMPTY)
-    found = _told(lines, found)
+    found = _with_decimal_mark(lines, found)
     names = {"utf-8": "UTF-8", "utf-16": "UTF-16", "cp1252": "Windows-1252"}
     metadata = {**found.about, "dialect": f"{names[lines.encoding]}, {found.text}"}
     if found.start:
         metadata["start"] = found.start
-    unnamed = "" if found.header else f"line {found.samples}: the first line holds numbers; {EXAMPLE}"
+    unnamed = "" if found.header else f"line {found.samples}: the first line contains numbers; {EXAMPLE}"
     raster = Raster(found.headings, max(0, lines.last - found.samples + 1), clock=found.clock)
-    return Source(path, "CSV", (raster,), partial(_tables, lines, found), (), _doubts(found), metadata, unnamed)
+    return Source(path, "CSV", (raster,), partial(_tables, lines, found), (), _ambiguity(found), metadata, unnamed)
 
 
 def save(log: Log, path: Path) -> None:
-    """Write `log` in SI; a missing sample becomes an empty cell, every other number is printed exactly.
+    """Write `log` in SI; a missing sample becomes an empty cell, every other value is written exactly.
 
     Raises
     ------
@@ -111,19 +111,19 @@ def _is_wide(line: str) -> bool:
     return max(cells) > _WIDEST
 
 
-def _doubts(found: Dialect) -> tuple[str, ...]:
-    """The warning about two columns that may be one."""
+def _ambiguity(found: Dialect) -> tuple[str, ...]:
+    """Warning about two columns that may be one with a decimal comma."""
     if found.header or (found.separator, len(found.headings), found.decimal) != (",", 2, ""):
         return ()
-    return ("two columns of whole numbers and no names: or is it one column with a decimal comma?",)
+    return ("two columns of integers without names were found; this may also be one column with a decimal comma.",)
 
 
-def _told(lines: Lines, found: Dialect) -> Dialect:
-    """The dialect with the decimal mark that later lines tell, if the first ones do not."""
+def _with_decimal_mark(lines: Lines, found: Dialect) -> Dialect:
+    """The dialect with the decimal mark of later lines, if the first ones are ambiguous."""
     if found.decimal or found.separator == ",":
         return found
     for block in blocks(lines, found.samples - 1, BLOCK):
-        if (b"," in block.text or b"." in block.text) and (match := re.search(_TELLING, block.text, re.MULTILINE)):
+        if (b"," in block.text or b"." in block.text) and (match := re.search(_UNAMBIGUOUS, block.text, re.MULTILINE)):
             return found.with_decimal("." if match["point"] else ",")
     return found
 
@@ -131,7 +131,7 @@ def _told(lines: Lines, found: Dialect) -> Dialect:
 def _tables(
     lines: Lines, found: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
 ) -> Iterator[Table]:
-    """The tables of the only raster, see `Tables`."""
+    """The tables of the only time grid, see `Tables`."""
     selected = [found.headings[index] for index in columns]
     if lines.last < found.samples:
         problem = f"line {found.header}: there is a header, but no samples below it."
@@ -155,7 +155,7 @@ def _parts(lines: Lines, found: Dialect, selected: Sequence[Heading], rows: int 
 
 
 def _fast(block: Block, found: Dialect, selected: Sequence[Heading], small: bool) -> Part | None:
-    """The numbers by a fast parser, if it takes the whole text; None where the text has to be looked at."""
+    """The numbers by a fast parser; None if the block must be read cell by cell."""
     if not is_plain(block, found):
         return None
     return by_numpy(block, found, selected) if small else by_polars(block, found, selected)

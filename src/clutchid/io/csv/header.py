@@ -1,4 +1,4 @@
-"""Headers of CSV files: where the unit of a column may stand, and which line holds the names."""
+"""Headers of CSV files: position of the units, comments, and splitting of lines."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from clutchid.io.columns import Heading, channel, headings, quantity_named, shor
 from clutchid.io.csv.cells import NUMBER
 from clutchid.units import UNITS
 
-#: Units without a use here, but by which a unit is told from a remark.
+#: Units of other quantities, to distinguish a unit from a remark.
 # fmt: off
 _OTHER = frozenset((
     "N", "kN", "µN", "uN", "Nm", "V", "mV", "A", "mA", "W", "kW", "J", "Ohm", "rpm", "1/min", "U/min",
@@ -27,13 +27,13 @@ _WIDE_BLANKS = re.compile(r"\t+| {2,}")
 
 
 def is_unit(text: str | None) -> bool:
-    """Whether a text is a unit that is known, here or elsewhere."""
+    """Whether a text is a known unit of any quantity."""
     unit = unit_spelled(text)
     return unit in UNITS or unit in _OTHER
 
 
 def heading(index: int, text: str, unit: str | None = None) -> Heading:
-    """The heading of one cell, with its unit in square or round brackets, behind a slash, or from a row of units.
+    """Heading of one cell, with its unit in square or round brackets, after a slash, or from a row of units.
 
     Examples
     --------
@@ -51,7 +51,7 @@ def heading(index: int, text: str, unit: str | None = None) -> Heading:
 
 
 def _parts(text: str) -> Iterator[tuple[str, str]]:
-    """Each way of taking a heading for a name and a unit."""
+    """All ways to split a heading into name and unit."""
     for match in re.finditer("/", text):
         name, unit = text[: match.start()], text[match.end() :]
         if name.strip() and (name[-1:] == " " or not is_unit(name)):
@@ -62,7 +62,7 @@ def _parts(text: str) -> Iterator[tuple[str, str]]:
 
 
 def units_in(cells: Sequence[str]) -> list[str] | None:
-    """The units in a row of units, without brackets; None where the row is none.
+    """The units in a row of units, without brackets; None if the row is not one.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def uncommented(line: str) -> str:
 
 
 def split(line: str, separator: str) -> list[str]:
-    """The cells of a line; a blank as separator stands for runs of blanks.
+    """Split a line into cells; a blank as separator means runs of blanks.
 
     Examples
     --------
@@ -109,7 +109,7 @@ def split(line: str, separator: str) -> list[str]:
 
 
 def split_header(line: str, separator: str, width: int) -> list[str]:
-    """The cells of a header; where runs of blanks separate, a name may hold single blanks or stand before its unit.
+    """Split a header into cells; with runs of blanks as separator, a name may contain blanks or precede its unit.
 
     Examples
     --------

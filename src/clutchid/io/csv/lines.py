@@ -1,4 +1,4 @@
-"""The lines of a CSV file: bytes of some encoding and some line ends made blocks of UTF-8 with line feeds."""
+"""Lines of a CSV file: any encoding and line ends, converted to blocks of UTF-8 with line feeds."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-#: Bytes and lines at the start of a file that tell its dialect; a line is not longer.
+#: Numbers of bytes and lines at the start of a file that determine its dialect; also the longest line.
 SAMPLE = 1 << 20
 _SAMPLE_LINES = 2000
 
-#: Bytes of a block, however many lines it has.
+#: Largest number of bytes of a block.
 _MOST = 1 << 26
 
 _UTF8 = b"\xef\xbb\xbf"
@@ -25,7 +25,7 @@ _CONTROL = bytes({*range(32), 127} - {9, 10, 11, 12, 13, 26})
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """How a file becomes lines: its encoding, the bytes read at a time, and the line of the last that is not blank."""
+    """How a file is split into lines: encoding, bytes per read, and number of the last non-blank line."""
 
     path: Path
     encoding: str
@@ -35,7 +35,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Whole lines of a file: the number of the first, their text in UTF-8, and how many they are."""
+    """Complete lines of a file: number of the first one, text in UTF-8, and number of lines."""
 
     first: int
     text: bytes
@@ -43,7 +43,7 @@ class Block:
 
 
 def lines_of(path: Path, chunk: int) -> Lines | None:
-    """How the lines of a file are read; None where it is neither UTF-8, UTF-16 with a mark nor Windows-1252.
+    """How the lines of a file are read; None if it is neither UTF-8, UTF-16 with a byte order mark nor Windows-1252.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def lines_of(path: Path, chunk: int) -> Lines | None:
 
 
 def sample(lines: Lines) -> list[str]:
-    """The first lines, of at most `SAMPLE` bytes together; the last one may be cut where it is the only one.
+    """The first lines, at most `SAMPLE` bytes in total; a single line may be truncated.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def sample(lines: Lines) -> list[str]:
 
 
 def blocks(lines: Lines, skip: int, rows: int) -> Iterator[Block]:
-    """The lines behind the first `skip` in blocks of `rows`, or of fewer where they are long.
+    """The lines after the first `skip`, in blocks of `rows` lines, or fewer if they are long.
 
     Raises
     ------
@@ -88,22 +88,22 @@ def blocks(lines: Lines, skip: int, rows: int) -> Iterator[Block]:
         If the file cannot be read.
     """
     number, size, lacking = 1, 0, skip or rows
-    held: list[bytes] = []
+    pending: list[bytes] = []
     for piece in _pieces(lines.path, lines.encoding, lines.chunk):
-        held.append(piece)
+        pending.append(piece)
         size, lacking = size + len(piece), lacking - piece.count(b"\n")
         if lacking > 0 and size < _MOST:
             continue
-        text = b"".join(held)
+        text = b"".join(pending)
         start = 0
         for end, count in _cuts(text, skip, rows, number):
             if number > skip and number <= lines.last:
                 yield _whole(lines, number, text[start:end], count)
             start, number = end, number + count
-        held, size = [text[start:]], len(text) - start
-        lacking = (skip + 1 - number if number <= skip else rows) - held[0].count(b"\n")
+        pending, size = [text[start:]], len(text) - start
+        lacking = (skip + 1 - number if number <= skip else rows) - pending[0].count(b"\n")
     if skip < number <= lines.last and size:
-        text = b"".join(held)
+        text = b"".join(pending)
         yield _whole(lines, number, text, text.count(b"\n") + (not text.endswith(b"\n")))
 
 
@@ -122,7 +122,7 @@ def _cuts(text: bytes, skip: int, rows: int, number: int) -> Iterator[tuple[int,
 
 
 def _whole(lines: Lines, number: int, text: bytes, count: int) -> Block:
-    """The block without the blank lines at the end of the file."""
+    """A block without the blank lines at the end of the file."""
     if number + count - 1 > lines.last:
         end = text.find(b"\n", len(text) - len(_blank_end(text)))
         text, count = text[: end + 1], lines.last - number + 1
@@ -130,7 +130,7 @@ def _whole(lines: Lines, number: int, text: bytes, count: int) -> Block:
 
 
 def _blank_end(text: bytes) -> bytes:
-    """The blanks at the end of a text, without a copy of what stands before."""
+    """The trailing whitespace of a text, without copying the rest."""
     length = 1 << 12
     while length < len(text) and text[-length:].isspace():
         length *= 4
@@ -168,15 +168,15 @@ def _is_text(path: Path, chunk: int, encoding: str) -> bool:
 def _pieces(path: Path, encoding: str, chunk: int) -> Iterator[bytes]:
     """The text of a file in UTF-8 with line feeds, piece by piece."""
     decoder = codecs.getincrementaldecoder(encoding)("replace")
-    held = b""
+    carried = b""
     with path.open("rb") as file:
         if file.read(3) != _UTF8 or encoding != "utf-8":
             file.seek(0)
         while raw := file.read(chunk):
-            text = held + (raw if encoding == "utf-8" else decoder.decode(raw).encode())
-            held = b"\r" if text.endswith(b"\r") else b""
-            text = text[: len(text) - len(held)]
+            text = carried + (raw if encoding == "utf-8" else decoder.decode(raw).encode())
+            carried = b"\r" if text.endswith(b"\r") else b""
+            text = text[: len(text) - len(carried)]
             if b"\r" in text:
                 text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
             yield text
-    yield held.replace(b"\r", b"\n")
+    yield carried.replace(b"\r", b"\n")

@@ -1,4 +1,4 @@
-"""CSV read cell by cell, for text that the fast parsers refuse: every problem with its line and column."""
+"""Read CSV cell by cell, for text that the fast parsers refuse: reports every problem with line and column."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ Cell = Callable[[str], float | None]
 
 @dataclass(eq=False, slots=True)
 class Part:
-    """The samples of some lines: numbers by column, the lines they stand on, and what is no number or no sample.
+    """Samples of some lines: values by column, their line numbers, and invalid cells and lines.
 
-    Of what is wrong, `unread` holds every row, `texts` and `ragged` what the first messages are made of; after
-    `broken` nothing could be read.
+    `unread` has all rows with an invalid cell; `texts` and `ragged` the first invalid cells and lines, for messages;
+    after `broken` nothing could be read.
     """
 
     size: int
@@ -40,31 +40,33 @@ class Part:
     broken: str = ""
 
 
-def told(column: Heading, dialect: Dialect) -> bool:
-    """Whether a cell that is no number is a problem: not in a column without a meaning that holds text."""
+def must_be_numeric(column: Heading, dialect: Dialect) -> bool:
+    """Whether a cell that is not a number is a problem; in an unknown column of text it is not."""
     return column.name is not None or dialect.forms[column.index].kind != "text"
 
 
 def read_text(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
-    """The numbers of lines whose text is not a plain table of numbers.
+    """Read lines whose text is not a plain table of numbers.
 
-    Lines with another number of cells than the header are left out, cells that are no number are NaN.
+    Lines with another number of cells than the header are dropped; cells that are not numbers are NaN.
     """
     part = Part(0, Places("line"), {})
     lines: array[int] = array("q")
     numbers: dict[int, array[float]] = defaultdict(lambda: array("d"))
     unread: dict[int, array[int]] = defaultdict(lambda: array("q"))
-    columns = [(column.index, reader(dialect.forms[column.index]), told(column, dialect)) for column in selected]
+    columns = [
+        (column.index, reader(dialect.forms[column.index]), must_be_numeric(column, dialect)) for column in selected
+    ]
     width = len(dialect.headings)
     for line, cells in _rows(block, dialect.separator, part):
         if len(cells) != width:
             _ragged(part, line, cells)
             continue
-        for index, read, is_told in columns:
+        for index, read, numeric in columns:
             value = read(cells[index])
             if value is None:
                 value = np.nan
-                if is_told:
+                if numeric:
                     unread[index].append(len(lines))
                     _text(part, index, cells[index])
             numbers[index].append(value)
@@ -77,7 +79,7 @@ def read_text(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Pa
 
 
 def _rows(block: Block, separator: str, part: Part) -> Iterator[tuple[int, list[str]]]:
-    """Line and cells of each row; where a line cannot be split, the reason is left in `part`."""
+    """Line number and cells of each row; if a line cannot be split, `part.broken` gives the reason."""
     text = io.StringIO(block.text.decode("utf-8", "replace"), newline="\n")
     if separator == " ":
         yield from ((number, split(line.rstrip("\n"), separator)) for number, line in enumerate(text, block.first))
@@ -93,7 +95,7 @@ def _rows(block: Block, separator: str, part: Part) -> Iterator[tuple[int, list[
 
 
 def _ragged(part: Part, line: int, cells: Sequence[str]) -> None:
-    """Remember a line with another number of cells, unless it is blank."""
+    """Record a line with another number of cells, unless it is blank."""
     if len(cells) > 1 or (cells and cells[0].strip()):
         part.ragged_count += 1
         if len(part.ragged) < SHOWN:
@@ -107,7 +109,7 @@ def _text(part: Part, index: int, cell: str) -> None:
 
 
 def joined(parts: Sequence[Part]) -> Part:
-    """Consecutive parts as one."""
+    """Join consecutive parts."""
     if len(parts) == 1:
         return parts[0]
     starts = np.cumsum([0, *(part.size for part in parts)])
@@ -135,7 +137,7 @@ def joined(parts: Sequence[Part]) -> Part:
 
 
 def table(part: Part, dialect: Dialect) -> Table:
-    """The table of a part, with the sentences about what is wrong in it."""
+    """Table of a part, with messages about its problems."""
     columns = dialect.headings
     problems = [part.broken] if part.broken else []
     if part.ragged:
@@ -150,25 +152,26 @@ def table(part: Part, dialect: Dialect) -> Table:
             f"line {part.places.number(row)} has '{shortened(text)}'" for row, text in zip(rows, texts, strict=False)
         ]
         problems.append(
-            f"column '{columns[index].text}' holds what is no number: {and_more(shown, len(rows) - len(shown))}; "
-            f"{_advice(texts, dialect, index)}, or leave the cell empty where the sample is missing."
+            f"column '{columns[index].text}' contains cells that are not numbers: "
+            f"{and_more(shown, len(rows) - len(shown))}; {_advice(texts, dialect, index)}, or leave the cell empty "
+            "where the sample is missing."
         )
     metadata = {"start": dialect.start} if dialect.start else {}
     return Table(columns, part.numbers, part.size, part.places, tuple(problems), part.unread, metadata)
 
 
 def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
-    """What to write instead of these cells."""
+    """Advice on how to correct these cells."""
     cells = [text.strip() for text in texts]
     commas = [matches(COMMA, cell) for cell in cells]
     if dialect.forms[index].kind == "stamp":
-        return "write a time like 2024-05-01T12:00:00.001 as in the other cells"
+        return "write date and time as in the other cells, for example 2024-05-01T12:00:00.001"
     if dialect.forms[index].kind == "truth":
         return "write 1 or 0"
     if not dialect.decimal and any(matches(AMBIGUOUS, cell) for cell in cells):
-        return "no cell tells whether the comma is a decimal comma or stands between thousands: write a decimal point"
+        return "the comma may be a decimal or a thousands separator: write a decimal point"
     if any(matches(THOUSANDS, cell) for cell in cells) and not all(commas):
-        return "write a number without marks between the thousands"
+        return "write a number without thousands separators"
     if dialect.decimal == "," and any(map(NUMBER.fullmatch, cells)):
         return "the decimal mark of this file is the comma: write a number without a point"
     return "write a number " + ("with a decimal point" if any(commas) else "like 0.0125")

@@ -1,4 +1,4 @@
-"""Eq. (21): the coefficients of the basis functions, computed beside the printed ones."""
+"""Eq. (21): computed and printed coefficients of the basis functions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def computed(phi2_slope: float) -> dict[str, float]:
 
 
 def printed() -> dict[str, tuple[float | None, str]]:
-    """Printed value and where it stands, by the name of the coefficient that it is."""
+    """Printed value and its position in the paper, by the name of the coefficient."""
     found: dict[str, tuple[float | None, str]] = {
         name: (value, f"ξ₁, {place + 1} of 3") for place, (name, value) in enumerate(zip(_NAMES[:3], XI_1, strict=True))
     }
@@ -46,14 +46,14 @@ def equation_21() -> Table:
         Column("stated_conditions", "slope 1,\nstated", significant=7, group="computed, slope of φ₂ at t₃"),
         Column("as_published", "slope 0.001,\nas published", significant=7, group="computed, slope of φ₂ at t₃"),
         Column("printed", "value", significant=0, group="printed in Eq. (21)"),
-        Column("relative_difference", "off the computed\none by [10⁻⁶]", 1e-6, 0, group="printed in Eq. (21)"),
-        Column("place", "place on the page"),
+        Column("relative_difference", "relative\ndifference [10⁻⁶]", 1e-6, 0, group="printed in Eq. (21)"),
+        Column("place", "position in the paper"),
     )  # fmt: skip
     note = (
-        "The printed vectors follow from the slope 0.001, not from the stated slope 1; it matters for ξ₂ only. ξ₂ is "
-        "printed with three entries where there are four: the second has the sign of b_2 and the power of ten of c_2, "
+        "The printed vectors follow from the slope 0.001, not from the stated slope 1; this affects ξ₂ only. ξ₂ is "
+        "printed with three entries instead of four: the second has the sign of b_2 and the power of ten of c_2, "
         "so one of the two is lost. ξ₃ is printed in the order b, a, c, g, d, h, f, e. The last column is relative to "
-        "slope 0.001; what is left are roundings of the print."
+        "slope 0.001; the remaining differences are rounding errors in the paper."
     )
     return Table("Equation (21), coefficients of the basis functions", columns, tuple(rows), (3, 7), note)
 

@@ -49,7 +49,7 @@ def figure_2() -> Figure:
 
 
 def figure_3(cases: Sequence[Case]) -> Figure:
-    """Simulated positions on the fitted recording, N parts, and how far they are from the measurement."""
+    """Simulated positions on the fitted recording, N parts, and their errors."""
     figure, axes = new_figure([2.4, 1.9, 1.9])
     _over_time(axes, chosen(cases, "ballistic", "parts"), "position", MM)
     label(axes[0], y="position [mm]")
@@ -60,7 +60,7 @@ def figure_3(cases: Sequence[Case]) -> Figure:
 
 
 def figure_4(cases: Sequence[Case]) -> Figure:
-    """Simulated pressure in chamber A on the fitted recording, N parts, and how far it is from the measurement."""
+    """Simulated pressure in chamber A on the fitted recording, N parts, and its error."""
     measured = "pressure_a" in cases[0].fitted.measured
     figure, axes = new_figure([2.4, 1.9, 1.9] if measured else [3.0])
     _over_time(axes, chosen(cases, "ballistic", "parts"), "pressure_a", BAR)
@@ -91,7 +91,7 @@ def _over_time(axes: Sequence[Axes], cases: Sequence[Case], name: str, unit: flo
 
 
 def case_line(case: Case) -> Line:
-    """How a case is drawn: ballistic black and thick, N from dark to light."""
+    """Line style of a case: ballistic thick and black, N from dark to light."""
     number = case.method.number
     return _BALLISTIC if number is None else Line(_NUMBER[number], f"N = {number}", 0.9)
 
@@ -134,7 +134,7 @@ def _printed_loads() -> list[tuple[Line, Load]]:
 
 
 def _load_background(axis: Axes, static: tuple[FloatArray, FloatArray], truth: TrueLoad | None) -> None:
-    """What every panel of the load shows: engaging span, static estimate and true load."""
+    """Common content of the load panels: engagement range, static estimate and true load."""
     mark_span(axis, 5, 8)
     position, force = static
     if truth is not None:

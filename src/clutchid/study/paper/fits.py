@@ -1,4 +1,4 @@
-"""The fits of the study: ballistic, and partitioned for every N, in both readings, with p or q carried."""
+"""Fits of the study: ballistic, and partitioned for every N, in both interpretations, with p or q carried."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ NUMBERS = (2, 4, 8, 16, 32)
 Reading = Literal["ballistic", "parts", "every"]
 Carry = Literal["p", "q"]
 
-#: Called with what is being done and how much of it is done, from 0 to 1.
+#: Called with a description of the current step and the completed fraction, from 0 to 1.
 Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """An estimation method of Table 1: reading of N, N, and what is carried across a reset."""
+    """An estimation method of Table 1: interpretation of N, N, and the variable carried across a reset."""
 
     reading: Reading
     number: int | None = None
@@ -42,7 +42,7 @@ class Method:
 
     @property
     def label(self) -> str:
-        """The method in words.
+        """Label of the method.
 
         Examples
         --------
@@ -56,7 +56,7 @@ class Method:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """What one method gave: the fit, and ballistic runs with its theta on the fitted and the other recording."""
+    """Results of one method: the fit, and ballistic runs with its theta on both recordings."""
 
     method: Method
     fit: Fit
@@ -74,7 +74,7 @@ class LoadError:
 
 
 def methods() -> tuple[Method, ...]:
-    """All methods: ballistic first, then by what is carried, reading and N."""
+    """All methods: ballistic first, then by carried variable, interpretation and N."""
     partitioned = [Method(reading, n, carry) for carry in ("p", "q") for reading in ("parts", "every") for n in NUMBERS]
     return (Method("ballistic"), *partitioned)
 
@@ -87,7 +87,7 @@ def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, 
     DataError
         If a recording cannot be fitted.
     SolveError
-        If a simulation leaves the finite numbers.
+        If a simulation produces values that are not finite.
     """
     todo = methods()
     done = []
@@ -109,7 +109,7 @@ def _only(found: Fit) -> Recording:
 
 
 def chosen(cases: Sequence[Case], *readings: Reading, carry: Carry = "p") -> tuple[Case, ...]:
-    """The cases of some readings, in their order; the ballistic one belongs to both p and q."""
+    """Cases of the given interpretations, in that order; the ballistic one belongs to both p and q."""
     return tuple(
         case
         for reading in readings
@@ -119,14 +119,14 @@ def chosen(cases: Sequence[Case], *readings: Reading, carry: Carry = "p") -> tup
 
 
 def load_error(case: Case, truth: TrueLoad) -> LoadError:
-    """How far the estimated load is from the true one."""
+    """Rms error of the estimated load."""
     error = case.fit.actuator.load.force(truth.position) - truth.force
     engaging = (truth.position >= 5e-3 - 1e-9) & (truth.position <= 8e-3 + 1e-9)
     return LoadError(float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(error[engaging] ** 2))))
 
 
 def best_possible(truth: TrueLoad) -> float:
-    """Rms distance in N of the true load from the nearest load on the paper's three splines."""
+    """Smallest rms error in N of a load on the paper's three splines."""
     phi = Load().phi(truth.position)
     weights = np.linalg.lstsq(phi, truth.force)[0]
     return float(np.sqrt(np.mean((phi @ weights - truth.force) ** 2)))

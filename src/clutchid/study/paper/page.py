@@ -1,4 +1,4 @@
-"""The page of the study: what was done, what came out, and why it differs from the paper."""
+"""Page of the study: method, results, and differences from the paper."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from clutchid.report.provenance import provenance
 from clutchid.report.style import KN, MM
 from clutchid.study.paper.captions import captions
 from clutchid.study.paper.deviations import DEVIATIONS
-from clutchid.study.paper.findings import Findings, bars, millimetres
 from clutchid.study.paper.fits import Method, load_error
 from clutchid.study.paper.printed import TABLE_2
+from clutchid.study.paper.results import StudyResults, bars, millimetres
 from clutchid.study.paper.tables import rows_of
 
 _BALLISTIC = Method("ballistic")
@@ -26,16 +26,16 @@ _ALT = {
 }  # fmt: skip
 
 
-def study_page(found: Findings, command: str) -> Page:
-    """The page of the study before it is rendered."""
+def study_page(found: StudyResults, command: str) -> Page:
+    """The page of the study, not yet rendered."""
     made, words = found.tables, captions(found)
 
     def figure(number: int) -> Picture:
         return Picture(found.figures[number], f"<b>Figure {number}.</b> {words[number]}", _ALT[number])
 
     sections = (
-        Section("In short", (Text(_abstract(found)), Bullets(_findings(found)))),
-        Section("What was done", (Text(_data(found)), *_warnings(found), Text(_METHOD), Text(_READINGS))),
+        Section("Summary", (Text(_abstract(found)), Bullets(_findings(found)))),
+        Section("Method", (Text(_data(found)), *_warnings(found), Text(_METHOD), Text(_READINGS))),
         Section("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
         Section("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), _table_1(found))),
         Section(
@@ -47,9 +47,9 @@ def study_page(found: Findings, command: str) -> Page:
             (made["verification"], _verification(found), figure(6), figure(7)),
         ),
         Section("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
-        Section("Why the numbers differ from the print", (Text(_why(found)),)),
+        Section("Why the results differ from the paper", (Text(_why(found)),)),
         Section("Deviations from the printed equations", (Bullets(DEVIATIONS),)),
-        Section("Files beside this page", (Text(_files(found)),)),
+        Section("Files", (Text(_files(found)),)),
     )
     return Page(
         "Clutch load characteristics: the paper's study repeated",
@@ -60,7 +60,7 @@ def study_page(found: Findings, command: str) -> Page:
     )
 
 
-def _abstract(found: Findings) -> str:
+def _abstract(found: StudyResults) -> str:
     case = found.case(_BALLISTIC)
     load = case.fit.actuator.load
     y = case.fit.load_curve.position
@@ -71,12 +71,13 @@ def _abstract(found: Findings) -> str:
         f"The load of a clutch was estimated from <i>{escape(found.fit_log.name)}</i> ({_length(found.fit_log)}) with "
         f"the position as the only measured quantity, and checked on <i>{escape(found.verify_log.name)}</i> "
         f"({_length(found.verify_log)}), which was not fitted. The ballistic fit gives θ = ({_weights(case.fit)})·10⁵ "
-        f"N/m, a load with its peak of {force[at] / KN:.2f} kN at {y[at] / MM:.1f} mm. A simulation with it is "
-        f"{millimetres(first.position_rms)} rms off in position on the first recording and "
+        f"N/m, a load with a peak of {force[at] / KN:.2f} kN at {y[at] / MM:.1f} mm. A simulation with it has "
+        f"an rms position error of {millimetres(first.position_rms)} on the first recording and "
         f"{millimetres(second.position_rms)} on the second"
     )
     if first.pressure_a_rms is not None and second.pressure_a_rms is not None:
-        text += f"; in pressure, which was not used, {bars(first.pressure_a_rms)} and {bars(second.pressure_a_rms)}"
+        text += f"; the rms pressure errors, not used in the fit, are {bars(first.pressure_a_rms)} and "
+        text += bars(second.pressure_a_rms)
     return text + "."
 
 
@@ -88,48 +89,48 @@ def _weights(fit: Fit) -> str:
     return ", ".join(f"{e.value / 1e5:.3f} ± {e.std / 1e5:.3f}" for e in fit.parameters.values()).replace("-", "−")
 
 
-def _warnings(found: Findings) -> tuple[Notice, ...]:
-    """What reading and fitting had to say about the recordings."""
+def _warnings(found: StudyResults) -> tuple[Notice, ...]:
+    """Warnings from reading and fitting the recordings."""
     texts = dict.fromkeys([*found.case(_BALLISTIC).fit.warnings, *found.verify_log.warnings])
     return tuple(Notice(text) for text in texts)
 
 
-def _findings(found: Findings) -> tuple[str, ...]:
+def _findings(found: StudyResults) -> tuple[str, ...]:
     items = []
     if found.truth is not None:
         error, peak = load_error(found.case(_BALLISTIC), found.truth), float(found.truth.force.max())
         items.append(
-            f"<b>Load.</b> Against the true load, known here, the ballistic estimate is {error.engaging:.0f} N rms "
-            f"off where the clutch engages (5 to 8 mm) and {error.everywhere:.0f} N over all "
+            "<b>Load.</b> The true load is known here. The rms error of the ballistic estimate is "
+            f"{error.engaging:.0f} N where the clutch engages (5 to 8 mm) and {error.everywhere:.0f} N overall "
             f"({100 * error.everywhere / peak:.1f} % of the peak). {_coverage(found)}"
         )
     p, q = (found.case(Method("every", 2, carry)) for carry in ("p", "q"))
     text = (
-        "<b>Resets.</b> Taking the measured position at constant pressure, as the paper does, creates or destroys air "
-        "at each reset. With a reset every 2 samples, a ballistic run with the estimated θ is "
-        f"{millimetres(p.ballistic.errors.position_rms)} rms off; where the masses of air are carried instead, "
+        "<b>Resets.</b> Resetting the position at constant pressure, as the paper does, creates or destroys air. With "
+        "a reset every 2 samples, a ballistic simulation with the estimated θ has an rms position error of "
+        f"{millimetres(p.ballistic.errors.position_rms)}; if the masses of air are carried instead, "
         f"{millimetres(q.ballistic.errors.position_rms)}."
     )
     if found.truth is not None:
         far, near = (load_error(case, found.truth).engaging for case in (p, q))
-        text += f" The load is then {far:.0f} N and {near:.0f} N rms off between 5 and 8 mm."
+        text += f" The rms errors of the load between 5 and 8 mm are then {far:.0f} N and {near:.0f} N."
     items.append(text)
     second = found.second[_BALLISTIC]
     if second.measured is not None:
         items.append(
             "<b>Pressure.</b> From the load and the measured position, Eq. (26) gives the pressure of the second "
-            f"recording to {bars(second.rms('static_measured'))} rms; the full balance of forces, with friction and "
-            f"acceleration, to {bars(second.rms('balanced_measured'))}."
+            f"recording with an rms error of {bars(second.rms('static_measured'))}; the full force balance, with "
+            f"friction and acceleration, with {bars(second.rms('balanced_measured'))}."
         )
     items.append(
-        "<b>Two readings of N.</b> The paper describes N in two ways that contradict each other. Both are in the "
-        f"tables; the order of the printed errors in position comes out with {_reproducing(found)}."
+        "<b>Two interpretations of N.</b> The paper describes N in two contradictory ways. Both are in the tables; the "
+        f"order of the printed position errors is reproduced with {_reproducing(found)}."
     )
     return tuple(items)
 
 
-def _reproducing(found: Findings) -> str:
-    """Which readings put the position errors of ballistic runs in the order of the print."""
+def _reproducing(found: StudyResults) -> str:
+    """Interpretations of N for which the position errors of ballistic runs have the printed order."""
     page = sorted(TABLE_2, key=lambda n: TABLE_2[n][0])
     names = {"parts": "N equal parts", "every": "every N samples"}
     same = []
@@ -140,29 +141,29 @@ def _reproducing(found: Findings) -> str:
     return " and with ".join(same) or "neither"
 
 
-def _coverage(found: Findings) -> str:
+def _coverage(found: StudyResults) -> str:
     assert found.truth is not None
     curve, truth = found.case(_BALLISTIC).fit.load_curve, found.truth
     low, high = (np.interp(truth.position, curve.position, edge) for edge in (curve.low, curve.high))
     inside = int(np.sum((truth.force >= low) & (truth.force <= high)))
     return (
-        f"Its 95 % band holds the true load at {inside} of {truth.position.size} positions: the band counts noise and "
-        "coloured residuals, not what the model leaves out."
+        f"Its 95 % band contains the true load at {inside} of {truth.position.size} positions: the band accounts for "
+        "noise and coloured residuals, not for model errors."
     )
 
 
-def _data(found: Findings) -> str:
+def _data(found: StudyResults) -> str:
     if found.truth is None:
         return (
             f"First recording, fitted: <i>{escape(found.fit_log.name)}</i>. Second recording, simulated only: "
-            f"<i>{escape(found.verify_log.name)}</i>. The true load is not known, so errors are those of position and "
-            "pressure."
+            f"<i>{escape(found.verify_log.name)}</i>. The true load is unknown, so only position and pressure errors "
+            "are given."
         )
     return (
-        "The recording comes with clutchid. It is <b>simulated, not measured</b>: a virtual truck whose physics is "
-        "richer than the paper's model (energy balance with heat to the walls, valves switched at 100 Hz, finite air "
+        "The recording comes with clutchid. It is <b>simulated, not measured</b>: a virtual truck that is more "
+        "detailed than the paper's model (energy balance with heat to the walls, valves switched at 100 Hz, finite air "
         "supply, Stribeck friction, end stops, a load outside the span of the three splines, quantised and noisy "
-        "position with engine vibration). Its true load is known and drawn in Figure 5. It was cut at the rest "
+        "position with engine vibration). Its true load is known and shown in Figure 5. It was divided at the rest "
         f"nearest to the middle, at {found.verify_log.time[0]:.2f} s: the first half was fitted, the second only "
         "simulated."
     )
@@ -170,27 +171,27 @@ def _data(found: Findings) -> str:
 
 _METHOD = (
     "The fifth-order model (23) with the parameters of the paper's Appendix was simulated with the recorded duty "
-    "cycles, and θ<sub>1</sub>, θ<sub>2</sub>, θ<sub>3</sub> were found by least squares on the position error, twice "
-    "as in the paper: coarsely from afar, then finely. θ<sub>1</sub> and θ<sub>3</sub> are at least 0. Standard "
+    "cycles, and θ<sub>1</sub>, θ<sub>2</sub>, θ<sub>3</sub> were estimated by least squares on the position error, in "
+    "two stages as in the paper: coarse, then fine. θ<sub>1</sub> and θ<sub>3</sub> are at least 0. Standard "
     "errors allow for coloured residuals."
 )
 
 _READINGS = (
-    "A ballistic simulation runs through. A partitioned one takes the measured position again, after every N samples "
-    "or at the starts of N equal parts: the paper says both. All other states go on; across a reset either the "
-    "pressures are carried (p, the paper) or the masses of air (q = p<sub>A</sub>V<sub>A</sub>, so that no air "
-    "appears or vanishes)."
+    "A ballistic simulation has no resets. A partitioned one resets the position to the measurement, after every N "
+    "samples or at the starts of N equal parts: the paper describes both. All other states continue; across a reset "
+    "either the pressures are carried (p, the paper) or the masses of air (q = p<sub>A</sub>V<sub>A</sub>, which "
+    "conserves mass)."
 )
 
 
-def _table_1(found: Findings) -> Text:
+def _table_1(found: StudyResults) -> Text:
     fit = found.case(_BALLISTIC).fit
     curve = fit.load_curve
     half = ((curve.high - curve.low) / 2)[(curve.position >= 5e-3) & (curve.position <= 8e-3)]
     at_bound = [c.method for c in found.cases if c.fit.parameters["theta_3"].value == 0.0]
     theta_3 = fit.parameters["theta_3"]
     text = (
-        f"θ<sub>3</sub> lies exactly at its bound 0 in {len(at_bound)} of {len(found.cases)} fits; in the print in 3 "
+        f"θ<sub>3</sub> is exactly at its bound 0 in {len(at_bound)} of {len(found.cases)} fits; in the paper in 3 "
         f"of 6 rows. In the ballistic fit it is {theta_3.value / 1e5:.2f}·10⁵ N/m with a standard error of "
         f"{theta_3.std / 1e5:.2f}·10⁵ N/m"
     )
@@ -199,20 +200,20 @@ def _table_1(found: Findings) -> Text:
     return Text(text + ".")
 
 
-def _table_2(found: Findings) -> Text:
+def _table_2(found: StudyResults) -> Text:
     rows = rows_of(found.cases, "p")
     base = rows[0].ballistic.errors.position_sse
     best = min(rows, key=lambda case: case.ballistic.errors.position_sse)
     text = (
-        "Σe² are <b>sums of squares</b> and grow with the number of samples; rms errors do not. Among ballistic runs "
-        f"θ of the method “{best.method.label}” has the smallest error in position; the ballistic fit minimises just "
-        "that sum. "
+        "Σe² are <b>sums of squares</b> and increase with the number of samples; rms errors do not. Among ballistic "
+        f"runs θ of the method “{best.method.label}” has the smallest position error; the ballistic fit minimises "
+        "exactly this sum. "
     )
     measured = [case for case in rows if case.ballistic.errors.pressure_a_sse is not None]
     if measured:
         least = min(measured, key=lambda case: case.ballistic.errors.pressure_a_sse or 0.0)
         rms = bars(least.ballistic.errors.pressure_a_rms)
-        text += f"In pressure it is “{least.method.label}” ({rms} rms); in the print N = 32. "
+        text += f"For the pressure it is “{least.method.label}” ({rms} rms); in the paper N = 32. "
     ratios = {n: (found.case(Method("parts", n)), found.case(Method("every", n))) for n in (2, 32)}
     compared = "; ".join(
         f"N = {n}: printed {TABLE_2[n][0] / TABLE_2[None][0]:.0f}, parts {a.ballistic.errors.position_sse / base:.1f}, "
@@ -220,42 +221,42 @@ def _table_2(found: Findings) -> Text:
         for n, (a, b) in ratios.items()
     )
     return Text(
-        f"{text}In the print the ballistic row has the smallest position error of all, as ballistic runs with each θ "
-        "must give and partitioned simulations need not: this suggests, without proving it, that Table 2 was made "
-        "with ballistic runs. Position error (sum of squares, ballistic runs) over that of the ballistic row: "
+        f"{text}In the paper the ballistic row has the smallest position error, which is necessary for ballistic runs "
+        "with each θ, but not for partitioned simulations. This suggests, without proof, that Table 2 contains "
+        "ballistic runs. Position error (sum of squares, ballistic runs) relative to the ballistic row: "
         f"{compared}."
     )
 
 
-def _verification(found: Findings) -> Text:
+def _verification(found: StudyResults) -> Text:
     rows = rows_of(found.cases, "p")
     low, high = (f(rows, key=lambda case: case.verified.errors.position_rms) for f in (min, max))
     return Text(
-        "With p carried, the error in position on the second recording goes from "
+        "With p carried, the position error on the second recording ranges from "
         f"{millimetres(low.verified.errors.position_rms)} rms ({low.method.label}) to "
         f"{millimetres(high.verified.errors.position_rms)} ({high.method.label})."
     )
 
 
-def _why(found: Findings) -> str:
+def _why(found: StudyResults) -> str:
     floor = found.case(Method("every", 2)).fitted.errors.position_rms
     text = (
-        "The paper's recording of the truck “Gamal” is not public; these are other data of another actuator, so its "
-        "numbers cannot come out again, only its statements can be tried. Sums of squares also depend on the number "
-        "of samples, which the paper does not give. "
+        "The paper's recording of the truck “Gamal” is not public; these data are from another actuator, so the "
+        "printed values cannot be reproduced, only the conclusions can be tested. Sums of squares also depend on the "
+        "number of samples, which the paper does not give. "
     )
     if found.truth is not None:
         text += (
-            "The paper's parameters are not those of this truck, and its model lacks part of this truck's physics; "
-            "the pressure falls too slowly in the model when the chamber empties (Figures 4 and 6), and the load has "
-            "to make up for it. "
+            "The paper's parameters are not those of this truck, and its model lacks part of this truck's physics; in "
+            "the model the pressure falls too slowly when the chamber is vented (Figures 4 and 6), and the estimated "
+            "load compensates for that. "
         )
     return text + (
-        f"With a reset every 2 samples the simulation stays {floor / MM:.3f} mm rms from the measurement, which "
-        "bounds the noise; all that is above it in the ballistic rows is error of the model or of its parameters."
+        f"With a reset every 2 samples the rms difference from the measurement is {floor / MM:.3f} mm, an upper bound "
+        "of the noise; larger errors in the ballistic rows are errors of the model or of its parameters."
     )
 
 
-def _files(found: Findings) -> str:
+def _files(found: StudyResults) -> str:
     names = [*(f"{stem}.csv" for stem in found.tables), *(f"figure_{number}.png" for number in found.figures)]
     return "Tables in SI with all digits, and figures: " + ", ".join(f"<code>{name}</code>" for name in names) + "."

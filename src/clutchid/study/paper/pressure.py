@@ -13,13 +13,13 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.static import balanced_pressure, static_load, static_pressure
 
-#: Time in s over which velocity and acceleration are taken from the measured position.
+#: Time in s over which velocity and acceleration are computed from the measured position.
 SMOOTHING = 0.06
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pressures:
-    """Pressure in chamber A in Pa over a recording, four ways, and the measured one where there is one.
+    """Pressure in chamber A in Pa over a recording, by four methods, and the measured one if available.
 
     `static` is Eq. (26), `balanced` Eq. (1) solved for p_A with friction and acceleration; each along the simulated
     motion, and along the measured position with velocity and acceleration derived from it.
@@ -32,7 +32,7 @@ class Pressures:
     measured: FloatArray | None
 
     def rms(self, name: str) -> float | None:
-        """Rms error in Pa of the pressure `name` against the measured one; None where that is missing."""
+        """Rms error in Pa of the pressure `name` against the measured one; None if that is missing."""
         if self.measured is None:
             return None
         difference = getattr(self, name) - self.measured
@@ -100,7 +100,7 @@ def measured_motion(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _deflection(
     rate: Callable[..., FloatArray], v: FloatArray, time: FloatArray, numbers: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Seal deflection and its rate along a known velocity; exact where v is held, as the rate is affine in z."""
+    """Seal deflection and its rate along a known velocity; exact for piecewise constant v."""
     offset = rate(v, np.zeros_like(v), numbers)
     slope = rate(v, np.ones_like(v), numbers) - offset
     dt = np.diff(time, append=time[-1])
@@ -114,7 +114,7 @@ def _deflection(
 
 @cache
 def _texts(model: str) -> dict[str, Callable[..., FloatArray]]:
-    """Friction, deflection rate and stop force of the model's own text, for arrays."""
+    """Friction, deflection rate and stop force from the equations of the model, for arrays."""
     import sympy as sp
 
     from clutchid.model.compiled import system as equations

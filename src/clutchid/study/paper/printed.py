@@ -1,4 +1,4 @@
-"""The numbers that the paper prints: Table 1, Table 2 and Eq. (21), typed from the page.
+"""Values printed in the paper: Table 1, Table 2 and Eq. (21).
 
 Keys of the tables are the paper's N; None is the ballistic row.
 """
@@ -40,5 +40,5 @@ XI_1 = (-76.92308, 1.3077, -3.0769e-4)
 XI_2 = (7.6923e-2, -3.0769e-7, -8.4968e-3)
 XI_3 = (47.2372, -2.3327e3, -0.1610, 1.6900, 1.5163e-4, -6.9439e-3, -113.7192, 2.3327e3)
 
-#: What stands where in the printed xi_3.
+#: Order of the coefficients in the printed xi_3.
 XI_3_ORDER = ("b_3", "a_3", "c_3", "g_3", "d_3", "h_3", "f_3", "e_3")

@@ -1,4 +1,4 @@
-"""The recording that comes with clutchid, its true load, and its two halves."""
+"""The bundled recording, its true load, and its two halves."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import numpy as np
 from clutchid.io import read
 from clutchid.log import FloatArray, Log
 
-#: Key of a log's metadata that names the file of its true load beside the bundled recordings.
+#: Metadata key with the name of the file of the true load.
 TRUTH = "true_load"
 
-#: A rest: the position stays within this many m over this many s.
+#: Largest range of the position in m, and time in s, of a rest.
 REST_RANGE, REST_TIME = 5e-4, 0.2
 
-#: A rest is looked for within this part of the length, about the middle.
+#: A rest is searched for within this fraction of the length around the middle.
 MIDDLE = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueLoad:
-    """The load in N over the position in m that a simulated recording was made with."""
+    """True load in N over the position in m of a simulated recording."""
 
     position: FloatArray
     force: FloatArray
 
 
 def bundled_recording() -> Log:
-    """30 s of a simulated truck at 1 kHz with pressure; its physics is richer than the paper's model.
+    """30 s of a simulated truck at 1 kHz with pressure; the truck is more detailed than the paper's model.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def bundled_recording() -> Log:
 
 
 def true_load(log: Log) -> TrueLoad | None:
-    """The true load behind `log`, known for the bundled recording and its parts only."""
+    """True load of `log`, known only for the bundled recording and its parts."""
     name = log.metadata.get(TRUTH)
     if name is None:
         return None
@@ -58,7 +58,7 @@ def true_load(log: Log) -> TrueLoad | None:
 
 
 def halves(log: Log) -> tuple[Log, Log]:
-    """First and second half of `log`, cut at the rest nearest to the middle, or in the middle where there is none.
+    """First and second half of `log`, divided at the rest nearest to the middle, or in the middle if there is none.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Figures 6 to 8: all states on the recording that was not fitted, and the pressure from the load."""
+"""Figures 6 to 8: all states on the verification recording, and the pressure from the load."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from clutchid.study.paper.pressure import Pressures, measured_motion
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Seconds shown around the fastest stroke.
+#: Length in s of the detail around the fastest stroke.
 CLOSE = 1.6
 
 

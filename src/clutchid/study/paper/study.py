@@ -15,14 +15,14 @@ from clutchid.log import Log
 from clutchid.report.files import write_bytes
 from clutchid.report.html import render
 from clutchid.report.tables import Table, to_csv
-from clutchid.study.paper.findings import FIGURES, TABLES, Findings, find
 from clutchid.study.paper.fits import Case, Progress
 from clutchid.study.paper.page import study_page
+from clutchid.study.paper.results import FIGURES, TABLES, StudyResults, find
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PaperStudy:
-    """The study as it was written: every method's results, tables by the stem of their file, and the files."""
+    """The completed study: results of all methods, tables by file stem, and the written files."""
 
     cases: tuple[Case, ...]
     tables: Mapping[str, Table]
@@ -31,19 +31,20 @@ class PaperStudy:
 
 
 def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | None = None) -> PaperStudy:
-    """Repeat Section 3 of the paper and write ``index.html``, ``figure_2.png`` to ``figure_8.png`` and a CSV a table.
+    """Repeat Section 3 of the paper and write ``index.html``, ``figure_2.png`` to ``figure_8.png`` and CSV tables.
 
-    Nothing is written before all is done; then each file is replaced in one step, the page last. Folders that were made
-    for a study that fails are removed again.
+    Files are written only after all computations, each one atomically, the page last. Folders that were created for a
+    study that fails are removed.
 
     Parameters
     ----------
     fit_log, verify_log : Log
-        Recordings with position and both duty cycles, to fit and to verify; with pressure the study is complete.
+        Recordings with position and both duty cycles, to fit and to verify; with pressure, pressure errors are
+        included.
     out : Path
-        The folder; it is made where it does not exist.
+        Output folder; created if necessary.
     progress : function(text, fraction), optional
-        Called before each step with what is done, and how much of the study is, from 0 to 1.
+        Called before each step with its description and the completed fraction, from 0 to 1.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | N
     DataError
         If a recording cannot be fitted.
     SolveError
-        If a simulation leaves the finite numbers.
+        If a simulation produces values that are not finite.
 
     References
     ----------
@@ -73,8 +74,8 @@ def _names() -> list[str]:
     return [*(f"{stem}.csv" for stem in TABLES), *(f"figure_{number}.png" for number in FIGURES), "index.html"]
 
 
-def _written(found: Findings, page: str, out: Path) -> tuple[Path, ...]:
-    """Write tables, figures and at last the page."""
+def _written(found: StudyResults, page: str, out: Path) -> tuple[Path, ...]:
+    """Write tables, figures, and finally the page."""
     contents = {f"{stem}.csv": to_csv(table).encode("utf-8") for stem, table in found.tables.items()}
     contents |= {f"figure_{number}.png": picture for number, picture in found.figures.items()}
     contents["index.html"] = page.encode("utf-8")
@@ -89,7 +90,7 @@ def _silent(_text: str, _fraction: float) -> None:
 
 @contextmanager
 def _folder(out: Path) -> Iterator[None]:
-    """Make the folder and what is missing above it, and remove it again, with the study's files, if the study fails."""
+    """Create the folder and missing parents, and remove them, with the files of the study, if the study fails."""
     folder = out.resolve()
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     try:
@@ -97,7 +98,7 @@ def _folder(out: Path) -> Iterator[None]:
         _check_files(out)
         yield
     except BaseException:
-        if missing:  # then all that is in the folder is ours
+        if missing:  # then all files in the folder are from this study
             for name in _names():
                 with suppress(OSError):
                     (folder / name).unlink(missing_ok=True)
@@ -108,14 +109,14 @@ def _folder(out: Path) -> Iterator[None]:
 
 
 def _make(out: Path) -> None:
-    advice = "name another one with --out."
+    advice = "choose another one with --out."
     try:
         out.resolve().mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
         raise ExportError(f"{out}: is a file, the study needs a folder; {advice}") from error
     except OSError as error:
         raise ExportError(
-            f"{out}: the folder cannot be made ({error.strerror or 'no reason given'}); {advice}"
+            f"{out}: the folder cannot be created ({error.strerror or 'no reason given'}); {advice}"
         ) from error
     try:
         with tempfile.TemporaryFile(dir=out.resolve()):
@@ -128,13 +129,13 @@ def _check_files(out: Path) -> None:
     folders = [name for name in _names() if (out.resolve() / name).is_dir()]
     if folders:
         what = f"{folders[0]} is a folder" if len(folders) == 1 else f"{', '.join(folders)} are folders"
-        raise ExportError(f"{out}: {what}, the study writes a file there; name another folder with --out.")
+        raise ExportError(f"{out}: {what}, but the study writes a file there; choose another folder with --out.")
     for name in _names():
         check_writable(out / name)
 
 
 def _command(fit_log: Log, verify_log: Log, out: Path) -> str:
-    """The command that repeats the study."""
+    """The command that reproduces the study."""
     words = ["clutchid", "paper"]
     if "true_load" not in fit_log.metadata:
         words += ["--fit", fit_log.metadata.get("source", fit_log.name)]

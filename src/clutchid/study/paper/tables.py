@@ -1,4 +1,4 @@
-"""The tables of the study: Tables 1 and 2 beside the printed numbers, verification, and pressure from the load."""
+"""Tables of the study: Tables 1 and 2 with the printed values, verification, and pressure from the load."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clutchid.study.paper.pressure import Pressures
 from clutchid.study.paper.printed import TABLE_1, TABLE_2
 from clutchid.study.paper.recording import TrueLoad
 
-#: Shown units: sums of squares in 10⁻⁴ m² and 10¹² Pa², weights in 10⁵ N/m, as in the print.
+#: Display units: sums of squares in 10⁻⁴ m² and 10¹² Pa², weights in 10⁵ N/m, as in the paper.
 _M2, _PA2, _WEIGHT = 1e-4, 1e12, 1e5
 
 _CARRIED = {
@@ -20,7 +20,7 @@ _CARRIED = {
     "q": "the masses of air are carried across a reset",
 }
 
-#: Ways to a pressure: attribute of `Pressures`, heading, motion.
+#: Estimates of the pressure: attribute of `Pressures`, heading, motion.
 WAYS = (
     ("static_simulated", "Eq. (26)\n[bar]", "simulated motion"),
     ("balanced_simulated", "full balance\n[bar]", "simulated motion"),
@@ -35,7 +35,7 @@ def rows_of(cases: Sequence[Case], carry: Carry) -> tuple[Case, ...]:
 
 
 def table_1(cases: Sequence[Case], carry: Carry) -> Table:
-    """Table 1: the estimated weights with standard errors, beside the printed ones."""
+    """Table 1: estimated weights with standard errors, and the printed ones."""
     columns = [Column("method", "method")]
     for i in (1, 2, 3):
         group = f"θ{'₁₂₃'[i - 1]} [10⁵ N/m]"
@@ -53,17 +53,17 @@ def table_1(cases: Sequence[Case], carry: Carry) -> Table:
         rows.append(tuple(row))
     note = (
         "Estimates belong to the basis of the stated conditions (slope 1 of φ₂ at t₃), printed weights to the basis "
-        "as published (slope 0.001) and to another truck. The printed N stands beside both readings, as the paper "
-        "describes it in both ways."
+        "as published (slope 0.001) and to another truck. The printed N is given for both interpretations, "
+        "because the paper describes both."
     )
     title = f"Table 1. Estimated weights of the load; {_CARRIED[carry]}"
     return Table(title, tuple(columns), tuple(rows), (1, 6), note)
 
 
 def table_2(cases: Sequence[Case], carry: Carry) -> Table:
-    """Table 2: sums of squares and rms errors, of the simulation that was fitted and of a ballistic run."""
+    """Table 2: sums of squares and rms errors of the fitted simulation and of a ballistic run."""
     columns = [Column("method", "method")]
-    for prefix, group in (("fitted", "simulation that was fitted"), ("ballistic", "ballistic run with the same θ")):
+    for prefix, group in (("fitted", "fitted simulation"), ("ballistic", "ballistic run with the same θ")):
         columns += [
             Column(f"{prefix}_position_sse [m2]", "Σe² y\n[10⁻⁴ m²]", _M2, 2, group=group),
             Column(f"{prefix}_position_rms [m]", "rms y\n[mm]", MM, 3, group=group),
@@ -79,9 +79,9 @@ def table_2(cases: Sequence[Case], carry: Carry) -> Table:
         for case in rows_of(cases, carry)
     )
     note = (
-        "Only the ballistic columns compare methods: a partitioned simulation takes the measured position again and "
-        "again, so its error in position is small where resets are dense, whatever θ is. The printed numbers are sums "
-        "of squares in m² and Pa² of another recording of unknown length."
+        "Only the ballistic columns compare methods: a partitioned simulation is reset to the measured position, so "
+        "its position error is small with frequent resets, whatever θ is. The printed values are sums of squares in m² "
+        "and Pa² of another recording of unknown length."
     )
     return Table(f"Table 2. Errors on the first recording; {_CARRIED[carry]}", tuple(columns), rows, (1, 6), note)
 
@@ -91,8 +91,8 @@ def _cells(errors: Errors) -> tuple[Cell, ...]:
 
 
 def verification(cases: Sequence[Case], truth: TrueLoad | None) -> Table:
-    """Errors of ballistic runs on the recording that was not fitted, and of the load where the true one is known."""
-    run, load = "second recording, ballistic run", "load against the true one"
+    """Errors of ballistic runs on the verification recording, and of the load if the true one is known."""
+    run, load = "second recording, ballistic run", "load error"
     columns = [
         Column("method", "method"), Column("carry", "carried"),
         Column("position_sse [m2]", "Σe² y\n[10⁻⁴ m²]", _M2, 2, group=run),
@@ -114,8 +114,8 @@ def verification(cases: Sequence[Case], truth: TrueLoad | None) -> Table:
             cells = error.engaging, error.everywhere, error.everywhere / float(truth.force.max())
         carried = "–" if case.method.partition is None else case.method.carry
         rows.append((case.method.label, carried, *_cells(case.verified.errors), *cells))
-    note = "Nothing is fitted here but position and pressure at the start, where the recording starts under pressure."
-    return Table("Verification on the recording that was not fitted", tuple(columns), tuple(rows), (1, 6, 11, 16), note)
+    note = "Only the initial position and pressure are estimated here, if the recording starts under pressure."
+    return Table("Verification on the second recording", tuple(columns), tuple(rows), (1, 6, 11, 16), note)
 
 
 def pressure_errors(
@@ -134,9 +134,9 @@ def pressure_errors(
         for case in cases
     )
     note = (
-        "Against the measured pressure. Simulated motion: states of the ballistic run; the full balance along them is "
-        "the simulated pressure again, up to the differencing of the velocity. Measured motion: position as measured, "
-        "velocity and acceleration derived from it, seal deflection by Eq. (3), chamber B from the simulation. The "
-        "pressures are carried across a reset."
+        "Relative to the measured pressure. Simulated motion: states of the ballistic run; the full balance reproduces "
+        "the simulated pressure, up to the numerical derivative of the velocity. Measured motion: position as "
+        "measured, velocity and acceleration derived from it, seal deflection by Eq. (3), chamber B from the "
+        "simulation. The pressures are carried across a reset."
     )
     return Table("Pressure in chamber A from the load, rms errors", tuple(columns), rows, (1, 6), note)

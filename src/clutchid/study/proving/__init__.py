@@ -1,4 +1,4 @@
-"""The proving ground: workflows scored on a seeded fleet of virtual trucks."""
+"""The proving ground: evaluate workflows on a seeded fleet of virtual trucks."""
 
 from clutchid.study.proving.answers import Answer, Score, Workflow, score
 from clutchid.study.proving.ground import Proof, kept, proof, prove

@@ -1,4 +1,4 @@
-"""What a workflow answers for a worn recording, and how an answer is scored against the truth."""
+"""Result of a workflow for a worn recording, and its score against the truth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.report.half_load import half_load
 from clutchid.truck import GRID, Truth
 
-#: Part of the grid around the touch point, in m.
+#: Range of the grid around the touch point, in m.
 TOUCH = (5e-3, 8e-3)
 
 
@@ -20,7 +20,7 @@ TOUCH = (5e-3, 8e-3)
 class Answer:
     """A load curve in N over positions in m with its 95 % band, and the chamber pressure in Pa at every sample.
 
-    `kept` is anything worth keeping beside it, as plain numbers and texts.
+    `kept` has further results as plain values.
     """
 
     position: FloatArray
@@ -31,7 +31,7 @@ class Answer:
     kept: Mapping[str, Any] = field(default_factory=dict)
 
 
-#: From a calibration recording with pressure and worn recordings with position only to an answer for each of them.
+#: Function of a calibration recording with pressure and worn recordings with position only; one answer for each.
 Workflow = Callable[[Log, Sequence[Log]], Sequence[Answer]]
 
 
@@ -40,8 +40,8 @@ class Score:
     """Errors of one answer.
 
     `load` is rms over 0.5 to 20 mm and `load_touch` over 5 to 8 mm, in % of the true peak; `half_load` the error of the
-    position where the rising load passes half its peak [mm]; `pressure` the rms error of the chamber pressure [kPa];
-    `coverage` the share of the grid where the band holds the true load.
+    position where the rising load reaches half its peak [mm]; `pressure` the rms error of the chamber pressure [kPa];
+    `coverage` the fraction of the grid where the band contains the true load.
     """
 
     load: float
@@ -57,7 +57,7 @@ def score(answer: Answer, truth: Truth, time: FloatArray) -> Score:
     Raises
     ------
     ValueError
-        If the curve does not span the grid or is not finite there.
+        If the curve does not cover the grid or is not finite there.
     """
     force, low, high = (np.interp(GRID, answer.position, c) for c in (answer.force, answer.low, answer.high))
     if answer.position[0] > GRID[0] or answer.position[-1] < GRID[-1] or not np.isfinite(force).all():

@@ -28,7 +28,7 @@ from clutchid.truck import Drive, drive, truck
 #: Length of every recording in s.
 SECONDS = 30.0
 
-#: Wear of the facing in m in the two worn recordings, and strokes a metre of wear.
+#: Wear of the facing in m in the two worn recordings, and strokes per metre of wear.
 WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
 STROKES = 3e8
 
@@ -37,7 +37,7 @@ _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLAR
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proof:
-    """One truck on the proving ground: a calibration recording with pressure, worn ones without, and their truths."""
+    """Recordings of one truck: a calibration recording with pressure, worn ones without, and their truths."""
 
     calibration: Drive
     worn: tuple[Drive, ...]
@@ -51,22 +51,22 @@ def proof(number: int) -> Proof:
     ParameterError
         If there is no such truck.
     """
-    kind = truck(number)
+    new = truck(number)
     rng = np.random.default_rng([number, 1])
     wear = [float(rng.uniform(*limits)) for limits in WEAR]
     seeds = rng.integers(0, 2**31, 1 + len(wear)).tolist()
-    calibration = drive(kind, seconds=SECONDS, seed=seeds[0], name="calibration")
+    calibration = drive(new, seconds=SECONDS, seed=seeds[0], name="calibration")
     worn = tuple(
-        drive(kind, seconds=SECONDS, seed=s, wear=w, cycles=w * STROKES, pressure=False, name=f"worn{i}")
+        drive(new, seconds=SECONDS, seed=s, wear=w, cycles=w * STROKES, pressure=False, name=f"worn{i}")
         for i, (s, w) in enumerate(zip(seeds[1:], wear, strict=True), 1)
     )
     return Proof(calibration, worn)
 
 
 def prove_one(name: str, number: int) -> dict[str, Any]:
-    """Run the workflow `name` on truck `number`: scores, load curves and what the workflow keeps, as plain values.
+    """Run the workflow `name` on truck `number`: scores, load curves and further results, as plain values.
 
-    A workflow that raises or gives no finite curve is a failure of that truck, with its reason.
+    If the workflow raises an exception or returns no finite curve, the truck counts as failed, with the reason.
     """
     ground = proof(number)
     begin = time.perf_counter()
@@ -107,35 +107,35 @@ def prove(
     workers: int = 1,
     progress: Callable[[str, float], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Run a workflow on the trucks `numbers` and keep every result under ``out/NAME/``; what is there is not repeated.
+    """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
 
-    The results do not depend on the number of workers, nor on how often the run was stopped.
+    The results do not depend on the number of workers or on interruptions.
 
     Raises
     ------
     ParameterError
         For an unknown workflow or fewer than one worker.
     ExportError
-        If `out` cannot be written, or holds results of other settings.
+        If `out` cannot be written, or contains results of other settings.
     """
     if workers < 1:
-        raise ParameterError(f"--workers {workers}: at least 1.")
+        raise ParameterError(f"--workers {workers}: must be at least 1.")
     workflow(name)
-    wanted = sorted(set(numbers))
+    requested = sorted(set(numbers))
     folder = _folder(out, name)
-    done = {n: _read(folder / f"truck_{n:05d}.json") for n in wanted}
+    done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     show = progress or (lambda _text, _fraction: None)
     for result in _results(name, todo, workers):
         _write(folder / f"truck_{result['truck']:05d}.json", result)
         done[result["truck"]] = result
         ready = sum(r is not None for r in done.values())
-        show(f"{ready} of {len(wanted)} trucks", ready / len(wanted))
+        show(f"{ready} of {len(requested)} trucks", ready / len(requested))
     return [result for result in done.values() if result is not None]
 
 
 def _results(name: str, numbers: Sequence[int], workers: int) -> Iterable[dict[str, Any]]:
-    """Results as they come; also a single worker is a process of its own, so that the numbers are the same."""
+    """Results in order of completion; even a single worker is a separate process, so that results are identical."""
     if not numbers:
         return
     with _one_thread(), ProcessPoolExecutor(min(workers, len(numbers)), mp_context=get_context("spawn")) as pool:
@@ -145,7 +145,7 @@ def _results(name: str, numbers: Sequence[int], workers: int) -> Iterable[dict[s
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """One thread of linear algebra in the processes that start meanwhile: the workers share the cores already."""
+    """Limit linear algebra to one thread in new processes, because the workers already use all cores."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -160,7 +160,7 @@ def _one_thread() -> Iterator[None]:
 
 @cache
 def settings() -> dict[str, str]:
-    """What results depend on besides an own workflow: version and source of clutchid, the fleet's ranges among it."""
+    """Version and source hash of clutchid, including the ranges of the fleet, on which results depend."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parents[2].rglob("*")):
         if path.suffix in (".py", ".j2", ".toml"):
@@ -169,17 +169,19 @@ def settings() -> dict[str, str]:
 
 
 def _folder(out: Path, name: str) -> Path:
-    """The folder of a workflow's results, made where it does not exist, for these settings only."""
+    """Folder of the results of a workflow for the current settings, created if necessary."""
     folder = out / name.replace(":", "_").replace("/", "_")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ExportError(f"{out}: the folder cannot be made ({error.strerror}).") from error
+        raise ExportError(f"{out}: the folder cannot be created ({error.strerror}).") from error
     known = _read(folder / "settings.json")
     if known is None:
         _write(folder / "settings.json", settings())
     elif known != settings():
-        raise ExportError(f"{folder}: holds results of another version or fleet; name another folder or delete it.")
+        raise ExportError(
+            f"{folder}: contains results of another version or fleet; choose another folder or delete it."
+        )
     return folder
 
 

@@ -1,4 +1,4 @@
-"""The table of the proving ground: medians and worst cases of every workflow, and ratios to the paper's method."""
+"""Table of the proving ground: median and worst errors of every workflow, and ratios to the paper's method."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ ERRORS = (
 
 NOTE = """\
 Load: rms error over 0.5 to 20 mm, and over 5 to 8 mm, in % of the true peak. Half load: error of the position where the
-rising load passes half its peak. p_A: rms error of the chamber pressure. Ratio: median error over 5 to 8 mm against the
-paper's method. Covered: share of grid points where the 95 % band holds the true load, ± its 95 % interval with trucks
-taken as independent. Time: median of a truck."""
+rising load reaches half its peak. p_A: rms error of the chamber pressure. Ratio: median error over 5 to 8 mm relative
+to the paper's method. Covered: fraction of grid points where the 95 % band contains the true load, ± its 95 % interval
+for independent trucks. Time: median per truck."""
 
-#: The entrant that every other one is a ratio against.
+#: Workflow that is the reference of all ratios.
 REFERENCE = "paper"
 
 
 def standings(results: Mapping[str, Results]) -> Table:
-    """One row a workflow: medians and worst cases over all worn recordings, coverage, failures and time.
+    """One row per workflow: medians and worst cases over all worn recordings, coverage, failures and time.
 
-    The ratio is the median load error over 5 to 8 mm against that of the paper's method on the same trucks.
+    The ratio is the median load error over 5 to 8 mm relative to that of the paper's method on the same trucks.
     """
     columns = [
         Column("workflow", "workflow"),
@@ -68,7 +68,7 @@ def _ratio(results: Results, reference: Results) -> float | None:
 
 
 def coverage(results: Results) -> tuple[float | None, float | None]:
-    """Share of grid points that the bands hold, and the half width of its 95 % interval clustered by truck."""
+    """Fraction of grid points that the bands cover, and half width of its 95 % interval, clustered by truck."""
     shares = [np.mean([log["score"]["coverage"] for log in r["logs"].values()]) for r in results if r["logs"]]
     if not shares:
         return None, None
@@ -81,7 +81,7 @@ def _scores(results: Results, key: str) -> np.ndarray[Any, np.dtype[np.float64]]
 
 
 def every_recording(results: Mapping[str, Results]) -> Table:
-    """One row a worn recording and workflow, with all its errors, for a CSV file."""
+    """One row per worn recording and workflow, with all errors, for a CSV file."""
     columns = [Column("workflow", "workflow"), Column("truck", "truck", decimals=0), Column("recording", "recording")]
     columns += [Column("wear [m]", "wear [mm]", scale=1e-3)]
     columns += [Column(key, heading, decimals=decimals) for key, heading, decimals in ERRORS]

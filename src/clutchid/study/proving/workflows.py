@@ -1,4 +1,4 @@
-"""Workflows that the proving ground knows by name; the paper's method is the first entrant."""
+"""Named workflows of the proving ground; the first is the paper's method."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from clutchid.study.proving.answers import Answer, Workflow
 
 
 def paper_method(partition: Partition | None, calibration: Log, worn: Sequence[Log]) -> list[Answer]:
-    """The paper: position only, Appendix A, three splines; the calibration recording is not looked at."""
+    """The paper: position only, Appendix A, three splines; the calibration recording is not used."""
     del calibration
     return [_answer(fit(log, partition=partition), log) for log in worn]
 
@@ -34,29 +34,29 @@ def calibrated(
     *,
     method: MethodName = "shooting",
 ) -> list[Answer]:
-    """Calibrate once with pressure, then read the load of every worn recording from position alone."""
+    """Calibrate once with pressure, then estimate the load of every worn recording from position alone."""
     both = ("position", "pressure_a")
     once = change(fit(calibration, Actuator(model=model), measure=both, free=("auto",), method=method))
     return [_answer(adapt(once, log), log) for log in worn]
 
 
 def by_shooting(once: Fit, log: Log) -> Fit:
-    """The default: only the load is free, what position alone missed on the calibration recording is taken off."""
+    """Default: only the load is free, corrected by the position-only bias on the calibration recording."""
     return fit(log, once.actuator, calibration=once.calibration)
 
 
 def by_prediction_error(once: Fit, log: Log) -> Fit:
-    """As `by_shooting`, with the errors that a filter makes when it predicts every sample."""
+    """As `by_shooting`, with the prediction errors of a filter."""
     return fit(log, once.actuator, calibration=once.calibration, method="prediction-error")
 
 
 def by_simulation(partition: Partition | None, once: Fit, log: Log) -> Fit:
-    """The paper's simulation error with the calibrated actuator; nothing is known of the load but its start."""
+    """The paper's simulation error method with the calibrated actuator; no prior on the load."""
     return fit(log, once.actuator, partition=partition)
 
 
 def not_adapted(once: Fit, log: Log) -> Fit:
-    """The load of the new clutch."""
+    """The load of the new clutch, without adaptation."""
     return replace(fit(log, once.actuator, free=()), load_curve=once.load_curve)
 
 
@@ -66,18 +66,18 @@ def as_it_is(once: Fit) -> Fit:
 
 
 def without_correction(once: Fit) -> Fit:
-    """The calibration without what position alone misses."""
+    """The calibration without the bias correction."""
     assert once.calibration is not None
     return replace(once, calibration=replace(once.calibration, bias=()))
 
 
 def with_mean_valves(once: Fit) -> Fit:
-    """The calibration with valves that are averaged over the period in later fits, as in the paper."""
+    """The calibration with valves averaged over the period in later fits, as in the paper."""
     return replace(once, actuator=once.actuator.replace({"T_pwm": 0.0}))
 
 
 def _answer(result: Fit, log: Log) -> Answer:
-    """The load of a fit, and the pressure: as fitted where it follows the position, else of a ballistic simulation."""
+    """Load and pressure of a fit; pressure from the fit if it follows the position, else by ballistic simulation."""
     if result.status == "failed":
         raise SolveError(result.message)
     curve = result.load_curve
@@ -118,22 +118,24 @@ WORKFLOWS: dict[str, Workflow] = {
 
 
 def workflow(name: str) -> Workflow:
-    """A workflow by its name, or one of your own as ``MODULE:FUNCTION``.
+    """A workflow by its name, or a user-defined one as ``MODULE:FUNCTION``.
 
     Raises
     ------
     ParameterError
-        If there is none; the text names the nearest known one, or what is wrong with the module.
+        If there is none; the text gives the nearest known name, or the problem of the module.
     """
     if name in WORKFLOWS:
         return WORKFLOWS[name]
     module, colon, function = name.partition(":")
     if not colon:
-        raise ParameterError(unknown_name(name, WORKFLOWS, "workflow") + " An own one is MODULE:FUNCTION.")
+        raise ParameterError(
+            unknown_name(name, WORKFLOWS, "workflow") + " For your own workflow write MODULE:FUNCTION."
+        )
     try:
         found: Workflow = getattr(importlib.import_module(module), function)
     except (ImportError, AttributeError) as error:
         raise ParameterError(f"--workflow {name}: {error}; write MODULE:FUNCTION of an importable module.") from error
     if not callable(found):
-        raise ParameterError(f"--workflow {name}: is no function; it takes a calibration log and worn logs.")
+        raise ParameterError(f"--workflow {name}: is not a function; it must accept a calibration log and worn logs.")
     return found

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from clutchid.numerics.failure import Failure
-from clutchid.smoother import state_search
+from clutchid.smoother import settling
 from clutchid.smoother.problem import condense, linearise
-from clutchid.smoother.state_search import (
+from clutchid.smoother.settling import (
     REJECTED_DAMPING,
     initial_damping,
     minimise_states,
@@ -40,7 +40,7 @@ def test_minimised_states_cost_less_and_as_computed(problem, current, minimised,
     minimised, _, calls = minimised
     assert np.array_equal(minimised.x, current.x), "the parameters are fixed"
     assert minimised.cost < 0.9 * current.cost
-    assert minimised.cost == pytest.approx(cost_at(problem, minimised.x, minimised.X), abs=state_search.CONVERGED_GAIN)
+    assert minimised.cost == pytest.approx(cost_at(problem, minimised.x, minimised.X), abs=settling.CONVERGED_GAIN)
     assert len(calls) >= 3
 
 
@@ -60,21 +60,21 @@ def test_only_a_window_whose_prediction_fails_is_damped(problem, current, monkey
         object.__setattr__(answer, "cost", answer.cost + 1e6 * moved)
         return answer
 
-    monkeypatch.setattr(state_search, "evaluate_step", misleading)
+    monkeypatch.setattr(settling, "evaluate_step", misleading)
     damping = initial_damping(problem)
     minimised = minimise_states(problem, current, damping, lambda: None)
-    assert damping[0][wrong] >= REJECTED_DAMPING * 10 ** (state_search.MAX_TRIALS - 2)
+    assert damping[0][wrong] >= REJECTED_DAMPING * 10 ** (settling.MAX_TRIALS - 2)
     others = np.delete(damping[0], [wrong - 1, wrong, wrong + 1])
-    assert np.median(others) <= state_search.INITIAL_DAMPING
+    assert np.median(others) <= settling.INITIAL_DAMPING
     assert minimised.cost <= current.cost
 
 
 def test_where_every_step_fails_the_states_stay(problem, current, monkeypatch):
-    monkeypatch.setattr(state_search, "evaluate_step", lambda *_: Failure("no such state."))
+    monkeypatch.setattr(settling, "evaluate_step", lambda *_: Failure("no such state."))
     damping = initial_damping(problem)
     minimised = minimise_states(problem, current, damping, lambda: None)
     assert minimised is current
-    assert damping[0].min() > state_search.INITIAL_DAMPING, "the next time a shorter step is tried"
+    assert damping[0].min() > settling.INITIAL_DAMPING, "the next time a shorter step is tried"
 
 
 def test_damping_of_one_window_shortens_its_step_most(problem, current):

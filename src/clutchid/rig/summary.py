@@ -1,4 +1,4 @@
-"""What the friction of a rig means for the model, in sentences."""
+"""Conclusions from the friction of a rig for the model, in sentences."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from clutchid.estimate.result import Estimate
 from clutchid.rig.coulomb import CoulombFriction, Level
 from clutchid.rig.weighted import Interval
 
-#: Below this probability one constant is called inadequate.
-DOUBT = 0.05
+#: Significance level at which a constant friction is rejected.
+SIGNIFICANCE = 0.05
 
-#: Mean speeds of the levels further apart than this share are told: viscous friction is part of what is compared.
+#: Relative difference of the mean speeds of the levels above which a warning is given, because of viscous friction.
 _SPEEDS = 0.1
 
 #: The variant whose Coulomb friction grows with the pressure over the piston.
 VARIANT = "energy-balance-stribeck"
 
 
-def verdict(friction: CoulombFriction) -> list[str]:
-    """Whether a constant F_C is adequate and what else to set, then what to know of the recordings; sentences."""
+def conclusions(friction: CoulombFriction) -> list[str]:
+    """Whether a constant F_C is adequate and which values to set, then remarks on the recordings; sentences."""
     sentences = [_over_levels(friction), *_not_corrected(friction)]
     sentences += [
         f"the friction{_at(level)} drifts between {level.cycles.min():.2f} and {level.cycles.max():.2f} N over its "
-        f"{level.cycles.size} cycles: they are not independent, and the interval is that of a single cycle."
+        f"{level.cycles.size} cycles: they are not independent, so the interval is that of a single cycle."
         for level in friction.levels
         if level.drifts
     ]
@@ -32,19 +32,19 @@ def verdict(friction: CoulombFriction) -> list[str]:
         if max(speeds) - min(speeds) > _SPEEDS * max(speeds):
             sentences.append(
                 f"the speed {way} differs between levels, {min(speeds):.1f} to {max(speeds):.1f} mm/s: viscous "
-                "friction is part of the numbers and may differ too."
+                "friction is included and may differ too."
             )
     if friction.dropped:
-        sentences.append(f"{friction.dropped} strokes had no partner in the other direction and are left out.")
+        sentences.append(f"{friction.dropped} strokes without a stroke in the opposite direction were left out.")
     return sentences
 
 
 def implied(friction: CoulombFriction) -> dict[str, Estimate]:
-    """What to set in the model: F_C, and c_F where the friction grows with the pressure."""
+    """Values for the model: F_C, and c_F if the friction increases with the pressure."""
     test, slope = friction.test, friction.slope
     if test is None or friction.constant is None or slope is None or friction.intercept is None:
         return {"F_C": _estimate(friction.levels[0].friction, "N")} if len(friction.levels) == 1 else {}
-    if test.p_value < DOUBT and slope.low > 0.0:
+    if test.p_value < SIGNIFICANCE and slope.low > 0.0:
         return {"F_C": _estimate(friction.intercept, "N"), "c_F": _estimate(slope, "m²")}
     return {"F_C": _estimate(friction.constant, "N")}
 
@@ -58,32 +58,32 @@ def _over_levels(friction: CoulombFriction) -> str:
     levels = friction.levels
     if test is None or constant is None or slope is None or intercept is None:
         known = "; ".join(f"F_C = {_shown(level.friction, 'N')}{_at(level)}" for level in levels)
-        return f"{known}. Whether it depends on the pressure asks for two levels or more with two cycles or more each."
+        return f"{known}. A test whether it depends on the pressure needs two levels or more, with two cycles each."
     chance = f"p = {test.p_value:.2g}"
-    if test.p_value >= DOUBT:
+    if test.p_value >= SIGNIFICANCE:
         return f"one constant F_C = {_shown(constant, 'N')} is adequate for all {len(levels)} levels ({chance})."
     low, high = min(levels, key=_force), max(levels, key=_force)
     ends = f"{_force(low):.2f} N{_at(low)}", f"{_force(high):.2f} N{_at(high)}"
     if slope.low > 0.0:
         return (
-            f"a constant F_C is inadequate ({chance}): it grows from {ends[0]} to {ends[1]}; use the variant "
-            f"{VARIANT}, whose seals are pressed on by the pressure, with c_F = {_shown(slope, 'm²')} and "
+            f"a constant F_C is inadequate ({chance}): it increases from {ends[0]} to {ends[1]}; use the variant "
+            f"{VARIANT}, in which pressure adds to seal friction, with c_F = {_shown(slope, 'm²')} and "
             f"F_C = {_shown(intercept, 'N')}."
         )
     return (
-        f"a constant F_C is inadequate ({chance}): it is {ends[0]} and {ends[1]}, but a line does not say that it "
-        f"grows with the pressure, c_F = {_shown(slope, 'm²')}. Look first for a speed or a running-in that differs."
+        f"a constant F_C is inadequate ({chance}): it is {ends[0]} and {ends[1]}, but does not increase significantly "
+        f"with the pressure, c_F = {_shown(slope, 'm²')}. Check for different speeds or running-in first."
     )
 
 
 def _not_corrected(friction: CoulombFriction) -> list[str]:
-    """What the pressure adds to a friction that is not corrected for it."""
+    """Warning about friction that is not corrected for the pressure difference."""
     swings = [level.swing for level in friction.levels if math.isfinite(level.swing)]
     if friction.area is not None or not swings:
         return []
     return [
-        f"the pressure is {swings[0] / 1e3:+.1f} kPa higher on the way out, and half of that on the piston is still in "
-        "the friction: one level does not tell the area, so give `area`."
+        f"the pressure is {swings[0] / 1e3:+.1f} kPa higher on the way out, and half of the resulting force is "
+        "included in the friction: the area cannot be estimated from one level, so give `area`."
     ]
 
 
@@ -92,7 +92,7 @@ def _force(level: Level) -> float:
 
 
 def _at(level: Level) -> str:
-    return f" at {level.pressure / 1e5:.2f} bar over ambient" if math.isfinite(level.pressure) else ""
+    return f" at {level.pressure / 1e5:.2f} bar above ambient" if math.isfinite(level.pressure) else ""
 
 
 def _shown(number: Interval, unit: str) -> str:

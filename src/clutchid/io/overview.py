@@ -1,4 +1,4 @@
-"""What `look` saw of a file: its channels, rasters, problems and proposed map, and all of it as text."""
+"""Result of `look`: channels, time grids, problems and proposed channel map of a file, also as text."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
 
 @dataclass(frozen=True, slots=True)
 class ColumnLook:
-    """One channel of a file; numbers are NaN and the SI unit None where they are not known.
+    """One channel of a file; unknown values are NaN, an unknown SI unit is None.
 
     `name` is the quantity (None: the channel is ignored by `read`), `heading` the text as written, `low` and `high` the
-    range in `unit`, `low_si` and `high_si` in `si`, `missing` the number of samples without a finite number.
+    range in `unit`, `low_si` and `high_si` in `si`, `missing` the number of samples without a finite value.
     """
 
     heading: str
@@ -35,9 +35,9 @@ class ColumnLook:
 
 @dataclass(frozen=True, slots=True)
 class RasterLook:
-    """Channels that share their stamps: how the file calls them, samples, channels, time axis (None: there is none).
+    """Channels with common time stamps: name in the file, samples, channels, time axis (None: there is none).
 
-    `place` is what a sample stands in: a line of a text, a row of a table.
+    `place` is the unit of location of a sample: a line of a text, a row of a table.
     """
 
     name: str
@@ -49,9 +49,9 @@ class RasterLook:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What is in a file: its format, its rasters, problems and warnings of `read`, and a channel map.
+    """Contents of a file: format, time grids, problems and warnings of `read`, and a proposed channel map.
 
-    `needs_map` says that the columns have not the names of the contract.
+    `needs_map`: the columns do not have the standard names.
     """
 
     source: str
@@ -66,45 +66,43 @@ class Look:
         return self.table()
 
     def table(self) -> str:
-        """Everything as plain text for a terminal."""
+        """All contents as plain text for a terminal."""
         return _text(self)
 
     def listing(self) -> str:
-        """Every channel with its raster, unit and range, a line each: what a map can be written from."""
+        """One line per channel with time grid, unit and range, as a basis for a channel map."""
         return _listing(self)
 
 
-def _text(seen: Look) -> str:
-    """Everything that was seen of a file."""
-    samples = max((raster.samples for raster in seen.rasters), default=0)
+def _text(look: Look) -> str:
+    samples = max((raster.samples for raster in look.rasters), default=0)
     lines = []
-    if len(seen.rasters) < 2:
-        time = seen.rasters[0].time if seen.rasters else None
-        lines.append(f"{seen.source}: {_samples(samples)}{_time_text(time)}")
+    if len(look.rasters) < 2:
+        time = look.rasters[0].time if look.rasters else None
+        lines.append(f"{look.source}: {_samples(samples)}{_time_text(time)}")
     else:
-        channels = sum(len(raster.columns) for raster in seen.rasters)
-        lines.append(f"{seen.source}: {seen.format}, {len(seen.rasters)} rasters with {channels} channels")
-    for raster in seen.rasters:
-        lines += _raster(raster, len(seen.rasters) > 1)
-    if seen.needs_map and seen.proposal.channels.channels:
-        lines += ["", "Proposed channel map (--save writes it, --map takes it):"]
+        channels = sum(len(raster.columns) for raster in look.rasters)
+        lines.append(f"{look.source}: {look.format}, {len(look.rasters)} time grids with {channels} channels")
+    for raster in look.rasters:
+        lines += _raster(raster, len(look.rasters) > 1)
+    if look.needs_map and look.proposal.channels.channels:
+        lines += ["", "Proposed channel map (write it with --save, use it with --map):"]
         lines += [
             f"  {name:<15}  {entry.channel}" + (f" [{entry.unit}]" if entry.unit else "")
             + (f" of {entry.group}" if entry.group else "")
-            for name, entry in seen.proposal.channels.channels.items()
+            for name, entry in look.proposal.channels.channels.items()
         ]  # fmt: skip
-        lines += [f"  - {remark}" for remark in seen.proposal.open]
-    for title, sentences in (("Problems", seen.problems), ("Warnings", seen.warnings)):
+        lines += [f"  - {remark}" for remark in look.proposal.open]
+    for title, sentences in (("Problems", look.problems), ("Warnings", look.warnings)):
         if sentences:
             lines += ["", f"{title}:", *(f"  - {sentence}" for sentence in sentences)]
     return "\n".join(lines)
 
 
-def _listing(seen: Look) -> str:
-    """Every channel of a file, a line each."""
+def _listing(look: Look) -> str:
     lines = ["The file has:"]
-    for raster in seen.rasters:
-        group = f" group = {json.dumps(raster.name, ensure_ascii=False)}" if len(seen.rasters) > 1 else ""
+    for raster in look.rasters:
+        group = f" group = {json.dumps(raster.name, ensure_ascii=False)}" if len(look.rasters) > 1 else ""
         for column in raster.columns:
             unit = f" {column.unit}" if column.unit not in (None, "1") else ""
             text = json.dumps(column.heading, ensure_ascii=False)
@@ -123,7 +121,7 @@ def _raster(raster: RasterLook, named: bool) -> list[str]:
         shown = [f"{_short(hole.length)} s after {raster.place} {hole.place}" for hole in time.holes]
         lines += ["", f"Holes: {and_more(shown, time.hole_count - len(shown))}"]
     if time and (time.repeated or time.back):
-        lines += ["", f"Stamps: {time.repeated:,} repeated, the clock goes back {time.back:,} times"]
+        lines += ["", f"Time stamps: {time.repeated:,} repeated, {time.back:,} decreasing"]
     return lines
 
 

@@ -1,4 +1,4 @@
-"""All that the study found, before it is written: cases, pressures, tables and figures."""
+"""Results of the study before they are written: cases, pressures, tables and figures."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ FIGURES = (2, 3, 4, 5, 6, 7, 8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Findings:
-    """What the study found; `second` are the pressures on the second recording by method, p carried."""
+class StudyResults:
+    """Results of the study; `second` are the pressures on the second recording by method, p carried."""
 
     fit_log: Log
     verify_log: Log
@@ -46,19 +46,19 @@ class Findings:
     figures: Mapping[int, bytes]
 
     def case(self, method: Method) -> Case:
-        """What the method gave."""
+        """Results of a method."""
         return next(case for case in self.cases if case.method == method)
 
 
-def find(fit_log: Log, verify_log: Log, progress: Progress) -> Findings:
-    """Do the study: all fits, then pressures, tables and figures.
+def find(fit_log: Log, verify_log: Log, progress: Progress) -> StudyResults:
+    """Compute the study: all fits, then pressures, tables and figures.
 
     Raises
     ------
     DataError
         If a recording cannot be fitted.
     SolveError
-        If a simulation leaves the finite numbers.
+        If a simulation produces values that are not finite.
     """
     cases = all_cases(fit_log, verify_log, lambda text, part: progress(text, 0.6 * part))
     truth = true_load(fit_log)
@@ -75,7 +75,7 @@ def find(fit_log: Log, verify_log: Log, progress: Progress) -> Findings:
         "verification": tables.verification(cases, truth),
         "pressure_errors": tables.pressure_errors(paired, first, second),
     }
-    return Findings(fit_log, verify_log, cases, truth, second, made, _figures(cases, second, fit_log, progress))
+    return StudyResults(fit_log, verify_log, cases, truth, second, made, _figures(cases, second, fit_log, progress))
 
 
 def _figures(
@@ -100,10 +100,10 @@ def _figures(
 
 
 def millimetres(value: float) -> str:
-    """A length in words, as in ``0.93 mm``."""
+    """A length as text, as in ``0.93 mm``."""
     return f"{value / MM:.2f} mm"
 
 
 def bars(value: float | None) -> str:
-    """A pressure in words, as in ``0.25 bar``."""
+    """A pressure as text, as in ``0.25 bar``."""
     return "not measured" if value is None else f"{value / BAR:.2f} bar"
