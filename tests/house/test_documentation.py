@@ -82,3 +82,10 @@ def test_the_page_of_derivations_has_the_changes_that_the_code_looks_for():
         for name, near in parameters.items()
     ]
     assert [row for row in rows if row not in text] == []
+
+
+def test_the_command_that_ci_runs_is_in_the_readme():
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    start = re.search(r"grep -m 1 '\^([^']+)' README.md", script)
+    commands = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert start and [line for line in commands if line.startswith(start[1]) and "pytest" in line]
