@@ -17,7 +17,7 @@ from typing import Any
 
 import clutchid
 from clutchid import Actuator, Fit, Log, fit
-from clutchid.estimate.simulation_error.problem import Part, Problem
+from clutchid.estimate.simulation_error.problem import Problem, ProblemSegment
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.windows import Track
 from clutchid.smoother.problem import FitProblem
@@ -49,7 +49,7 @@ def layers() -> dict[str, int]:
 
 def carries(value: Any) -> bool:
     """Whether a value is the recording, or holds it."""
-    if isinstance(value, (Log, Plan, Track, FitProblem, Problem, Part)):
+    if isinstance(value, (Log, Plan, Track, FitProblem, Problem, ProblemSegment)):
         return True
     if isinstance(value, Mapping):
         return any(map(carries, value.values()))

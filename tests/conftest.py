@@ -19,9 +19,9 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     drive_log,
     duties_of,
     plant,
+    problem_of,
     recorded_by,
     starts_of,
-    task_of,
     worn,
     worn_log,
 )

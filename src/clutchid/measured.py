@@ -1,4 +1,4 @@
-"""What can be measured, one row a column: the state behind it and its sensor."""
+"""Columns that can be measured: one row each, with the state and its sensor."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ class Sensor:
     Parameters
     ----------
     state
-        Symbol of the state that it measures.
+        Symbol of the measured state.
     lag, offset
-        Parameters of a lag of first order and of an offset, see `clutchid.simulation.sensors`.
+        Parameters of its first-order lag and offset, see `clutchid.simulation.sensors`.
     noise
-        Standard deviation of a sample, what is usual for the sensors of trucks (docs/truck.md).
+        Standard deviation of a sample, typical of truck sensors (docs/truck.md).
     first_scale
-        By what residuals are divided before their own size is known.
+        Scale of the residuals before their size is known.
     shown
-        Unit for people, and how many of it a unit in SI is.
+        Unit for the user, and its factor from SI.
     """
 
     state: str
@@ -39,5 +39,5 @@ MEASURED: Mapping[str, Sensor] = MappingProxyType({
     "pressure_a": Sensor(state="p_A", lag="tau_p", offset="e_p", noise=3e3, first_scale=1e4, shown=("kPa", 1e-3)),
 })  # fmt: skip
 
-#: Parameters of sensors, which the equations of an actuator do not hold.
+#: Parameters of sensors, which are not in the equations of an actuator.
 SENSOR_PARAMETERS = tuple(name for sensor in MEASURED.values() for name in (sensor.lag, sensor.offset))

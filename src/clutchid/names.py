@@ -1,15 +1,15 @@
-"""Names of parameters, shared by all recordings of a fit or belonging to one of them."""
+"""Names of parameters, shared by all recordings of a fit or of a single recording."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-#: NAME@EACH stands for an own value in every recording.
-EACH = "EACH"
+#: Suffix of a parameter that has a value of its own in every recording, NAME@EACH.
+EVERY_RECORDING = "EACH"
 
 
 class ParameterName(NamedTuple):
-    """A parameter or load weight; with `recording` its value in that recording alone, written NAME@STEM.
+    """A parameter or load weight; with `recording`, its value in that recording only, written NAME@STEM.
 
     Examples
     --------
@@ -24,18 +24,18 @@ class ParameterName(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> ParameterName:
-        """The name that `text` writes."""
+        """The name in `text`."""
         base, _, stem = text.partition("@")
         return cls(base, stem or None)
 
     def __str__(self) -> str:
         return self.base if self.recording is None else f"{self.base}@{self.recording}"
 
-    def holds_in(self, recording: str) -> bool:
-        """Whether it is a parameter of `recording`: shared, or its own."""
+    def applies_to(self, recording: str) -> bool:
+        """Whether it is a parameter of `recording`: shared, or of that recording."""
         return self.recording in (None, recording)
 
 
 def base_of(text: str) -> str:
-    """The parameter that NAME or NAME@STEM is about."""
+    """The parameter of NAME or NAME@STEM."""
     return ParameterName.parse(text).base

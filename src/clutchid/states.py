@@ -1,4 +1,4 @@
-"""The states of the actuator models, one row a state: everything that is known of it besides its equation."""
+"""States of the actuator models: one row each, with all properties except the equation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Time in s over which `State.noise` adds up.
+#: Time in s over which the process noise accumulates to `State.noise`.
 NOISE_SPAN = 0.1
 
 
@@ -17,23 +17,21 @@ class State:
     Parameters
     ----------
     unit, meaning
-        For people; `meaning` is a noun phrase.
+        For the user; `meaning` is a noun phrase.
     column
         Name of its column in a `Log`.
     scale
-        Natural size, above 0: steps and derivatives of a search are made dimensionless with it.
+        Natural size, above 0; makes steps and derivatives of a search dimensionless.
     noise
-        Standard deviation of the model's own random error over `NOISE_SPAN`: what stick-slip, ripple and heat leave
-        unexplained.
+        Standard deviation of the process noise over `NOISE_SPAN`: stick-slip, ripple and heat that the model lacks.
     start, unknown_start
-        Standard deviation at the start of a recording that is vented and at rest, and of one that is not.
+        Prior standard deviation at the start of a recording that is vented and at rest, and of any other.
     starts_at
-        Parameter that the state starts at; 0 without one.
+        Parameter that is its initial value; 0 without one.
     step
-        Natural step of a search for window starts, as the number of standard deviations of the window's own
-        information that damping allows.
+        Scale of the damping of window starts, in standard deviations.
     fast
-        A rate of change that is large for it, in its unit per second.
+        A large rate of change, in its unit per second.
     """
 
     unit: str
@@ -53,8 +51,8 @@ class State:
         return "m/s²" if self.unit == "m/s" else f"{self.unit}/s"
 
 
-#: All states by symbol. Natural sizes and spreads are those of a truck's clutch actuator: guessed from its sensors and
-#: its manoeuvres, and checked on the proving ground (docs/truck.md).
+#: All states by symbol. Natural sizes and standard deviations are those of a truck's clutch actuator: estimated from
+#: its sensors and manoeuvres, and checked on the proving ground (docs/truck.md).
 STATES: Mapping[str, State] = MappingProxyType({
     "y": State(
         unit="m", meaning="position of the piston", column="position",

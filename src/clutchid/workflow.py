@@ -1,4 +1,4 @@
-"""Read, inspect, fit, report: the way from files to a result that the command line, a page and a fleet share."""
+"""Read, inspect, fit, report: the workflow from files to a result, shared by the command line, pages and fleets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import INPUTS, Log
 
-# imported where they are used: a command that only reads must not wait for the rest
+# imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
     from clutchid.assess.evidence import Evidence
     from clutchid.estimate import Fit
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """How files are read: ambient pressure in Pa for gauge units, channel map, and DBC files of bus logs."""
+    """Options for reading files: ambient pressure in Pa for gauge units, channel map, and DBC files of bus logs."""
 
     ambient: float
     channel_map: Path | None = None
@@ -32,7 +32,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """A fit, and what its verdict rests on."""
+    """A fit, and the evidence for its verdict."""
 
     fit: Fit
     evidence: Evidence
@@ -46,7 +46,7 @@ def read_recordings(
 ) -> list[Log]:
     """Read recordings with the `required` columns.
 
-    By default these are the time, the position, and the duty cycles of the valves that there are.
+    By default these are the time, the position, and the duty cycles of the existing valves.
 
     Raises
     ------
@@ -74,19 +74,19 @@ def read_recordings(
 
 
 def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
-    """Recordings with what the checks before a fit find suspicious among their warnings."""
+    """Recordings with the findings of the checks before a fit among their warnings."""
     from clutchid.inspection import inspect
 
     return [replace(log, warnings=(*log.warnings, *inspect(log, actuator).warnings)) for log in logs]
 
 
 def start_file(path: Path, model: str | None) -> ParameterFile:
-    """The parameter file to start from; its model wins.
+    """The parameter file to start from; it defines the model.
 
     Raises
     ------
     ParameterError
-        If the file cannot be understood, or another `model` is named beside it.
+        If the file cannot be understood, or a different `model` is given.
     """
     from clutchid.estimate.parameter_file import read_parameters
 
@@ -98,7 +98,7 @@ def start_file(path: Path, model: str | None) -> ParameterFile:
 
 
 def start_of(path: Path | None, model: str | None, request: FitRequest) -> tuple[Actuator, FitRequest]:
-    """The actuator to start from, and the request with the calibration of its file, where the request can use one.
+    """The actuator to start from, and the request with the calibration of its file, if the request supports one.
 
     Raises
     ------
@@ -111,8 +111,8 @@ def start_of(path: Path | None, model: str | None, request: FitRequest) -> tuple
     if path is None:
         return Actuator(model=model or (AUTOMATIC if request.automatic else "isothermal")), request
     content = start_file(path, model)
-    builds = request.partition is None and request.method != "simulation" and not request.automatic
-    return content.actuator, replace(request, calibration=content.calibration) if builds else request
+    uses_calibration = request.partition is None and request.method != "simulation" and not request.automatic
+    return content.actuator, replace(request, calibration=content.calibration) if uses_calibration else request
 
 
 def fit_recordings(
@@ -122,7 +122,7 @@ def fit_recordings(
     verify: Sequence[Log] = (),
     progress: Progress | None = None,
 ) -> Outcome:
-    """Inspect recordings, fit what is asked for, and collect what the verdict rests on.
+    """Inspect recordings, fit them as requested, and collect the evidence for the verdict.
 
     Raises
     ------
@@ -133,8 +133,8 @@ def fit_recordings(
     from clutchid.estimate.fit import fit_request
 
     checked = inspected([*logs, *verify], actuator)
-    done = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
-    return Outcome(done, evidence(done))
+    fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
+    return Outcome(fit, evidence(fit))
 
 
 def save(outcome: Outcome, path: Path) -> None:
@@ -143,7 +143,7 @@ def save(outcome: Outcome, path: Path) -> None:
     Raises
     ------
     ExportError
-        If the file cannot be written; an older one stays as it was.
+        If the file cannot be written; an existing file is unchanged.
     """
     from clutchid.estimate.parameter_file import parameter_file, write_parameters
 
@@ -156,7 +156,7 @@ def report(outcome: Outcome, command: str, path: Path) -> None:
     Raises
     ------
     ExportError
-        If the file cannot be written; an older one stays as it was.
+        If the file cannot be written; an existing file is unchanged.
     """
     from clutchid.report.fit_page import fit_page
 

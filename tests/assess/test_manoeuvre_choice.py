@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from clutchid.assess.manoeuvre_choice import EVERY, best_manoeuvre
+from clutchid.assess.manoeuvre_choice import RESET_SAMPLES, best_manoeuvre
 from clutchid.errors import ParameterError, SolveError
 from clutchid.estimate.simulation_error.problem import WEIGHT_UNITS
 from clutchid.model import Actuator, Load
@@ -20,7 +20,7 @@ WEIGHTS = ("theta_1", "theta_2", "theta_3")
 def sensitivities(actuator: Actuator, manoeuvre: str, seconds: float, names: tuple[str, ...]) -> np.ndarray:
     """Derivatives of the position along a manoeuvre, in units of 0.1 mm over natural sizes of load weights."""
     log = drive(Truck(), manoeuvre=manoeuvre, seconds=seconds).log
-    done = simulate(actuator, log, partition=Partition(every=EVERY), sensitivities=names)
+    done = simulate(actuator, log, partition=Partition(every=RESET_SAMPLES), sensitivities=names)
     return np.column_stack([done.sensitivities[name][:, 0] for name in names]) * WEIGHT_UNIT / 1e-4
 
 
@@ -33,12 +33,12 @@ def test_the_gain_is_that_of_generalised_least_squares_with_the_covariance_writt
     R = triangular(np.random.default_rng(0).standard_normal((9, 3)))
     proposal = best_manoeuvre(truth, WEIGHTS, R, seconds=1.0, memory=memory)
     assert {gain.manoeuvre for gain in proposal.gains} == set(MANOEUVRES)
-    lags = np.abs(np.subtract.outer(np.arange(EVERY), np.arange(EVERY)))
-    inverse = np.linalg.inv(np.exp(-1e-3 * lags / memory)) if memory else np.eye(EVERY)
+    lags = np.abs(np.subtract.outer(np.arange(RESET_SAMPLES), np.arange(RESET_SAMPLES)))
+    inverse = np.linalg.inv(np.exp(-1e-3 * lags / memory)) if memory else np.eye(RESET_SAMPLES)
     before = R.T @ R + np.eye(3)
     for gain in proposal.gains[::3]:
         J = sensitivities(truth, gain.manoeuvre, 1.0, WEIGHTS)
-        parts = [J[a:b] for a, b in pairwise(range(0, 1001, EVERY))]
+        parts = [J[a:b] for a, b in pairwise(range(0, 1001, RESET_SAMPLES))]
         after = before + sum(part.T @ inverse @ part for part in parts)
         assert gain.nats == pytest.approx(half_log_det(after) - half_log_det(before), rel=1e-6)
         np.testing.assert_allclose(
@@ -59,7 +59,7 @@ def test_gains_are_sorted_and_the_best_is_proposed(truth):
     nats = [gain.nats for gain in proposal.gains]
     assert nats == sorted(nats, reverse=True)
     assert proposal.manoeuvre == proposal.gains[0].manoeuvre
-    assert f"drive '{proposal.manoeuvre}' for 2 s: of 8 manoeuvres it tells most" in proposal.message
+    assert f"drive '{proposal.manoeuvre}' for 2 s: the most informative of 8 manoeuvres" in proposal.message
 
 
 def test_the_third_weight_asks_for_a_manoeuvre_that_reaches_far(truth):
@@ -83,7 +83,7 @@ def test_the_worst_standard_error_is_named_with_what_remains_of_it(truth):
 
 def test_where_everything_is_known_no_manoeuvre_is_pressed_on_anyone(truth):
     proposal = best_manoeuvre(truth, WEIGHTS, 1e6 * np.eye(3), seconds=1.0)
-    assert proposal.message.startswith("no manoeuvre of 1 s settles theta_")
+    assert proposal.message.startswith("no manoeuvre of 1 s determines theta_")
 
 
 def test_any_variant_and_basis_will_do():
@@ -96,7 +96,7 @@ def test_any_variant_and_basis_will_do():
     assert set(proposal.gains[0].errors) == set(names)
 
 
-def test_an_actuator_that_cannot_be_simulated_is_told(truth):
+def test_an_actuator_that_cannot_be_simulated_is_an_error(truth):
     with pytest.raises(SolveError, match=r"no manoeuvre can be simulated.*'ramps' is left out"):
         best_manoeuvre(truth.replace({"theta_1": -1e12}), WEIGHTS, seconds=1.0)
 

@@ -44,17 +44,17 @@ def test_a_failed_fit_is_not_to_be_trusted(fitted):
     assert verdict_json(failed)["diagnostics"] == {}
 
 
-def test_a_search_that_did_not_settle_is_a_reason(fitted):
+def test_a_search_that_did_not_converge_is_a_reason(fitted):
     assert fitted.settled
-    told = replace(fitted, settled=False)
-    assert verdict(told).trust == "with care"
-    assert "did not settle" in reasons(told)
+    judged = replace(fitted, settled=False)
+    assert verdict(judged).trust == "with care"
+    assert "did not converge" in reasons(judged)
 
 
 def test_a_bound_that_is_hit_is_a_reason_and_an_infinite_one_is_none(fitted):
     value = fitted.parameters["theta_1"].value
-    held = replace(fitted, bounds={**fitted.bounds, "theta_1": (0.0, value)})
-    assert "theta_1 (upper) lies at its bound" in reasons(held)
+    at_bound = replace(fitted, bounds={**fitted.bounds, "theta_1": (0.0, value)})
+    assert "theta_1 (upper) lies at its bound" in reasons(at_bound)
     free = replace(fitted, bounds=dict.fromkeys(fitted.bounds, (-np.inf, np.inf)))
     assert verdict(free).trust == "good"
 
@@ -63,7 +63,7 @@ def test_a_covariance_at_its_rounding_is_a_reason(fitted):
     std = np.array([1e4, 1e4, 1e4])
     singular = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) * np.outer(std, std)
     lost = replace(fitted, covariance=singular)
-    assert "rounding in the direction of theta_1 and theta_2" in reasons(lost)
+    assert "numerically singular in the direction of theta_1 and theta_2" in reasons(lost)
     assert verdict(lost).trust == "none"  # load weights among them
 
 
@@ -76,7 +76,7 @@ def test_a_standard_error_as_large_as_the_value_is_a_reason(fitted):
 def test_a_motion_that_another_actuator_made_is_a_reason(fitted):
     # twice the load over the whole stroke: the piston does not get there
     other = fitted.actuator.replace({name: 2 * fitted.actuator.value(name) for name in fitted.actuator.load.names})
-    assert "of the motion" in reasons(replace(fitted, actuator=other))
+    assert "part of the motion" in reasons(replace(fitted, actuator=other))
 
 
 def test_a_residual_that_follows_a_valve_and_is_more_than_the_band_is_a_reason(fitted):
@@ -85,7 +85,7 @@ def test_a_residual_that_follows_a_valve_and_is_more_than_the_band_is_a_reason(f
     width = float(np.median(fitted.load_curve.high - fitted.load_curve.low))
     area = fitted.actuator.parameters.A_A
     rms = float(np.sqrt(np.mean(slow**2)))
-    assert "the residual of pressure_a is coloured" in reasons(
+    assert "the residual of pressure_a is autocorrelated" in reasons(
         shifted(fitted, "pressure_a", slow * 3 * width / area / rms)
     )
     assert "pressure_a" not in reasons(shifted(fitted, "pressure_a", slow * 0.3 * width / area / rms))
@@ -103,7 +103,7 @@ def test_a_band_that_is_not_there_takes_the_trust(fitted):
     curve, infinite = fitted.load_curve, np.full(101, np.inf)
     lost = replace(fitted, load_curve=LoadCurve(curve.position, curve.force, -infinite, infinite))
     assert verdict(lost).trust == "none"
-    assert "no interval" in reasons(lost)
+    assert "do not determine the load" in reasons(lost)
 
 
 def test_a_band_without_an_end_inside_the_reach_is_a_reason_and_its_load_no_peak(fitted):
@@ -118,12 +118,12 @@ def test_a_band_without_an_end_inside_the_reach_is_a_reason_and_its_load_no_peak
     assert curve.peak(-1.0) == 0
 
 
-def test_numbers_that_are_told_in_combination_only_are_a_reason(fitted):
+def test_parameters_that_only_combinations_determine_are_a_reason(fitted):
     weights = np.array([1.0, 2.0, -1.0]) / np.sqrt(6.0)
     std = np.sqrt(np.diag(fitted.covariance))
     # one direction of the three is a million times less known than the others
     mixed = (np.eye(3) + 1e8 * np.outer(weights, weights)) * np.outer(std, std) * 1e-8
-    assert "of 3 numbers, theta_1 to theta_3, only combinations" in reasons(replace(fitted, covariance=mixed))
+    assert "of 3 parameters, theta_1 to theta_3, only combinations" in reasons(replace(fitted, covariance=mixed))
     assert reasons(replace(fitted, covariance=mixed, method="shooting")) == ""
 
 
@@ -132,21 +132,24 @@ def test_a_recording_that_does_not_reach_the_engaging_clutch_is_a_reason(fitted)
     # the position in other units: what is asked is only how far it went
     for part, grave in ((0.4, False), (0.2, True)):
         low = one.measured.with_columns(position=part * one.measured["position"])
-        told = verdict(replace(fitted, recordings={"drive": replace(one, measured=low)}))
-        assert any("so the load there is not known" in reason for reason in told.reasons)
-        assert not grave or told.trust == "none"
+        judged = verdict(replace(fitted, recordings={"drive": replace(one, measured=low)}))
+        assert any("so that the load there is not determined" in reason for reason in judged.reasons)
+        assert not grave or judged.trust == "none"
 
 
 @pytest.mark.parametrize(
     ("method", "said"),
-    [("shooting", "by shooting the position"), ("prediction-error", "by prediction error the position")],
+    [
+        ("shooting", "in multiple shooting the position"),
+        ("prediction-error", "in a fit by prediction error the position"),
+    ],
 )
 def test_where_the_position_follows_it_cannot_judge_and_the_verdict_says_so(fitted, method, said):
     shot = replace(fitted, method=method)
     (sentence,) = verdict(shot).unseen
     assert sentence.startswith(said)
     assert "follows the measurement" in sentence
-    assert "the pressure where it is measured" in sentence
+    assert "the measured pressure and the position" in sentence
     assert verdict(fitted).unseen == ()
 
 
@@ -166,8 +169,8 @@ def test_numbers_of_one_recording_belong_to_it_alone(fitted):
 def test_what_the_sensors_record_lags_and_is_offset(fitted):
     one = fitted.recordings["drive"].simulated
     shot = replace(fitted, method="shooting", actuator=fitted.actuator.replace({"tau_y": 2e-3, "e_y": 1e-4}))
-    seen = as_recorded(shot, "drive", one)
-    np.testing.assert_allclose(seen["position"], lagged(one["position"], 2e-3, 1e-3) + 1e-4, atol=1e-15)
+    recorded = as_recorded(shot, "drive", one)
+    np.testing.assert_allclose(recorded["position"], lagged(one["position"], 2e-3, 1e-3) + 1e-4, atol=1e-15)
     assert as_recorded(fitted, "drive", one) is one
 
 

@@ -15,7 +15,7 @@ from clutchid.workflow import Reading, read_recordings
 
 
 def test_what_a_reset_takes_needs_a_reset():
-    with pytest.raises(ParameterError, match="--take position: nothing is reset; give --every N or --parts N"):
+    with pytest.raises(ParameterError, match="--take position: there are no resets; give --every N or --parts N"):
         partition_of(None, None, None, "position")
     assert partition_of(1, None, "q", "position") == Partition(every=1, carry="q", take="position")
     assert partition_of(1, None, None).take == "all"

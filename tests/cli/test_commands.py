@@ -148,7 +148,7 @@ def test_look_lists_columns_units_and_ranges(recording: Path) -> None:
             ["no recording", "put the recordings first"],
         ),
         (["fit", "--bounds", "theta_1=0:1e6", "LOG"], ["no recording", "put the recordings first"]),
-        (["fit", "LOG", "--carry", "p"], ["--carry p", "nothing is reset; give --every N or --parts N"]),
+        (["fit", "LOG", "--carry", "p"], ["--carry p", "there are no resets; give --every N or --parts N"]),
         (["fit", "LOG", "--save", "LOG"], ["--save", "is a recording that is fitted"]),
         (["fit", "LOG", "--report", "LOG"], ["--report", "is a recording that is fitted"]),
         (["fit", "other.csv", "--verify", "LOG", "--save", "LOG"], ["--save", "is a recording to verify with"]),
@@ -158,7 +158,7 @@ def test_look_lists_columns_units_and_ranges(recording: Path) -> None:
         (["simulate", "LOG", "--parameters", "missing.toml", "--out", "x.csv"], ["missing.toml"]),
         (["simulate", "LOG", "--parameters", "p.toml", "--out", "p.toml"], ["is the parameter file itself"]),
         (["simulate", "LOG", "--parameters", "p.toml", "--out", "LOG"], ["is the recording itself"]),
-        (["simulate", "LOG", "--parameters", "p.toml", "--out", "x.csv", "--carry", "q"], ["nothing is reset"]),
+        (["simulate", "LOG", "--parameters", "p.toml", "--out", "x.csv", "--carry", "q"], ["there are no resets"]),
     ],
 )
 def test_bad_input_is_one_sentence_and_exit_code_two(
@@ -274,7 +274,7 @@ def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(re
     moving.write_text("\n".join([lines[0], *lines[200:-1]]) + "\n")
     answer = json.loads(call(*arguments).stdout)
     assert answer["status"] == "warning"
-    assert "estimated anew" in answer["warnings"][0]
+    assert "estimated again" in answer["warnings"][0]
     assert clutchid.read(out)["position"][0] == pytest.approx(content.starts["moving"][0][0], abs=1e-4)
 
 
@@ -282,7 +282,7 @@ def test_the_peak_of_the_load_is_looked_for_where_was_driven(recording: Path) ->
     done = call("fit", recording)
     driven = float(np.nanmax(clutchid.read(recording)["position"])) * 1e3
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("peak load")]
-    assert line.endswith(f", within the {driven:.1f} mm that were driven")
+    assert line.endswith(f", within the recorded {driven:.1f} mm")
     assert driven < 24
     assert float(line.split(" at ")[1].split()[0]) <= driven
 

@@ -63,8 +63,8 @@ def test_gravity_on_other_knots_is_the_same_load(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[actuator]\nchamber_b = false\n", ["A_A, V_0A, M, y_max", "not there"]),
-        (f"[actuator]\n{DRAWING}", ["A_B, V_0B", "not there"]),
+        ("[actuator]\nchamber_b = false\n", ["A_A, V_0A, M, y_max", "missing"]),
+        (f"[actuator]\n{DRAWING}", ["A_B, V_0B", "missing"]),
         (f"[actuator]\nchambre_b = false\n{DRAWING}A_B = 2e-4\nV_0B = 1e-5\n", ["did you mean 'chamber_b'"]),
         (f"[actuator]\nchamber_b = false\n{DRAWING}C_r = 1e-8\n", ["C_r", "no chamber B"]),
         (f"[actuator]\nchamber_b = false\nvalves = '3/4'\n{DRAWING}", ["did you mean '3/2'"]),
@@ -80,7 +80,7 @@ def test_gravity_on_other_knots_is_the_same_load(tmp_path):
         ("[actuator]\nchamber_b = false\ngravity_load = 9\n[parameters]\ny_max = 'x'\n", ["A_A, V_0A, M", "y_max"]),
     ],
 )
-def test_what_is_wrong_with_an_actuator_file_is_told_in_words(text, words, tmp_path):
+def test_problems_of_an_actuator_file_are_reported(text, words, tmp_path):
     with pytest.raises(ParameterError) as caught:
         read_parameters(made(tmp_path / "a.toml", text))
     assert all(word in str(caught.value) for word in words)

@@ -78,7 +78,7 @@ def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
     assert priors["P_0"].std == VENTED_STD
 
 
-def test_of_several_recordings_the_middle_one_tells_the_ambient_pressure(drive_log, plant):
+def test_the_ambient_pressure_is_the_median_of_several_recordings(drive_log, plant):
     logs = [
         replace(drive_log.with_columns(pressure_a=drive_log["pressure_a"] + s), name=f"log{s}") for s in (0, 1e3, 9e3)
     ]
@@ -145,10 +145,10 @@ def test_on_a_grid_the_search_begins_with_the_delay_of_the_valves_that_the_press
 
 
 def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant):
-    held = np.repeat(np.random.default_rng(2).integers(0, 3, len(drive_log) // 2), 2)
+    command = np.repeat(np.random.default_rng(2).integers(0, 3, len(drive_log) // 2), 2)
     # the chamber vents at the start, as it was recorded
-    held[:50] = 0
-    bang = drive_log.with_columns(duty_supply=1.0 * (held == 1), duty_exhaust=1.0 * (held == 2))
+    command[:50] = 0
+    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
     begin, free, _ = automatic([bang], plant)
     assert begin.value("T_pwm") == pytest.approx(2e-3)
     assert (begin.value("s_vs"), begin.value("s_ve")) == (ON_OFF_DELAY, ON_OFF_DELAY)
@@ -157,8 +157,8 @@ def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant
 
 
 def test_an_on_off_unit_whose_commands_change_at_any_time_has_no_carrier(drive_log, plant):
-    held = np.random.default_rng(2).integers(0, 3, len(drive_log))
-    bang = drive_log.with_columns(duty_supply=1.0 * (held == 1), duty_exhaust=1.0 * (held == 2))
+    command = np.random.default_rng(2).integers(0, 3, len(drive_log))
+    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
     begin, free, _ = automatic([bang], plant)
     assert begin.value("T_pwm") == 0.0
     assert not set(CARRIER) & set(free)
@@ -182,15 +182,15 @@ def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive
 
 
 def test_a_recording_that_never_vents_is_one_sentence_with_its_lowest_pressure(drive_log, plant):
-    held = drive_log.with_columns(pressure_a=np.maximum(drive_log["pressure_a"], 2.5e5))
+    pressurised = drive_log.with_columns(pressure_a=np.maximum(drive_log["pressure_a"], 2.5e5))
     with pytest.raises(DataError, match=r"^log: the chamber never vents, its lowest pressure is 2\.50 bar; ") as caught:
-        automatic([held], plant)
+        automatic([pressurised], plant)
     assert "\n" not in str(caught.value)
 
 
 def test_all_recordings_with_a_problem_are_named(drive_log, plant):
-    held = replace(drive_log.with_columns(pressure_a=np.full(len(drive_log), 3e5)), name="held")
+    pressurised = replace(drive_log.with_columns(pressure_a=np.full(len(drive_log), 3e5)), name="pressurised")
     with pytest.raises(DataError) as caught:
-        automatic([held, drive_log, replace(drive_log.without("pressure_a"), name="bare")], plant)
+        automatic([pressurised, drive_log, replace(drive_log.without("pressure_a"), name="bare")], plant)
     lines = str(caught.value).splitlines()
-    assert [line.partition(":")[0] for line in lines] == ["held", "bare"]
+    assert [line.partition(":")[0] for line in lines] == ["pressurised", "bare"]

@@ -23,7 +23,7 @@ def short(drive_log):
     return drive_log.slice(0, 2500)
 
 
-def test_a_calibration_finds_what_the_recording_tells(calibrated, plant):
+def test_a_calibration_finds_the_parameters_that_the_data_determine(calibrated, plant):
     assert calibrated.status == "ok"
     for name in ("C_ve", "V_0A", "tau_y", "R_0vs", "F_C", "T_w"):
         # six numbers of one recording: three standard deviations
@@ -150,12 +150,12 @@ def test_too_many_numbers_for_a_short_recording_are_refused_with_both_counts(pla
 
 
 def test_nothing_free_is_refused(plant, short):
-    with pytest.raises(ParameterError, match=r"^nothing is free"):
+    with pytest.raises(ParameterError, match=r"^no parameter is free"):
         fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ()))
 
 
 def test_a_start_that_cannot_be_simulated_is_a_result_that_says_so(plant, short, monkeypatch):
-    monkeypatch.setattr(module, "first_guess", lambda *_: Failure("v is not finite at 0.2 s."))
+    monkeypatch.setattr(module, "initial_states", lambda *_: Failure("v is not finite at 0.2 s."))
     result = fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ("load",)))
     assert result.status == "failed"
     assert result.message == "the start values cannot be simulated. v is not finite at 0.2 s."

@@ -208,8 +208,8 @@ def test_scores_of_several_recordings_are_averaged():
     assert (mean.shift[0], mean.covariance[0, 0]) == pytest.approx((0.2, 0.005))
 
 
-def test_a_search_that_failed_has_no_score(task_of, drive_log, plant):
-    shot = SearchResult("shooting", task_of([drive_log], plant, ["C_vs"]), (), Failure("no end"))
+def test_a_search_that_failed_has_no_score(problem_of, drive_log, plant):
+    shot = SearchResult("shooting", problem_of([drive_log], plant, ["C_vs"]), (), Failure("no end"))
     assert score(shot).message == "no end"
 
 

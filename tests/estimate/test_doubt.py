@@ -37,7 +37,7 @@ def test_what_moved_less_than_tells_a_change_but_not_little_is_doubted(plant):
     start = f"w: viscous friction may have changed since the calibration (D_v {value:.4g} -> {value * (1 - far):.4g} N"
     (note,) = change_sentences([change])
     assert note.startswith(start)
-    assert "2.3 standard deviations; it was held, and the band is wider" in note
+    assert "2.3 standard deviations; it was fixed, and the interval is widened" in note
 
 
 def test_what_moved_little_or_as_at_the_calibration_is_not_doubted(plant):
@@ -99,7 +99,7 @@ def test_a_load_read_with_slightly_thicker_grease_has_a_wider_band_that_holds_it
     assert honest.actuator.load.theta == sure.actuator.load.theta, "the grease is held"
     assert any(note.startswith("cool: viscous friction may have changed") for note in change_sentences(honest.changes))
     (change,) = honest.changes
-    known = blind.less_sure(("D_v",), np.array([[(change.after - change.before) ** 2]]))
+    known = blind.inflated(("D_v",), np.array([[(change.after - change.before) ** 2]]))
     request = FitRequest(("position",), ("load",), calibration=known)
     told = fit_with_priors(SHOOTING, [log], calibrated.actuator, request)
     half = [np.mean(fit.load_curve.high - fit.load_curve.low) for fit in (honest, sure, told)]
@@ -113,7 +113,7 @@ def test_a_load_read_with_slightly_thicker_grease_has_a_wider_band_that_holds_it
 
 def test_doubt_is_added_to_what_is_known_and_to_what_is_not():
     one = Calibration(("a", "b"), np.array([[2.0, 1.0], [1.0, 3.0]]))
-    wider = one.less_sure(("b", "c"), np.array([[4.0, 0.5], [0.5, 5.0]]))
+    wider = one.inflated(("b", "c"), np.array([[4.0, 0.5], [0.5, 5.0]]))
     assert wider.names == ("a", "b", "c")
     assert np.array_equal(wider.covariance, [[2.0, 1.0, 0.0], [1.0, 7.0, 0.5], [0.0, 0.5, 5.0]])
     assert np.array_equal(one.covariance, [[2.0, 1.0], [1.0, 3.0]])

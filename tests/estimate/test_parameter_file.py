@@ -1,4 +1,4 @@
-"""Parameter files: what is written is read, and everything that is wrong is told in a sentence."""
+"""Parameter files: what is written is read, and every problem is reported in a sentence."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_every_variant_with_every_load_is_read_exactly_as_it_was_written(variant
     assert ("phi2_slope" in model) == (load.basis == "paper")
 
 
-def test_a_file_with_few_knots_and_many_weights_tells_only_what_is_wrong(tmp_path):
+def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
     path = tmp_path / "start.toml"
     path.write_text(f"[model]\nload_basis = 'b-spline'\n{WEIGHTS}theta_9 = 1.0\nC_sv = 1e-8\n")
     with pytest.raises(ParameterError) as caught:
@@ -78,7 +78,7 @@ def test_a_file_with_few_knots_and_many_weights_tells_only_what_is_wrong(tmp_pat
         ("[recording.a]\nposition_start = [nan]\npressure_a_start = [1e5]\n", ["[nan]", "a list of finite numbers"]),
         ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [inf]\n", ["[inf]", "a list of finite numbers"]),
         ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [0]\n", ["pressure_a_start = [0]", "above 0"]),
-        ("[recording.a]\nposition_start = [0.0]\n", ["equally many numbers", "they are 1 and 0"]),
+        ("[recording.a]\nposition_start = [0.0]\n", ["must have the same length", "they have 1 and 0 entries"]),
         ("[recording.a]\npositions_start = [0.0]\n", ["'positions_start'", "did you mean 'position_start'"]),
         ("[recording.a]\npressure_start = [1e5]\n", ["'pressure_start'", "did you mean 'pressure_a_start'"]),
         ("[model]\nvariant = 5\n", ["[model] variant = 5", "a name in quotes"]),
@@ -115,7 +115,7 @@ def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
         assert word in message
 
 
-def test_all_wrong_entries_are_told_at_once(tmp_path):
+def test_all_wrong_entries_are_reported_at_once(tmp_path):
     path = tmp_path / "start.toml"
     path.write_text(
         "[model]\nvariant = 5\n[parameters]\nC_sv = 1.0\n[recording]\na = 5\n[recording.b]\npressure = [1.0]\n"

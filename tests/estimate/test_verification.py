@@ -8,7 +8,7 @@ import pytest
 import clutchid
 from clutchid.estimate.verification import verification
 from clutchid.parameters import Parameters
-from clutchid.simulation.sensors import sensed, undone
+from clutchid.simulation.sensors import with_sensors, without_sensors
 
 BOTH = ("position", "pressure_a")
 
@@ -71,27 +71,27 @@ def test_a_recording_without_pressure_is_verified_by_its_position(known, other):
 
 
 def test_a_fit_by_shooting_is_verified_so(calibrated, worn, worn_log, recorded_by):
-    held = recorded_by(worn, seconds=5.0, seed=9, name="held out").without("pressure_a")
-    found = clutchid.fit(worn_log, calibrated.actuator, calibration=calibrated.calibration, verify=[held])
+    unused = recorded_by(worn, seconds=5.0, seed=9, name="unused").without("pressure_a")
+    found = clutchid.fit(worn_log, calibrated.actuator, calibration=calibrated.calibration, verify=[unused])
     assert found.method == "shooting"
     through, blind = (
-        verification(found.actuator, [held], None, through_sensors=s)[0]["held out"] for s in (True, False)
+        verification(found.actuator, [unused], None, through_sensors=s)[0]["unused"] for s in (True, False)
     )
-    assert found.verification["held out"].errors == through.errors
+    assert found.verification["unused"].errors == through.errors
     assert through.errors.position_rms < blind.errors.position_rms
 
 
 def test_what_the_sensors_did_is_undone(known, recorded_by):
     log = recorded_by(known, seconds=3.0, seed=None)
     true = recorded_by(known.replace(dict.fromkeys(("tau_y", "tau_p", "e_y", "e_p"), 0.0)), 3.0, None)
-    back = undone(log, known.parameters)
+    back = without_sensors(log, known.parameters)
     # a lag to first order leaves a tau**2: 2 ms at 50 m/s² are 0.2 mm, but only where a stroke begins or ends
     assert np.sqrt(np.mean((back["position"] - true["position"]) ** 2)) < 2e-5
     assert np.sqrt(np.mean((back["pressure_a"] - true["pressure_a"]) ** 2)) < 2e3
-    assert np.array_equal(undone(log, Parameters())["position"], log["position"])
+    assert np.array_equal(without_sensors(log, Parameters())["position"], log["position"])
 
 
 def test_a_single_sample_is_sensed_without_a_lag(plant, drive_log):
     one = clutchid.simulate(plant, drive_log.slice(0, 10)).log.slice(0, 1)
-    seen = sensed(one, Parameters(tau_p=2e-3, e_p=5e3))
-    assert seen["pressure_a"] - one["pressure_a"] == pytest.approx([5e3])
+    recorded = with_sensors(one, Parameters(tau_p=2e-3, e_p=5e3))
+    assert recorded["pressure_a"] - one["pressure_a"] == pytest.approx([5e3])

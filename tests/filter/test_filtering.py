@@ -22,8 +22,8 @@ SECONDS = 1.5
 
 
 @pytest.fixture(scope="module")
-def task(plant, recorded_by, task_of):
-    return task_of(recorded_by(plant, SECONDS), plant, NAMES)
+def problem(plant, recorded_by, problem_of):
+    return problem_of(recorded_by(plant, SECONDS), plant, NAMES)
 
 
 @pytest.fixture
@@ -31,17 +31,17 @@ def uncompressed(monkeypatch):
     monkeypatch.setattr(module, "triangular", lambda rows: rows)
 
 
-def followed(task, x=None, noise=ALL_IN, held=None):
+def followed(problem, x=None, noise=ALL_IN, held=None):
     return filtered(
-        task.tracks[0], task.parameter_map(np.zeros(len(NAMES)) if x is None else x, "log"), BOTH, noise, held
+        problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)) if x is None else x, "log"), BOTH, noise, held
     )
 
 
-def textbook(task, actuator, length):
+def textbook(problem, actuator, length):
     """Errors with variances, and states, of an extended Kalman filter that multiplies covariances out."""
-    track, p = task.tracks[0], actuator.parameters
+    track, p = problem.tracks[0], actuator.parameters
     segment, n = track.segment, len(VARIANTS[actuator.model])
-    mapped = task.parameter_map(np.zeros(len(NAMES)), "log")
+    mapped = problem.parameter_map(np.zeros(len(NAMES)), "log")
     which = columns(actuator, [*mapped.bases, *(f"start of {name}" for name in VARIANTS[actuator.model])])
     Q = np.vstack([np.zeros(n), process_noise(segment, actuator, ALL_IN)]) ** 2
     x, P = start_state(segment, actuator), np.diag(start_deviations(track.segment, actuator, True, ALL_IN) ** 2)
@@ -93,10 +93,10 @@ def one_interval(segment, i):
     )
 
 
-def test_the_filter_is_the_textbook_filter(task, plant):
+def test_the_filter_is_the_textbook_filter(problem, plant):
     length = 900
-    errors, states = textbook(task, plant, length)
-    found = followed(task)
+    errors, states = textbook(problem, plant, length)
+    found = followed(problem)
     moved = np.ptp(states[:, 0])
     assert moved > 5e-3, "the piston must move, or little is tested"
     # the textbook loses half the digits of a covariance whose states differ by 14 orders
@@ -106,20 +106,20 @@ def test_the_filter_is_the_textbook_filter(task, plant):
     assert found.states[:length] == pytest.approx(states, rel=1e-4, abs=1e-8)
 
 
-def test_a_pass_with_the_gains_of_another_at_the_same_numbers_is_that_pass(task):
-    free = followed(task)
-    held = followed(task, held=free.gains)
+def test_a_pass_with_the_gains_of_another_at_the_same_numbers_is_that_pass(problem):
+    free = followed(problem)
+    held = followed(problem, held=free.gains)
     assert held.cost == pytest.approx(free.cost, rel=1e-9)
     assert np.abs(held.rows[:, :-1]) == pytest.approx(np.abs(free.rows[:, :-1]), abs=1e-6 * np.abs(free.rows).max())
     assert held.errors[:, :, 0] == pytest.approx(free.errors[:, :, 0], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_rows_have_the_derivatives_that_differences_have_while_the_gains_are_held(task, uncompressed, name):
-    here = followed(task)
+def test_rows_have_the_derivatives_that_differences_have_with_fixed_gains(problem, uncompressed, name):
+    here = followed(problem)
     place, h = NAMES.index(name), 1e-4
     e = h * np.eye(len(NAMES))[place]
-    up, down = (followed(task, step, held=here.gains).rows[:, -1] for step in (e, -e))
+    up, down = (followed(problem, step, held=here.gains).rows[:, -1] for step in (e, -e))
     differences = (up - down) / (2 * h)
     assert np.abs(differences).max() > 0.01, "the recording must tell this number, or nothing is tested"
     error = np.linalg.norm(here.rows[:, place] - differences)
@@ -127,31 +127,31 @@ def test_rows_have_the_derivatives_that_differences_have_while_the_gains_are_hel
     assert error < 2e-3 * np.linalg.norm(differences)
 
 
-def test_rows_and_cost_count_what_lies_beyond_the_bound_linearly(task, uncompressed):
+def test_rows_and_cost_count_what_lies_beyond_the_bound_linearly(problem, uncompressed):
     noise = replace(Noise(), outlier=1.0)
-    found = followed(task, noise=noise)
+    found = followed(problem, noise=noise)
     nu = np.abs(found.errors[:, :, 0] / np.sqrt(found.errors[:, :, 1])).ravel()
     assert 0.1 < np.mean(nu > 1.0) < 0.9
     assert found.cost == pytest.approx(np.sum(np.where(nu > 1.0, 2 * nu - 1.0, nu**2)))
     assert np.abs(found.rows[:, -1]) == pytest.approx(np.where(nu > 1.0, np.sqrt(nu), nu))
 
 
-def test_blocks_do_not_change_what_is_found(task, monkeypatch):
-    whole = followed(task)
+def test_blocks_do_not_change_what_is_found(problem, monkeypatch):
+    whole = followed(problem)
     monkeypatch.setattr(module, "BLOCK", 100)
-    cut = followed(task)
+    cut = followed(problem)
     assert cut.cost == pytest.approx(whole.cost, rel=1e-12)
     assert cut.rows.T @ cut.rows == pytest.approx(whole.rows.T @ whole.rows, rel=1e-9, abs=1e-6)
     assert np.array_equal(cut.states, whole.states)
 
 
-def test_missing_samples_are_left_out_one_by_one(task):
-    track = task.tracks[0]
+def test_missing_samples_are_left_out_one_by_one(problem):
+    track = problem.tracks[0]
     holes = track.measured["position"].copy()
     holes[500:520] = np.nan
     holes[600] = np.inf
     torn = replace(track, measured=track.measured.with_columns(position=holes))
-    found = filtered(torn, task.parameter_map(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
+    found = filtered(torn, problem.parameter_map(np.zeros(len(NAMES)), "log"), BOTH, ALL_IN)
     missing = np.isnan(found.errors[:, 0, 0])
     assert np.flatnonzero(missing).tolist() == [*range(500, 520), 600]
     assert not np.isnan(found.errors[:, 1]).any()
@@ -159,25 +159,25 @@ def test_missing_samples_are_left_out_one_by_one(task):
     assert np.isfinite(found.rows).all()
 
 
-def test_without_pressure_in_use_only_the_position_counts(task):
-    found = filtered(task.tracks[0], task.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+def test_without_pressure_in_use_only_the_position_counts(problem):
+    found = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
     assert np.isnan(found.errors[:, 1]).all()
     assert np.isfinite(found.errors[:, 0]).all()
     assert found.rows[:, NAMES.index("e_p")] == pytest.approx(0.0)
 
 
-def test_what_the_filter_says_of_the_pressure_holds_the_truth(plant, recorded_by, task_of):
+def test_what_the_filter_says_of_the_pressure_holds_the_truth(plant, recorded_by, problem_of):
     log = recorded_by(plant, 3.0)
-    task = task_of(log, plant, NAMES, ("position",))
-    found = filtered(task.tracks[0], task.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
+    problem = problem_of(log, plant, NAMES, ("position",))
+    found = filtered(problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)), "log"), ("position",), ALL_IN)
     truth = recorded_by(plant.replace({"tau_p": 0.0}), 3.0, seed=None)["pressure_a"]
     off = (found.states[:, 2] - truth) / found.pressures[:, -1]
     # the model made the recording without process noise: the filter is surer than it says
     assert np.sqrt(np.mean(off**2)) < 1.0
 
 
-def test_a_start_that_does_not_rest_is_known_less_well(task, plant):
-    track, names = task.tracks[0], VARIANTS[plant.model]
+def test_a_start_that_does_not_rest_is_known_less_well(problem, plant):
+    track, names = problem.tracks[0], VARIANTS[plant.model]
     moving = replace(track, segment=replace(track.segment, vented=False, pressure_start=np.nan))
     assert start_deviations(track.segment, plant, False, ALL_IN) == pytest.approx(
         [STATES[name].start for name in names]
@@ -189,13 +189,13 @@ def test_a_start_that_does_not_rest_is_known_less_well(task, plant):
     assert start_deviations(known.segment, plant, True, ALL_IN)[names.index("p_A")] == ALL_IN.measured["pressure_a"]
 
 
-def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_time_and_state(task):
-    track = task.tracks[0]
+def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_time_and_state(problem):
+    track = problem.tracks[0]
     broken = track.segment.inputs.copy()
     broken[700:, 0] = np.nan
     found = filtered(
         replace(track, segment=replace(track.segment, inputs=broken)),
-        task.parameter_map(np.zeros(len(NAMES)), "log"),
+        problem.parameter_map(np.zeros(len(NAMES)), "log"),
         BOTH,
         ALL_IN,
     )
@@ -203,13 +203,13 @@ def test_a_simulation_that_leaves_the_finite_numbers_is_a_failure_that_names_tim
     assert "0.7" in found.message
 
 
-def test_the_filter_is_the_textbook_filter_where_samples_are_not_evenly_spaced(task, plant):
-    track = task.tracks[0]
+def test_the_filter_is_the_textbook_filter_where_samples_are_not_evenly_spaced(problem, plant):
+    track = problem.tracks[0]
     # 0.5 and 1.5 ms in turn, so that the interval before a sample and the one after it are never alike
     dt = track.segment.dt * np.where(np.arange(track.segment.dt.size) % 2, 1.5, 0.5)
     substeps = 2 * track.segment.substeps
     uneven = replace(track, segment=replace(track.segment, dt=dt, substeps=substeps))
-    other, length = replace(task, tracks=(uneven,)), 400
+    other, length = replace(problem, tracks=(uneven,)), 400
     errors, states = textbook(other, plant, length)
     found = followed(other)
     assert plant.parameters.tau_p > 0.0

@@ -88,4 +88,5 @@ def test_the_command_that_ci_runs_is_in_the_readme():
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     start = re.search(r"grep -m 1 '\^([^']+)' README.md", script)
     commands = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-    assert start and [line for line in commands if line.startswith(start[1]) and "pytest" in line]
+    assert start
+    assert [line for line in commands if line.startswith(start[1]) and "pytest" in line]

@@ -8,7 +8,16 @@ from clutchid.errors import DataError
 from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.preparation.carrier import CHANGES, PERIODS, centred, duty_grid, find_carrier, grid_phase, on_off, shows
+from clutchid.preparation.carrier import (
+    MIN_CHANGES,
+    PERIODS,
+    centred,
+    duty_grid,
+    find_carrier,
+    grid_phase,
+    on_off,
+    resolves_carrier,
+)
 from clutchid.preparation.pulses import find_phase, pulsed
 from clutchid.study.proving.ground import proof
 
@@ -43,7 +52,7 @@ def test_any_phase_is_found(plant, switched, recorded_by, phase):
     assert apart(find_carrier(log, plant, (PERIOD,))[1], phase) <= 0.05
 
 
-def test_another_period_is_told_from_its_neighbours(plant, switched, recorded_by):
+def test_another_period_is_distinguished_from_its_neighbours(plant, switched, recorded_by):
     log = recorded_by(switched.replace({"T_pwm": 0.02}), seconds=6.0)
     period, phase = find_carrier(log, plant)
     assert period == 0.02
@@ -61,7 +70,7 @@ def test_a_recording_without_a_carrier_has_none(plant, drive_log):
     assert find_carrier(drive_log, plant) == (0.0, 0.0)
 
 
-def test_a_recording_slower_than_the_carrier_tells_none(plant, log):
+def test_a_recording_slower_than_the_carrier_has_none(plant, log):
     bus = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()}, "bus")
     assert find_carrier(bus, plant)[0] != PERIOD
     assert find_carrier(bus, plant, tuple(period for period in PERIODS if period < 0.025)) == (0.0, 0.0)
@@ -127,29 +136,29 @@ def test_duty_cycles_that_change_at_any_time_have_no_grid():
 def test_the_phase_of_a_recording_with_a_grid_is_that_of_the_grid(plant, recorded_by):
     log = recorded_by(plant, seconds=4.0)
     duty = np.repeat(np.random.default_rng(2).random(len(log) // 10), 10)
-    held = log.with_columns(duty_supply=np.roll(duty, 3), duty_exhaust=np.zeros(len(log)))
+    command = log.with_columns(duty_supply=np.roll(duty, 3), duty_exhaust=np.zeros(len(log)))
     actuator = plant.replace({"T_pwm": 0.01})
     for with_pressure in (True, False):
-        assert pulsed(held, actuator, with_pressure).actuator.parameters.s_pwm == pytest.approx(0.3, abs=1e-6)
+        assert pulsed(command, actuator, with_pressure).actuator.parameters.s_pwm == pytest.approx(0.3, abs=1e-6)
 
 
 def commanded(samples, every, step=1e-3, shift=0):
     """An on/off unit: both valves opened and closed on a grid of `every` samples of `step` seconds."""
     rng = np.random.default_rng(6)
-    held = np.repeat(rng.integers(0, 3, samples // every + 1), every)[:samples]
-    held = np.roll(held, shift)
-    return Log(np.arange(samples) * step, {"duty_supply": 1.0 * (held == 1), "duty_exhaust": 1.0 * (held == 2)})
+    command = np.repeat(rng.integers(0, 3, samples // every + 1), every)[:samples]
+    command = np.roll(command, shift)
+    return Log(np.arange(samples) * step, {"duty_supply": 1.0 * (command == 1), "duty_exhaust": 1.0 * (command == 2)})
 
 
-def test_a_unit_that_only_opens_and_closes_is_told_from_one_that_opens_in_part(drive_log):
+def test_an_on_off_unit_is_distinguished_from_a_proportional_one(drive_log):
     bang = commanded(4000, 2)
     assert on_off(bang)
     assert not on_off(drive_log)
     for name in ("duty_supply", "duty_exhaust"):
         between = bang[name].copy()
-        between[10 : 10 + CHANGES - 1] = 0.5
+        between[10 : 10 + MIN_CHANGES - 1] = 0.5
         assert on_off(bang.with_columns(**{name: between})), "a few samples between may be edges"
-        between[10 + CHANGES - 1] = 0.5
+        between[10 + MIN_CHANGES - 1] = 0.5
         assert not on_off(bang.with_columns(**{name: between}))
 
 
@@ -162,10 +171,15 @@ def test_missing_duty_cycles_are_not_taken_for_a_part():
 
 def test_edges_of_an_on_off_unit_show_from_two_samples_and_a_phase_from_two_and_a_half(drive_log):
     bang = commanded(4000, 2)
-    assert [shows(bang, period) for period in (1e-3, 1.9e-3, 2e-3, 2.5e-3)] == [False, False, True, True]
-    assert [shows(drive_log, period) for period in (2e-3, 2.4e-3, 2.5e-3, 0.01)] == [False, False, True, True]
+    assert [resolves_carrier(bang, period) for period in (1e-3, 1.9e-3, 2e-3, 2.5e-3)] == [False, False, True, True]
+    assert [resolves_carrier(drive_log, period) for period in (2e-3, 2.4e-3, 2.5e-3, 0.01)] == [
+        False,
+        False,
+        True,
+        True,
+    ]
     slow = commanded(4000, 2, step=1e-2)
-    assert [shows(slow, period) for period in (0.01, 0.02)] == [False, True]
+    assert [resolves_carrier(slow, period) for period in (0.01, 0.02)] == [False, True]
 
 
 @pytest.mark.parametrize(("every", "shift", "phase"), [(2, 0, 0.0), (2, 1, 0.5), (5, 2, 0.4)])

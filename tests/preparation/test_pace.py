@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.preparation.prepare import FASTER, LONGEST, paced
-from clutchid.simulation.run import Numbers, run
+from clutchid.preparation.prepare import MAX_STEP, SPEED_MARGIN, with_steps
+from clutchid.simulation.run import KernelArrays, run
 from clutchid.simulation.stiffness import STABLE_STEP, local_stiffness, stiffness
 from clutchid.smoother.links import link_sigma
 from clutchid.uncertainty.noise import Noise
@@ -19,20 +19,20 @@ def stiff(plant):
 
 
 @pytest.fixture(scope="module")
-def track(stiff, recorded_by, task_of):
-    return task_of([recorded_by(stiff, seconds=6.0)], stiff, ("F_C",), ("position",)).tracks[0]
+def track(stiff, recorded_by, problem_of):
+    return problem_of([recorded_by(stiff, seconds=6.0)], stiff, ("F_C",), ("position",)).tracks[0]
 
 
 @pytest.fixture(scope="module")
 def fewer(track, stiff):
-    return paced(track, stiff, 1.05)
+    return with_steps(track, stiff, 1.05)
 
 
 def test_windows_take_fewer_steps_than_planned_and_never_more(track, fewer):
     planned, taken = (np.array([window.substeps[0] for window in one.windows]) for one in (track, fewer))
     assert np.all(taken <= planned)
     assert taken.mean() < 0.7 * planned.mean()
-    assert np.all(track.segment.dt[0] / taken <= LONGEST * (1 + 1e-9))
+    assert np.all(track.segment.dt[0] / taken <= MAX_STEP * (1 + 1e-9))
     assert len(set(taken.tolist())) > 1, "not every window is equally stiff"
 
 
@@ -45,7 +45,7 @@ def test_the_steps_of_a_window_are_stable_where_its_piston_is(track, fewer, stif
 
 
 def test_the_ends_of_windows_are_those_of_the_planned_steps(track, fewer, stiff):
-    numbers, states = Numbers.of(stiff), run(track.segment, Numbers.of(stiff), _rest(stiff))[0]
+    numbers, states = KernelArrays.of(stiff), run(track.segment, KernelArrays.of(stiff), _rest(stiff))[0]
     sigma = link_sigma(track, stiff, Noise())
     for many, few, width in zip(track.windows, fewer.windows, sigma, strict=True):
         start = states[many.start - track.segment.start]
@@ -61,7 +61,7 @@ def _rest(actuator):
 def test_a_window_without_position_keeps_its_steps(track, stiff):
     position = track.measured["position"].copy()
     position[2500:2510] = np.nan
-    holed = paced(replace(track, measured=track.measured.with_columns(position=position)), stiff, 1.05)
+    holed = with_steps(replace(track, measured=track.measured.with_columns(position=position)), stiff, 1.05)
     number = next(i for i, window in enumerate(track.windows) if window.start <= 2505 < window.stop)
     assert np.array_equal(holed.windows[number].substeps, track.windows[number].substeps)
 
@@ -69,15 +69,15 @@ def test_a_window_without_position_keeps_its_steps(track, stiff):
 def test_a_piston_faster_than_any_class_keeps_its_steps(track, stiff):
     time = track.measured.time
     fast = track.measured.with_columns(position=0.5e-2 + 0.4 * (time % 0.02))
-    assert FASTER < 0.4
-    kept = paced(replace(track, measured=fast), stiff, 1.05)
+    assert SPEED_MARGIN < 0.4
+    kept = with_steps(replace(track, measured=fast), stiff, 1.05)
     assert all(
         np.array_equal(one.substeps, other.substeps) for one, other in zip(kept.windows, track.windows, strict=True)
     )
 
 
 def test_a_larger_margin_asks_for_more_steps(track, stiff, fewer):
-    more = paced(track, stiff, 2.0)
+    more = with_steps(track, stiff, 2.0)
     counts = [sum(int(window.substeps.sum()) for window in one.windows) for one in (fewer, more, track)]
     assert counts[0] < counts[1] <= counts[2]
 

@@ -11,7 +11,7 @@ from clutchid.estimate.shooting.fit import SHOOTING
 from clutchid.estimate.verification import on_samples
 from clutchid.log import Log
 from clutchid.preparation.carrier import centred
-from clutchid.preparation.pulses import LATE, find_phase, pulsed, refined
+from clutchid.preparation.pulses import STAMP_STD, find_phase, pulsed, resampled
 from clutchid.uncertainty.calibration import Calibration
 
 #: The carrier of the drives in these tests: a new duty cycle every 10 ms.
@@ -46,7 +46,7 @@ def slow(duty, step=0.01):
 
 def test_samples_stay_and_duty_cycles_change_where_periods_start():
     log = slow([0.0, 0.5, 0.8, 0.8])
-    fine = refined(log, PERIOD, 0.2)
+    fine = resampled(log, PERIOD, 0.2)
     at = np.searchsorted(fine.time, log.time)
     assert np.array_equal(fine.time[at], log.time)
     assert np.array_equal(fine["position"][at], log["position"])
@@ -59,14 +59,14 @@ def test_samples_stay_and_duty_cycles_change_where_periods_start():
 
 def test_duty_cycles_change_later_for_a_position_that_is_late():
     log = slow([0.0, 0.5, 0.8, 0.8])
-    fine = refined(log, PERIOD, 0.2, late=2e-3)
+    fine = resampled(log, PERIOD, 0.2, delay=2e-3)
     changed = fine.time[1:][np.diff(fine["duty_supply"]) != 0.0]
     assert changed == pytest.approx([0.014, 0.024], abs=2.5e-4)
 
 
 def test_a_period_without_a_sample_keeps_the_duty_cycle_before():
     log = slow([0.0, 0.5, 0.7, 0.9], step=0.0105)
-    fine = refined(log, 0.01, 0.0)
+    fine = resampled(log, 0.01, 0.0)
     numbers = np.floor(fine.time / 0.01)
     assert [fine["duty_supply"][numbers == n][-1] for n in range(4)] == [0.0, 0.5, 0.7, 0.9]
 
@@ -74,22 +74,22 @@ def test_a_period_without_a_sample_keeps_the_duty_cycle_before():
 def test_into_a_hole_in_time_no_samples_are_put():
     log = slow([0.0] * 20)
     gone = replace(log, time=np.where(np.arange(20) < 10, log.time, log.time + 0.5))
-    fine = refined(gone, PERIOD, 0.0)
+    fine = resampled(gone, PERIOD, 0.0)
     assert len(fine) == 18 * 40 + 2
     assert np.diff(fine.time).max() == pytest.approx(0.51)
 
 
 def test_a_recorder_of_1_khz_needs_nothing(switched, drive_log):
-    seen = pulsed(drive_log, switched, True)
-    assert seen.log is drive_log
-    assert seen.warning is None
+    found = pulsed(drive_log, switched, True)
+    assert found.log is drive_log
+    assert found.warning is None
 
 
 def test_the_phase_of_a_slow_recording_is_found(switched, bus):
     assert abs(centred(find_phase(bus, switched))) < 0.1
-    seen = pulsed(bus, switched, False)
-    assert len(seen.log) == 40 * (len(bus) - 1) + 1
-    assert seen.spread == pytest.approx(LATE / PERIOD)
+    found = pulsed(bus, switched, False)
+    assert len(found.log) == 40 * (len(bus) - 1) + 1
+    assert found.phase_std == pytest.approx(STAMP_STD / PERIOD)
 
 
 def test_a_load_is_read_from_100_hz(switched, bus):
@@ -105,12 +105,12 @@ def test_a_load_is_read_from_100_hz(switched, bus):
     assert np.sqrt(np.mean((one.simulated["position"] - bus["position"]) ** 2)) < 1e-3
 
 
-def test_a_recording_too_slow_for_the_pulses_is_told_so(switched, bus):
+def test_a_recording_too_slow_for_the_pulses_is_a_warning(switched, bus):
     known = Calibration((), np.zeros((0, 0)))
     fit = fit_with_priors(SHOOTING, [every(bus, 2)], switched, FitRequest(("position",), ("load",), calibration=known))
     assert fit.warnings[0] == (
-        "bus: a sample every 20 ms does not tell the pulses of valves that are switched every 10 ms; they are "
-        "averaged, and the load can be far off. Record at 1 kHz."
+        "bus: a sample every 20 ms does not resolve the pulses of valves with a carrier period of 10 ms; they are "
+        "averaged, which can cause large errors of the load. Record at 1 kHz."
     )
     assert fit.status == "warning"
     assert not any("s_pwm" in name for name in fit.parameters)

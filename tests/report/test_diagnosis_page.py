@@ -9,7 +9,13 @@ from clutchid.assess.evidence import diagnosed, evidence
 from clutchid.assess.verdict import Verdict
 from clutchid.log import Log
 from clutchid.report.diagnosis_figures import colour_figure, region_figure
-from clutchid.report.diagnosis_page import diagnosis_table, residual_blocks, told_blocks, verdict_blocks, worst_first
+from clutchid.report.diagnosis_page import (
+    diagnosis_table,
+    information_blocks,
+    residual_blocks,
+    verdict_blocks,
+    worst_first,
+)
 from clutchid.report.html import Bullets, Details, Notice, Text
 
 
@@ -30,9 +36,9 @@ def test_a_verdict_has_the_colour_of_its_trust(trust, kind, words):
 
 
 def test_reasons_begin_with_a_capital_but_names_stay_as_they_are():
-    told = Verdict("none", ("the search did not settle.", "worn: the model misses.", "theta_3 lies at its bound."))
-    (notice,) = verdict_blocks(told, ["worn"])
-    assert notice.items == ("The search did not settle.", "worn: the model misses.", "theta_3 lies at its bound.")
+    judged = Verdict("none", ("the search did not converge.", "worn: the model misses.", "theta_3 lies at its bound."))
+    (notice,) = verdict_blocks(judged, ["worn"])
+    assert notice.items == ("The search did not converge.", "worn: the model misses.", "theta_3 lies at its bound.")
 
 
 def test_what_a_verdict_cannot_see_is_folded():
@@ -89,17 +95,17 @@ def test_what_is_missing_comes_with_a_manoeuvre(fitted):
     one = fitted.recordings["first"]
     short = replace(one, measured=one.measured.with_columns(position=0.5 * one.measured["position"]))
     low = replace(fitted, recordings={"first": short})
-    blocks = told_blocks(low, evidence(low))
+    blocks = information_blocks(low, evidence(low))
     assert isinstance(blocks[0], Bullets)
     assert any("reach" in item for item in blocks[0].items)
-    assert blocks[1].html.startswith("To settle it: ")
+    assert blocks[1].html.startswith("Recommended recording: ")
     assert "for 10 s" in blocks[1].html or "of 10 s" in blocks[1].html
 
 
 def test_nothing_missing_is_said_and_no_manoeuvre_is_looked_for(fitted):
     found = replace(evidence(fitted), missing=())
-    assert told_blocks(fitted, found) == [
-        Text("Nothing is missing in the motion: reach, directions and vented rests are there.")
+    assert information_blocks(fitted, found) == [
+        Text("The excitation is sufficient: reach, directions and vented rests.")
     ]
 
 

@@ -11,7 +11,7 @@ from clutchid.errors import ExportError
 from clutchid.estimate import LoadCurve
 from clutchid.log import Log
 from clutchid.report import fit_page
-from clutchid.report.fit_page import MOST_DRAWN, error_table, page_of
+from clutchid.report.fit_page import MAX_DRAWN, error_table, page_of
 from clutchid.report.html import render
 from clutchid.report.parameter_page import parameter_table
 
@@ -88,18 +88,18 @@ def test_an_infinite_band_is_said_not_drawn(fitted):
     curve = fitted.load_curve
     unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
     html = render(page_of(replace(fitted, load_curve=unknown), COMMAND))
-    assert "the recordings give no interval there" in html
+    assert "the interval there is infinite" in html
 
 
 def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
     nothing = np.full(101, np.nan)
     failed = replace(
-        fitted, status="failed", message="the simulation left the finite numbers", recordings={}, verification={},
+        fitted, status="failed", message="the simulation diverged at 1.200 s in y", recordings={}, verification={},
         load_curve=LoadCurve(fitted.load_curve.position, nothing, nothing, nothing), scales={},
     )  # fmt: skip
     html = render(page_of(failed, COMMAND))
     assert "The fit failed" in html
-    assert "The simulation left the finite numbers." in html
+    assert "The simulation diverged at 1.200 s in y." in html
     assert "<img " not in html
     assert loads_nothing(html)
 
@@ -122,16 +122,20 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
 
 
 def test_the_verdict_stands_above_everything_else(fitted, html):
-    assert html.index("Verdict: ") < html.index("The fit settled") < html.index("<img ")
+    assert html.index("Verdict: ") < html.index("The fit converged") < html.index("<img ")
     bad = replace(fitted, settled=False)
-    assert "<li>The search did not settle; go on from its result, or free less.</li>" in render(page_of(bad, COMMAND))
+    assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in render(
+        page_of(bad, COMMAND)
+    )
 
 
 def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(fitted, monkeypatch):
     module, drawn = sys.modules["clutchid.report.fit_page"], {}
     plain = module.recording_figure
     monkeypatch.setattr(
-        module, "recording_figure", lambda seen, *more: drawn.update({seen.measured.name: seen}) or plain(seen, *more)
+        module,
+        "recording_figure",
+        lambda as_measured, *more: drawn.update({as_measured.measured.name: as_measured}) or plain(as_measured, *more),
     )
     page_of(replace(fitted, method="shooting", actuator=fitted.actuator.replace({"e_y": 1e-4})), COMMAND)
     for name, one in {**fitted.recordings, **fitted.verification}.items():
@@ -141,11 +145,11 @@ def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(fitted,
 
 def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(fitted):
     one = fitted.recordings["first"]
-    names = [f"log{i}" for i in range(MOST_DRAWN + 3)]
+    names = [f"log{i}" for i in range(MAX_DRAWN + 3)]
     late = replace(one, measured=one.measured.with_columns(position=one.measured["position"] + 2e-3))
     many = replace(fitted, recordings={name: late if name == "log5" else one for name in names}, verification={})
     html = render(page_of(many, COMMAND))
-    assert html.count("<img ") == 1 + 3 * MOST_DRAWN
+    assert html.count("<img ") == 1 + 3 * MAX_DRAWN
     assert "log5 (fitted)" in html
     assert "3 more (fitted)" in html
     assert len(html) < 3e6
@@ -164,7 +168,7 @@ def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitt
     assert len(html) < 3e6
 
 
-def test_a_load_that_was_not_reached_where_the_clutch_engages_is_not_told(fitted):
+def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(fitted):
     one = fitted.recordings["first"]
     low = replace(one, measured=one.measured.with_columns(position=0.3 * one.measured["position"]))
     html = render(page_of(replace(fitted, recordings={"first": low}, verification={}), COMMAND))
@@ -172,23 +176,23 @@ def test_a_load_that_was_not_reached_where_the_clutch_engages_is_not_told(fitted
     assert "Where the clutch engages it goes" not in html
 
 
-def test_what_the_recordings_told_is_on_the_page(fitted):
-    html = render(page_of(replace(fitted, notes=("told by the recordings: C_vs < C_ve.",)), COMMAND))
-    assert "<li>Told by the recordings: C_vs &lt; C_ve.</li>" in html
+def test_what_the_data_determine_is_on_the_page(fitted):
+    html = render(page_of(replace(fitted, notes=("determined by the data: C_vs < C_ve.",)), COMMAND))
+    assert "<li>Determined by the data: C_vs &lt; C_ve.</li>" in html
 
 
 def test_by_shooting_the_page_says_what_its_errors_are(fitted):
     html = render(page_of(replace(fitted, method="shooting"), COMMAND))
     assert "fitted by multiple shooting" in html
     assert "within windows of 0.1 s" in html
-    assert "What the verdict cannot see" in html
+    assert "Limits of the verdict" in html
 
 
 def test_by_prediction_error_the_page_says_what_its_errors_are(fitted):
     html = render(page_of(replace(fitted, method="prediction-error"), COMMAND))
     assert "fitted by prediction error" in html
-    assert "those of prediction by a sample" in html
-    assert "What the verdict cannot see" in html
+    assert "one-sample prediction errors" in html
+    assert "Limits of the verdict" in html
 
 
 def test_the_file_is_replaced_in_one_step(fitted, tmp_path):

@@ -20,7 +20,7 @@ HELD = stroke((0, 10), (0.5, 10), (0.8, 0), (1.5, 0), (2, 12), (2.5, 12), (3, 0)
 
 def test_rests_are_found_at_the_engaged_end_only():
     rests = [(T[a], T[b - 1]) for a, b in vented_rests(HELD, Parameters())]
-    # a rest is told by the mean speed over 50 ms on both sides
+    # a rest is detected by the mean speed over 50 ms on both sides
     np.testing.assert_allclose(rests, [(0.8, 1.5), (3.0, 3.5)], atol=0.05)
 
 

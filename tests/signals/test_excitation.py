@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.assess.missing_excitation import missing
 from clutchid.errors import DataError
-from clutchid.estimate.simulation_error.problem import linearise, problem
+from clutchid.estimate.simulation_error.problem import build_problem, linearise
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import Linearisation
@@ -29,8 +29,8 @@ def course(noise: float = 0.0, step: float = 1e-3, **columns: np.ndarray) -> Log
 def information(actuator: Actuator, log: Log, names: tuple[str, ...]) -> np.ndarray:
     """Factor of the Jacobian, as a fit makes it."""
     prepared = plan(log, actuator, stiffness(actuator))
-    task = problem(actuator, [prepared], names, ("position",), dict.fromkeys(names, (-np.inf, np.inf)))
-    answer = linearise(task, task.x0, {"position": 1e-4})
+    problem = build_problem(actuator, [prepared], names, ("position",), dict.fromkeys(names, (-np.inf, np.inf)))
+    answer = linearise(problem, problem.x0, {"position": 1e-4})
     assert isinstance(answer, Linearisation)
     return answer.R
 

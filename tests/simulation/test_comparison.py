@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.numerics.least_squares import triangular
-from clutchid.simulation.sensors import lag_slope, lagged
+from clutchid.simulation.sensors import lag_derivative, lagged
 
 STEP, SIGMA, OUTLIER = 1e-3, 5e-5, 4.0
 
@@ -37,7 +37,7 @@ def compared(window, lags, slopes):
         x, own = states[:, int(at)], np.zeros((60, 2))
         shown = lagged(x, tau, STEP)
         if number == 0:
-            own = np.column_stack([lag_slope(x, shown, tau, STEP), np.ones(60)])
+            own = np.column_stack([lag_derivative(x, shown, tau, STEP), np.ones(60)])
         J = np.column_stack([lagged(sens[:, int(at)], tau, STEP), own]) * slopes
         parts.append(np.column_stack([J, shown + offset - measured[number]]) / sigma)
     rows = np.vstack(parts)
@@ -105,11 +105,11 @@ def test_a_number_that_is_not_finite_is_not_hidden_by_the_factor():
 
 
 def test_the_reach_of_a_motion_counts_its_start_and_no_missing_sample(by):
-    assert by.reach(np.array([np.nan, 3.0, 1.0, np.nan]), 2.0) == (1.0, 3.0)
-    assert by.reach(np.full(3, np.nan), 2.0) == (2.0, 2.0)
+    assert by.value_range(np.array([np.nan, 3.0, 1.0, np.nan]), 2.0) == (1.0, 3.0)
+    assert by.value_range(np.full(3, np.nan), 2.0) == (2.0, 2.0)
 
 
 def test_columns_are_put_where_they_stand_among_zeros(by):
     wide = np.full((2, 5), np.nan)
-    by.spread(np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([3, 1]), wide)
+    by.scatter_columns(np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([3, 1]), wide)
     assert np.array_equal(wide, [[0.0, 2.0, 0.0, 1.0, 0.0], [0.0, 4.0, 0.0, 3.0, 0.0]])

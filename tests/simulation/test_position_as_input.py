@@ -53,7 +53,7 @@ def test_a_fit_finds_the_conductance_without_knowing_the_load(truth, drive):
 
 
 def test_another_thing_to_take_is_refused():
-    with pytest.raises(ParameterError, match="take = 'pressure': 'all' that is measured"):
+    with pytest.raises(ParameterError, match="take = 'pressure': 'all' compared measurements"):
         Partition(every=1, take="pressure")
 
 

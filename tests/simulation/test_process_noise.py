@@ -17,11 +17,11 @@ PRESSURE = VARIANTS["energy-balance-stribeck"].index("p_A")
 
 
 @pytest.fixture
-def still(plant, recorded_by, task_of):
+def still(plant, recorded_by, problem_of):
     """100 intervals of a segment, both valves as open as asked for."""
 
     def make(supply: float, exhaust: float):
-        segment = task_of([recorded_by(plant, 0.2)], plant, ("C_vs",)).tracks[0].segment
+        segment = problem_of([recorded_by(plant, 0.2)], plant, ("C_vs",)).tracks[0].segment
         inputs = segment.inputs[:101].copy()
         inputs[:, 0], inputs[:, 1] = supply, exhaust
         return replace(segment, stop=segment.start + 101, inputs=inputs, dt=segment.dt[:100])

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from clutchid.simulation.comparison import LEAST
-from clutchid.simulation.sensors import lag_slope, lagged, seen
+from clutchid.simulation.comparison import SHORTEST_LAG
+from clutchid.simulation.sensors import lag_derivative, lagged, sensor_output
 
 STEP = 1e-3
 TIME = STEP * np.arange(300)
@@ -92,7 +92,7 @@ def test_columns_are_shown_each_on_its_own():
 
 
 def test_where_a_short_lag_becomes_a_shift_the_record_hardly_jumps():
-    x, least = MOTIONS["sine"](TIME), LEAST * STEP
+    x, least = MOTIONS["sine"](TIME), SHORTEST_LAG * STEP
     below, above = (lagged(x, tau, STEP) for tau in (0.999 * least, 1.001 * least))
     # 10 µs of lag: half a sample times the curvature, which is at most 5 mm (2 pi 15 Hz)**2
     assert np.abs(above - below).max() < least * STEP * 5e-3 * (2 * np.pi * 15.0) ** 2
@@ -101,7 +101,7 @@ def test_where_a_short_lag_becomes_a_shift_the_record_hardly_jumps():
 def test_of_a_single_sample_the_lag_is_not_known():
     one = np.array([3e-3])
     assert np.array_equal(lagged(one, 2e-3, STEP), one)
-    assert np.array_equal(lag_slope(one, one, 2e-3, STEP), [0.0])
+    assert np.array_equal(lag_derivative(one, one, 2e-3, STEP), [0.0])
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -109,19 +109,19 @@ def test_of_a_single_sample_the_lag_is_not_known():
 def test_the_slope_of_a_lag_is_that_of_differences(motion, tau):
     x, h = MOTIONS[motion](TIME), 1e-5 * max(abs(tau), 0.1e-3)
     central = (lagged(x, tau + h, STEP) - lagged(x, tau - h, STEP)) / (2 * h)
-    slope = lag_slope(x, lagged(x, tau, STEP), tau, STEP)
+    slope = lag_derivative(x, lagged(x, tau, STEP), tau, STEP)
     assert slope == pytest.approx(central, abs=1e-6 * np.abs(central).max())
 
 
 def test_what_is_not_known_stays_so_and_each_stretch_is_lagged_on_its_own():
     values = MOTIONS["sine"](TIME)
     values[:5] = values[100:120] = values[200] = values[202] = values[-3:] = np.nan
-    record = seen(values, TIME, 2e-3, 1e-4)
+    record = sensor_output(values, TIME, 2e-3, 1e-4)
     assert np.array_equal(np.isnan(record), np.isnan(values))
     for part in (slice(5, 100), slice(120, 200), slice(203, 297)):
         assert record[part] == pytest.approx(lagged(values[part], 2e-3, STEP) + 1e-4, abs=1e-15)
     assert record[201] == values[201] + 1e-4, "of a sample alone the lag is not known"
 
 
-def test_where_nothing_is_known_nothing_is_seen():
-    assert np.isnan(seen(np.full(20, np.nan), TIME[:20], 2e-3, 1e-4)).all()
+def test_without_values_there_is_no_output():
+    assert np.isnan(sensor_output(np.full(20, np.nan), TIME[:20], 2e-3, 1e-4)).all()

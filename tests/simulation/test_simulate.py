@@ -9,7 +9,7 @@ from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
 from clutchid.simulation.plan import plan
-from clutchid.simulation.run import Numbers, columns, run, run_with_sensitivities
+from clutchid.simulation.run import KernelArrays, columns, run, run_with_sensitivities
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, stiffness, stiffness_over, substeps
 
 STATES = ("position", "velocity", "pressure_a", "pressure_b", "deflection")
@@ -139,11 +139,11 @@ def test_a_recording_whose_inputs_are_all_missing_is_refused(truth, drive):
 def test_a_simulation_that_blows_up_names_time_and_state(names):
     # a load that pulls beyond t_2 with a force that grows as fast as the piston runs away
     pulled = Actuator(load=Load((9e5, -1e12, 0.0)))
-    with pytest.raises(SolveError, match=r"run: .*finite numbers at 0\.\d{3} s in .*y"):
+    with pytest.raises(SolveError, match=r"run: .*diverged at 0\.\d{3} s in .*y"):
         simulate(pulled, opened(), sensitivities=names)
     done = simulate(pulled, opened(), sensitivities=names, on_failure="return")
     assert done.status == "failed"
-    assert "finite numbers at" in done.message
+    assert "diverged at" in done.message
     failed = int(np.argmax(~np.isfinite(done.log["position"])))
     assert f"{failed * 1e-3:.3f} s" in done.message
     assert np.isfinite(done.log["position"][:failed]).all()
@@ -164,7 +164,7 @@ def test_a_reset_takes_the_measurement_and_lets_the_other_states_go_on(truth, dr
     shifted = log.with_columns(position=log["position"] + np.where(log.time > 0.6, 1e-3, 0.0))
     done = simulate(truth, shifted, partition=Partition(every=500)).log
     ballistic = simulate(truth, log).log
-    # the reset at 1 s is seen one sample later; velocity is zero there, pressure does not jump
+    # the reset at 1 s shows one sample later; velocity is zero there, pressure does not jump
     # up to there: the reset at 0.5 s takes what was simulated from the same start, but for the rounding of its median
     np.testing.assert_allclose(done["position"][:1001], ballistic["position"][:1001], rtol=0, atol=1e-12)
     assert done["position"][1001] == pytest.approx(shifted["position"][1000], abs=0.05e-3)
@@ -215,7 +215,7 @@ def test_a_reset_with_pressure_takes_it_and_carries_chamber_b_alone(carry):
     columns = {"duty_supply": 0.0, "duty_exhaust": 0.0, "position": 7e-3, "pressure_a": 5.0e5}
     log = Log(np.arange(n) * step, {name: np.full(n, value) for name, value in columns.items()}, "shut")
     segment = plan(log, sealed, stiffness(sealed), Partition(every=100, carry=carry), use_pressure=True).segments[0]
-    states, failed = run(segment, Numbers.of(sealed), np.array([6e-3, 0.0, 4.0e5, 1.095e5, 0.0]))
+    states, failed = run(segment, KernelArrays.of(sealed), np.array([6e-3, 0.0, 4.0e5, 1.095e5, 0.0]))
     assert failed == -1
     mass_a = states[:, 2] * (0.148e-3 + 12.3e-3 * states[:, 0])
     mass_b = states[:, 3] * (1.2e-4 + 11.848e-3 * (25e-3 - states[:, 0]))
@@ -344,7 +344,7 @@ def test_each_segment_has_the_start_that_is_given_for_it(truth, drive):
     assert [(done["position"][k], done["pressure_a"][k]) for k in (0, 510)] == [(14e-3, 4.7e5), (12e-3, 4.1e5)]
 
 
-def test_of_several_failures_the_first_is_told():
+def test_of_several_failures_the_first_is_reported():
     pulled = Actuator(load=Load((9e5, -1e12, 0.0)))
     log = spoiled(opened(400), "duty_supply", slice(200, 201))
     done = simulate(pulled, log, starts=[(0.0, 1.1e5), (5e-3, 3e5)], on_failure="return")
@@ -357,7 +357,7 @@ def test_of_several_failures_the_first_is_told():
 def test_a_segment_planned_for_another_model_is_refused(drive, planned, driven_by):
     segment = plan(drive.slice(0, 100), Actuator(model=planned), 2000.0).segments[0]
     actuator, n_states = Actuator(model=driven_by), {"isothermal": 5, "energy-balance": 8}[driven_by]
-    numbers, x0 = Numbers.of(actuator), np.zeros(n_states)
+    numbers, x0 = KernelArrays.of(actuator), np.zeros(n_states)
     wanted = f"with {segment.inputs.shape[1]} inputs cannot be run by the model {driven_by}, .* plan the recording"
     with pytest.raises(ParameterError, match=wanted):
         run(segment, numbers, x0)

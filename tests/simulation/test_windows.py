@@ -10,9 +10,9 @@ from clutchid.model import Actuator
 from clutchid.model.compiled import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import prepare
-from clutchid.simulation.windows import first_guess, tracks
+from clutchid.simulation.windows import initial_states, tracks
 from clutchid.smoother.links import first_rows
-from clutchid.smoother.window_rows import robust
+from clutchid.smoother.window_rows import downweight_outliers
 from clutchid.uncertainty.noise import Noise
 
 BOTH = ("position", "pressure_a")
@@ -66,12 +66,12 @@ def test_windows_know_the_recording_that_they_belong_to():
     assert [(track.log, len(track.measured)) for track in tracks(plans)] == [(0, 300), (1, 450)]
 
 
-def test_the_first_guess_takes_position_velocity_and_pressure_from_what_was_measured(plant, recorded_by, task_of):
+def test_the_first_guess_takes_position_velocity_and_pressure_from_what_was_measured(plant, recorded_by, problem_of):
     log = recorded_by(plant, seconds=3.0, seed=None)
-    task = task_of([log], plant.replace({"C_vs": 25e-9}), ("C_vs",))
-    track = task.tracks[0]
+    problem = problem_of([log], plant.replace({"C_vs": 25e-9}), ("C_vs",))
+    track = problem.tracks[0]
     at = np.array([window.start for window in track.windows])
-    guess = first_guess(track, plant.replace({"C_vs": 25e-9}), True)
+    guess = initial_states(track, plant.replace({"C_vs": 25e-9}), True)
     velocity = np.gradient(log["position"], 1e-3)
     # medians and slopes over 16 ms, in which the piston moves by up to 3 mm and its velocity by as much as it has
     still = np.array([np.ptp(log["position"][max(0, i - 8) : i + 9]) < 2e-4 for i in at])
@@ -79,22 +79,24 @@ def test_the_first_guess_takes_position_velocity_and_pressure_from_what_was_meas
     assert guess[still, 0] == pytest.approx(log["position"][at][still], abs=1e-4)
     assert guess[still, 2] == pytest.approx(log["pressure_a"][at][still], abs=1e4)
     assert np.corrcoef(guess[:, 1], velocity[at])[0, 1] > 0.95
-    blind = first_guess(track, plant.replace({"C_vs": 25e-9}), False)
+    blind = initial_states(track, plant.replace({"C_vs": 25e-9}), False)
     assert np.abs(blind[:, 2] - guess[:, 2]).max() > 1e4, "without pressure its guess is the simulated one"
 
 
 @pytest.mark.parametrize("name", ["P_0", "T_w", "P_S", "theta_11", "C_vs"])
-def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, task_of, name):
+def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, problem_of, name):
     names = ("P_0", "T_w", "P_S", "theta_11", "C_vs")
     # from the middle of a stroke, without pressure: the start rests against the load, Eq. (26)
     middle = int(np.argmax(drive_log["position"] > 8e-3))
     for log in (drive_log, drive_log.slice(middle, middle + 500)):
-        task = task_of([log], plant, names, ("position",))
-        track, x, h = task.tracks[0], np.zeros(5), 1e-4
+        problem = problem_of([log], plant, names, ("position",))
+        track, x, h = problem.tracks[0], np.zeros(5), 1e-4
         start = np.array([1e-4, 0.0, 1.2e5, 1.1e5, 1e-5, 295.0, 290.0, 8.9e5, 9.1e5, 2e-5])
         e = h * np.eye(5)[names.index(name)]
-        rows, cost = first_rows(track, start, task.parameter_map(x, "log"), False, Noise())
-        up, down = (first_rows(track, start, task.parameter_map(x + s * e, "log"), False, Noise())[0] for s in (1, -1))
+        rows, cost = first_rows(track, start, problem.parameter_map(x, "log"), False, Noise())
+        up, down = (
+            first_rows(track, start, problem.parameter_map(x + s * e, "log"), False, Noise())[0] for s in (1, -1)
+        )
         difference = (up[:, -1] - down[:, -1]) / (2 * h)
         assert rows[:, start.size + names.index(name)] == pytest.approx(
             difference, abs=1e-5 * max(1.0, np.abs(difference).max())
@@ -103,16 +105,16 @@ def test_the_first_rows_move_with_what_the_start_depends_on(plant, drive_log, ta
     assert (np.abs(difference).max() > 0) == (name != "C_vs")
 
 
-def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, task_of):
+def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, problem_of):
     middle = int(np.argmax(drive_log["position"] > 8e-3))
     log = drive_log.slice(middle, middle + 500)
     start, noise = np.zeros(len(VARIANTS[plant.model])), Noise()
     start[2] = 3e5
     slopes = []
     for measure in (BOTH, ("position",)):
-        task = task_of([log], plant, ("C_vs",), measure)
+        problem = problem_of([log], plant, ("C_vs",), measure)
         rows, _ = first_rows(
-            task.tracks[0], start, task.parameter_map(np.zeros(1), "log"), "pressure_a" in measure, noise
+            problem.tracks[0], start, problem.parameter_map(np.zeros(1), "log"), "pressure_a" in measure, noise
         )
         slopes.append(rows[2, 2])
     assert slopes == pytest.approx([1e5 / 3e3, 1e5 / 1e5]), "3 kPa by the sensor, 1 bar without it"
@@ -122,7 +124,7 @@ def test_a_measured_start_is_known_as_well_as_its_sensor(plant, drive_log, task_
 def test_the_robust_cost_is_hubers_loss_and_scaled_rows_have_its_gradient(size, outlier, negative):
     r = -size if negative else size
     rows = np.array([[3.0, r]])
-    cost = robust(rows, outlier)
+    cost = downweight_outliers(rows, outlier)
     huber = r**2 if size <= outlier else 2 * outlier * size - outlier**2
     slope = 2 * r if size <= outlier else 2 * outlier * np.sign(r)
     assert cost == pytest.approx(huber, rel=1e-12)
@@ -131,7 +133,7 @@ def test_the_robust_cost_is_hubers_loss_and_scaled_rows_have_its_gradient(size, 
 
 def test_the_robust_cost_has_neither_a_jump_nor_a_kink_at_the_threshold():
     def cost(r):
-        return robust(np.array([[r]]), 4.0)
+        return downweight_outliers(np.array([[r]]), 4.0)
 
     h = 1e-6
     assert cost(4.0 + h) - cost(4.0 - h) == pytest.approx(2 * h * 8.0, rel=1e-5)

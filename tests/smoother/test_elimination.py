@@ -1,4 +1,4 @@
-"""The eliminated chain says what one dense least-squares problem over all states and theta says."""
+"""The eliminated chain is equivalent to one dense least-squares problem in all states and theta."""
 
 import numpy as np
 import pytest
@@ -35,9 +35,9 @@ def dense(first, own, links):
 
 
 def without_residuals(chain):
-    own = chain.own.copy()
-    own[:, :, -1] = 0.0
-    return Eliminated(chain.rows, own)
+    state_rows = chain.state_rows.copy()
+    state_rows[:, :, -1] = 0.0
+    return Eliminated(chain.rows, state_rows)
 
 
 @LENGTHS
@@ -88,7 +88,7 @@ def test_draws_have_the_covariance_of_the_dense_inverse(length):
     assert root @ root.T == pytest.approx(covariance, rel=1e-8, abs=1e-9)
 
 
-def test_a_state_without_rows_of_its_own_is_told_by_its_neighbours():
+def test_a_state_without_rows_of_its_own_is_determined_by_its_neighbours():
     first, own, links = chain_of(4)
     own[2] = 0.0
     matrix = dense(first, own, links)
@@ -114,10 +114,10 @@ def test_a_chain_that_does_not_determine_its_states_is_refused():
         recover(eliminate(first, own, links), np.zeros((K, 1)))
 
 
-def test_with_theta_held_only_the_states_are_left():
+def test_with_theta_fixed_only_the_states_are_left():
     first, own, links = chain_of(6)
-    held = [np.delete(rows, np.s_[width : width + K], axis=-1) for rows, width in ((first, 3), (own, 3), (links, 6))]
+    fixed = [np.delete(rows, np.s_[width : width + K], axis=-1) for rows, width in ((first, 3), (own, 3), (links, 6))]
     matrix = np.delete(dense(first, own, links), np.s_[6 * STATES : 6 * STATES + K], axis=1)
     best = np.linalg.lstsq(matrix[:, :-1], -matrix[:, -1], rcond=None)[0]
-    states = recover(eliminate(*held), np.zeros((0, 1)))[:, :, 0]
+    states = recover(eliminate(*fixed), np.zeros((0, 1)))[:, :, 0]
     assert states.ravel() == pytest.approx(best, rel=1e-9, abs=1e-9)

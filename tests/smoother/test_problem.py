@@ -9,9 +9,9 @@ from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
-from clutchid.simulation.windows import first_guess, tracks, units
+from clutchid.simulation.windows import initial_states, tracks, units
 from clutchid.smoother.elimination import recover
-from clutchid.smoother.problem import FARTHEST, FitProblem, condense, linearise, prior_rows
+from clutchid.smoother.problem import PRIOR_LIMIT, FitProblem, condense, linearise, prior_rows
 from clutchid.uncertainty.coordinates import Prior, coordinates
 from clutchid.uncertainty.noise import Noise
 
@@ -21,35 +21,35 @@ N = len(VARIANTS["energy-balance-stribeck"])
 
 
 @pytest.fixture(scope="module")
-def task(plant, recorded_by, task_of):
-    return task_of([recorded_by(plant, seconds=3.0)], plant, NAMES)
+def problem(plant, recorded_by, problem_of):
+    return problem_of([recorded_by(plant, seconds=3.0)], plant, NAMES)
 
 
 @pytest.fixture(scope="module")
-def point(task, starts_of):
+def point(problem, starts_of):
     """A point away from every optimum, so that all terms of the cost are at work."""
     rng = np.random.default_rng(2)
-    return 0.3 * rng.standard_normal(len(NAMES)), starts_of(task)
+    return 0.3 * rng.standard_normal(len(NAMES)), starts_of(problem)
 
 
-def softened(task, factor, **noise):
-    return replace(task, noise=replace(task.noise, **noise).softened(factor))
+def inflated(problem, factor, **noise):
+    return replace(problem, noise=replace(problem.noise, **noise).inflated(factor))
 
 
-@pytest.mark.parametrize("softness", [1.0, 30.0])
-def test_the_cost_of_the_linearised_problem_is_the_cost_without_derivatives(task, point, cost_at, softness):
-    soft = softened(task, softness)
+@pytest.mark.parametrize("inflation", [1.0, 30.0])
+def test_the_cost_of_the_linearised_problem_is_the_cost_without_derivatives(problem, point, cost_at, inflation):
+    soft = inflated(problem, inflation)
     assert linearise(soft, *point).cost == pytest.approx(cost_at(soft, *point), rel=1e-9)
 
 
 def whole(chain):
     """Rows ``[state | theta | r]`` of every window of a chain."""
-    told = chain.windows.linearised
-    return np.concatenate([told.own, told.r[:, :, None]], axis=2)
+    windows = chain.windows.linearised
+    return np.concatenate([windows.jacobian, windows.r[:, :, None]], axis=2)
 
 
 def own_gradient(linear, size, n):
-    """Derivative of the cost to theta with all states held, from the rows before any state is eliminated."""
+    """Derivative of the cost with respect to theta with fixed states, from the rows before any state is eliminated."""
     total = 2 * linear.prior[:, :-1].T @ linear.prior[:, -1]
     for chain in linear.chains:
         blocks = [
@@ -63,9 +63,9 @@ def own_gradient(linear, size, n):
 
 
 @pytest.mark.parametrize("outlier", [1e9, 4.0])
-def test_the_gradient_to_theta_at_held_states_is_that_of_differences(task, point, cost_at, outlier):
+def test_the_gradient_to_theta_at_fixed_states_is_that_of_differences(problem, point, cost_at, outlier):
     x, X = point
-    soft = softened(task, 8.0, outlier=outlier)
+    soft = inflated(problem, 8.0, outlier=outlier)
     gradient = own_gradient(linearise(soft, x, X), x.size, N)
     h = 1e-5
     for i, name in enumerate(NAMES):
@@ -75,10 +75,10 @@ def test_the_gradient_to_theta_at_held_states_is_that_of_differences(task, point
         assert gradient[i] == pytest.approx(central, rel=2e-3, abs=1e-5 * np.abs(gradient).max()), name
 
 
-def test_the_gradient_to_the_states_is_that_of_differences(task, point, cost_at):
+def test_the_gradient_to_the_states_is_that_of_differences(problem, point, cost_at):
     x, X = point
-    soft = softened(task, 8.0)
-    linear, unit, h = linearise(soft, x, X), units(task.actuator), 1e-6
+    soft = inflated(problem, 8.0)
+    linear, unit, h = linearise(soft, x, X), units(problem.actuator), 1e-6
     chain, number = linear.chains[0], 12
     own, before, after = whole(chain)[number], chain.links[number - 1], chain.links[number]
     gradient = 2 * (own[:, :N].T @ own[:, -1] + before[:, N : 2 * N].T @ before[:, -1] + after[:, :N].T @ after[:, -1])
@@ -92,10 +92,10 @@ def test_the_gradient_to_the_states_is_that_of_differences(task, point, cost_at)
         assert gradient[state] == pytest.approx(central, rel=2e-3, abs=1e-5 * np.abs(gradient).max())
 
 
-def test_the_condensed_gradient_is_that_of_the_cost_with_states_that_follow(task, point):
+def test_the_condensed_gradient_is_that_of_the_cost_with_states_that_follow(problem, point):
     x, X = point
-    linear = linearise(softened(task, 8.0), x, X)
-    factor, chains = condense(task, linear)
+    linear = linearise(inflated(problem, 8.0), x, X)
+    factor, chains = condense(problem, linear)
     R, q = factor[:-1, :-1], factor[:-1, -1]
     # with the states moved to where they are best, a step in theta changes the linearised cost by 2 q^T R d + |R d|^2
     d = 1e-3 * np.random.default_rng(3).standard_normal(x.size)
@@ -115,12 +115,12 @@ def test_the_condensed_gradient_is_that_of_the_cost_with_states_that_follow(task
     assert linearised(d, at[1]) < linearised(d, at[0]), "states that follow cost less than states that stay"
 
 
-def test_damping_shortens_the_step_of_the_states(task, point):
+def test_damping_shortens_the_step_of_the_states(problem, point):
     x, X = point
-    linear = linearise(task, x, X)
+    linear = linearise(problem, x, X)
     sizes = []
     for damping in (0.0, 1.0, 100.0):
-        _, chains = condense(task, linear, [np.full(len(task.tracks[0].windows), damping)])
+        _, chains = condense(problem, linear, [np.full(len(problem.tracks[0].windows), damping)])
         sizes.append(np.linalg.norm(recover(chains[0], np.zeros((x.size, 1)))))
     assert sizes[0] > sizes[1] > sizes[2]
 
@@ -132,108 +132,110 @@ def pair(plant, recorded_by):
     return [recorded_by(plant, 3.0, name="one"), recorded_by(low, 3.0, name="two")]
 
 
-def test_a_number_of_one_recording_stands_in_for_the_shared_one(pair, plant, task_of):
-    task = task_of(pair, plant, ("theta_5", "P_S", "P_S@two", "C_vs"))
-    assert task.places("one") == [0, 1, 3]
-    assert task.places("two") == [0, 2, 3]
-    x = np.array([0.0, 0.0, task.coordinates[2].of(8.2e5), 0.1])
-    one, two = (task.actuator_of(x, stem).parameters for stem in ("one", "two"))
+def test_a_number_of_one_recording_stands_in_for_the_shared_one(pair, plant, problem_of):
+    problem = problem_of(pair, plant, ("theta_5", "P_S", "P_S@two", "C_vs"))
+    assert problem.places("one") == [0, 1, 3]
+    assert problem.places("two") == [0, 2, 3]
+    x = np.array([0.0, 0.0, problem.coordinates[2].of(8.2e5), 0.1])
+    one, two = (problem.actuator_of(x, stem).parameters for stem in ("one", "two"))
     assert pytest.approx((9e5, 8.2e5)) == (one.P_S, two.P_S)
     assert one.C_vs == two.C_vs == pytest.approx(19e-9 * np.exp(0.015))
 
 
-def test_each_recording_says_something_about_its_own_numbers_only(pair, plant, task_of, starts_of):
-    task = task_of(pair, plant, ("P_S@one", "P_S@two"))
-    linear = linearise(task, np.zeros(2), starts_of(task))
+def test_each_recording_says_something_about_its_own_numbers_only(pair, plant, problem_of, starts_of):
+    problem = problem_of(pair, plant, ("P_S@one", "P_S@two"))
+    linear = linearise(problem, np.zeros(2), starts_of(problem))
     for number, chain in enumerate(linear.chains):
-        told = [np.abs(rows[:, N:-1]).max(axis=0) for rows in whole(chain)]
-        told += [np.abs(link[:, 2 * N : -1]).max(axis=0) for link in chain.links]
-        largest = np.max(told, axis=0)
+        influence = [np.abs(rows[:, N:-1]).max(axis=0) for rows in whole(chain)]
+        influence += [np.abs(link[:, 2 * N : -1]).max(axis=0) for link in chain.links]
+        largest = np.max(influence, axis=0)
         assert largest[number] > 0.0
         assert largest[1 - number] == 0.0
 
 
-def test_the_true_pressure_of_the_second_recording_costs_less_than_the_shared_one(pair, plant, task_of, cost_at):
-    task = softened(task_of(pair, plant, ("P_S@one", "P_S@two")), 8.0)
-    right = np.array([0.0, task.coordinates[1].of(8.2e5)])
+def test_the_true_pressure_of_the_second_recording_costs_less_than_the_shared_one(pair, plant, problem_of, cost_at):
+    problem = inflated(problem_of(pair, plant, ("P_S@one", "P_S@two")), 8.0)
+    right = np.array([0.0, problem.coordinates[1].of(8.2e5)])
 
     def cost(x):
         # the pressure at the governor is a state: each recording starts at its own
-        own = (task.actuator_of(x, task.stems[track.log]) for track in task.tracks)
-        return cost_at(task, x, [first_guess(t, a, True) for t, a in zip(task.tracks, own, strict=True)])
+        own = (problem.actuator_of(x, problem.stems[track.log]) for track in problem.tracks)
+        return cost_at(problem, x, [initial_states(t, a, True) for t, a in zip(problem.tracks, own, strict=True)])
 
     assert cost(right) < cost(np.zeros(2))
     assert cost(right) < cost(right[::-1].copy())
 
 
-def test_bounds_of_x_lead_to_the_bounds_in_si(plant, recorded_by, task_of):
+def test_bounds_of_x_lead_to_the_bounds_in_si(plant, recorded_by, problem_of):
     log = recorded_by(plant, 0.5)
     limits = {"P_S": (8e5, 9.5e5), "e_y": (-1e-5, 3e-5), "theta_4": (0.0, np.inf)}
-    task = task_of([log], plant, ("P_S", "e_y", "theta_4", "C_vs"), bounds=limits)
-    low, high = task.bounds()
-    assert [c.si(v) for c, v in zip(task.coordinates[:3], low[:3], strict=True)] == pytest.approx([8e5, -1e-5, 0.0])
-    assert [c.si(v) for c, v in zip(task.coordinates[:2], high[:2], strict=True)] == pytest.approx([9.5e5, 3e-5])
+    problem = problem_of([log], plant, ("P_S", "e_y", "theta_4", "C_vs"), bounds=limits)
+    low, high = problem.bounds()
+    assert [c.si(v) for c, v in zip(problem.coordinates[:3], low[:3], strict=True)] == pytest.approx([8e5, -1e-5, 0.0])
+    assert [c.si(v) for c, v in zip(problem.coordinates[:2], high[:2], strict=True)] == pytest.approx([9.5e5, 3e-5])
     assert np.all(low < high)
-    assert (low[3], high[2], high[3]) == (-FARTHEST, FARTHEST, FARTHEST), "no number goes far from what is known of it"
+    assert (low[3], high[2], high[3]) == (-PRIOR_LIMIT, PRIOR_LIMIT, PRIOR_LIMIT), (
+        "no number goes far from what is known of it"
+    )
 
 
-def test_prior_rows_hold_every_number_and_the_shape_of_a_free_load(task, plant):
+def test_prior_rows_hold_every_number_and_the_shape_of_a_free_load(problem, plant):
     x = np.linspace(-1, 1, len(NAMES))
-    rows = prior_rows(task, x)
+    rows = prior_rows(problem, x)
     assert np.array_equal(rows[: x.size], np.column_stack([np.eye(x.size), x]))
     assert rows.shape[0] == x.size + len(plant.load.knots)
     h = 1e-3
     for i in range(x.size):
         e = h * np.eye(x.size)[i]
-        central = (prior_rows(task, x + e)[:, -1] - prior_rows(task, x - e)[:, -1]) / (2 * h)
+        central = (prior_rows(problem, x + e)[:, -1] - prior_rows(problem, x - e)[:, -1]) / (2 * h)
         assert rows[:, i] == pytest.approx(central, abs=1e-6)
-    straight = prior_rows(replace(task, coordinates=task.coordinates[3:]), x[3:])
+    straight = prior_rows(replace(problem, coordinates=problem.coordinates[3:]), x[3:])
     assert straight.shape == (x.size - 3, x.size - 2), "a load that is not free needs no shape"
 
 
-def test_what_is_remembered_of_a_point_is_that_of_its_values(task):
+def test_what_is_remembered_of_a_point_is_that_of_its_values(problem):
     x = np.linspace(-1, 1, len(NAMES))
-    mapped, rows = task.parameter_maps(x), prior_rows(task, x)
-    assert task.parameter_maps(x.copy()) is mapped
-    assert prior_rows(task, x.copy()) is rows
+    mapped, rows = problem.parameter_maps(x), prior_rows(problem, x)
+    assert problem.parameter_maps(x.copy()) is mapped
+    assert prior_rows(problem, x.copy()) is rows
     before = mapped["log"].actuator
     x += 0.1
-    assert task.parameter_maps(x)["log"].actuator == task.actuator_of(x, "log") != before
-    assert np.array_equal(prior_rows(task, x)[: x.size, -1], x)
+    assert problem.parameter_maps(x)["log"].actuator == problem.actuator_of(x, "log") != before
+    assert np.array_equal(prior_rows(problem, x)[: x.size, -1], x)
     with pytest.raises(ValueError, match="read-only"):
         rows[0, 0] = 2.0
 
 
-def test_a_curvature_twice_as_wide_costs_a_quarter(task):
+def test_a_curvature_twice_as_wide_costs_a_quarter(problem):
     x = np.zeros(len(NAMES))
     x[1] = 1.0
-    sums = [np.sum(prior_rows(replace(task, curvature=c), x)[x.size :, -1] ** 2) for c in (1e8, 2e8)]
+    sums = [np.sum(prior_rows(replace(problem, curvature=c), x)[x.size :, -1] ** 2) for c in (1e8, 2e8)]
     assert sums[0] == pytest.approx(4 * sums[1])
 
 
-def test_the_papers_splines_have_no_smoothness_to_pay(drive_log, task_of):
+def test_the_papers_splines_have_no_smoothness_to_pay(drive_log, problem_of):
     actuator = Actuator(load=Load((9e5, 0.0, 0.0)))
-    task = replace(task_of([drive_log], actuator, ("theta_1", "theta_2")), reference=actuator.load.theta)
-    assert prior_rows(task, np.zeros(2)).shape == (2, 3)
+    problem = replace(problem_of([drive_log], actuator, ("theta_1", "theta_2")), reference=actuator.load.theta)
+    assert prior_rows(problem, np.zeros(2)).shape == (2, 3)
 
 
 def test_numbers_that_contradict_each_other_are_a_failure(drive_log, plant):
     names = ("R_0vs", "R_1vs")
     plans = [prepare(drive_log.slice(0, 500), plant, ("position",))]
     priors = {"R_0vs": Prior(0.07, 0.5)}
-    task = FitProblem(
+    problem = FitProblem(
         plant, coordinates(plant, names, {}, priors), tracks(plans), ("log",), ("position",), Noise(), 3e8
     )
-    x, X = np.array([1.8, 0.0]), [np.zeros((len(task.tracks[0].windows), N))]
-    answer = linearise(task, x, X)
+    x, X = np.array([1.8, 0.0]), [np.zeros((len(problem.tracks[0].windows), N))]
+    answer = linearise(problem, x, X)
     assert isinstance(answer, Failure)
     assert "R_0vs" in answer.message
 
 
-def test_states_that_cannot_be_simulated_are_a_failure(task, point):
+def test_states_that_cannot_be_simulated_are_a_failure(problem, point):
     x, X = point
     bad = [X[0].copy()]
     bad[0][4, 2] = np.nan
-    answer = linearise(task, x, bad)
+    answer = linearise(problem, x, bad)
     assert isinstance(answer, Failure)
     assert answer.message

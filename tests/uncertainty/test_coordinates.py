@@ -9,7 +9,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
-from clutchid.uncertainty.coordinates import SHARES, STOP, WIDTHS, Prior, coordinates, far_stop, smoothness
+from clutchid.uncertainty.coordinates import SHARES, STOP_STD, WIDTHS, Prior, coordinates, far_stop, smoothness
 
 ACTUATOR = Actuator(Parameters(), Load.on_b_splines(), "energy-balance-stribeck")
 KNOWN = (*SHARES, *WIDTHS)
@@ -90,8 +90,8 @@ def test_every_parameter_but_the_period_of_the_carrier_has_a_spread():
 def test_an_unknown_spread_is_one_sentence_that_says_what_to_give():
     with pytest.raises(ParameterError) as caught:
         coordinate("T_pwm")
-    assert str(caught.value) == "T_pwm: nothing is known of it before the data; give --prior T_pwm=VALUE±STD."
-    with pytest.raises(ParameterError, match=r"^C_vs: nothing is known"):
+    assert str(caught.value) == "T_pwm: there is no default prior; give --prior T_pwm=VALUE±STD."
+    with pytest.raises(ParameterError, match=r"^C_vs: there is no default prior"):
         coordinate("C_vs", actuator=ACTUATOR.replace({"C_vs": 0.0}))
     assert coordinate("T_pwm", Prior(0.01, 1e-4)).slope(0.0) == 1e-4
 
@@ -141,6 +141,6 @@ def test_the_smoothness_residual_has_the_derivatives_that_its_rows_say():
 def test_the_stroke_is_that_of_the_drawing_or_as_far_as_a_recording_reaches():
     t = np.arange(0, 1, 1e-3)
     short, far = (Log(t, {"position": top * np.sin(np.pi * t)}, "log").reach() for top in (0.02, 0.0262))
-    assert far_stop(Actuator(), short) == Prior(0.025, STOP)
+    assert far_stop(Actuator(), short) == Prior(0.025, STOP_STD)
     assert far_stop(Actuator(), far).mean == pytest.approx(0.0262, abs=1e-5)
     assert Log(t, {"position": np.full(t.size, np.nan)}, "log").reach() == 0.0

@@ -3,7 +3,7 @@
 import pytest
 
 from clutchid.model import Actuator
-from clutchid.uncertainty.drift import drift, scale
+from clutchid.uncertainty.drift import deviation_factor, drift
 from clutchid.uncertainty.noise import Noise
 
 #: Drift of the Appendix's numbers in their own unit, worked out by hand. The three shares that docs/methods.md names
@@ -33,5 +33,5 @@ def test_a_share_follows_the_value_and_a_width_does_not():
 
 def test_deviations_are_scaled_by_0_55_where_residuals_have_a_memory_and_by_0_85_where_every_sample_counts():
     # docs/methods.md, "Intervals"; docs/truck.md: 0.55 was chosen on 240 trucks, whose bands then hold 96 % of the load
-    assert scale(Noise(memory=0.01)) == 0.55
-    assert scale(Noise()) == 0.85
+    assert deviation_factor(Noise(memory=0.01)) == 0.55
+    assert deviation_factor(Noise()) == 0.85

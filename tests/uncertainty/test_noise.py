@@ -10,7 +10,7 @@ from clutchid.uncertainty.noise import Noise
 
 def test_softened_noise_is_larger_by_the_factor_and_keeps_the_bound_on_outliers():
     noise = Noise()
-    soft = noise.softened(8.0)
+    soft = noise.inflated(8.0)
     assert soft.measured == pytest.approx({name: 8 * value for name, value in noise.measured.items()})
     assert soft.states == pytest.approx({name: 8 * value for name, value in noise.states.items()})
     assert soft.flow == pytest.approx(8 * noise.flow)

@@ -48,7 +48,7 @@ def test_the_width_is_that_of_the_next_error_of_its_kind():
     assert quantile(np.arange(1.0, 1001.0), 0.95) == 951.0
 
 
-def test_a_group_that_was_never_seen_is_as_uncertain_as_the_worst():
+def test_a_group_without_samples_is_as_uncertain_as_the_worst():
     known = pulses(3, seconds=0.18)  # begins switched on, and is switched again before a tenth of a second is over
     measured = known.with_columns(pressure_a=known["pressure_a"] + 500.0)
     spoiled = measured["pressure_a"].copy()

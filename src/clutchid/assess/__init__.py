@@ -1,1 +1,1 @@
-"""Whether a result can be trusted, why, and what a recording lacks."""
+"""Assessment of a result: residuals, verdict with reasons, and missing excitation."""

@@ -1,4 +1,4 @@
-"""What a verdict on a fit rests on: residuals as sensors see them, simulations over a second, what is missing."""
+"""Evidence for the verdict on a fit: residuals through the sensor models, simulations over 1 s, missing excitation."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 from clutchid.assess.diagnostics import Diagnosis, diagnose, fit_percent
 from clutchid.assess.missing_excitation import missing
 from clutchid.estimate.result import Fit, Recording
-from clutchid.estimate.simulation_error.problem import problem
+from clutchid.estimate.simulation_error.problem import build_problem
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.signals.excitation import excitation, joined
 from clutchid.simulation import Partition
-from clutchid.simulation.sensors import sensed
+from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.simulation import simulate
 
-#: A simulation is judged over this time in s, on at most so many of them from the start of the recording.
+#: Horizon in s of the simulations that a verdict uses, and greatest number of them from the start of a recording.
 HORIZON, MOST_HORIZONS = 1.0, 120
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """What a verdict rests on.
+    """Evidence for a verdict.
 
-    `diagnoses` are of the residuals of every fitted recording, `predictions` the fit in % of its position when it is
-    simulated for `HORIZON` s at a time, `missing` what the recordings lack.
+    `diagnoses` are those of the residuals of every fitted recording, `predictions` the fits in % of the position in
+    simulations over `HORIZON` s, `missing` the missing excitation of the recordings.
     """
 
     diagnoses: Mapping[str, Diagnosis]
@@ -36,29 +36,31 @@ class Evidence:
 
 
 def evidence(fit: Fit) -> Evidence:
-    """What a verdict on `fit` rests on; nothing where the fit failed."""
+    """Evidence for a verdict on `fit`; none if the fit failed."""
     diagnoses = {name: diagnosed(fit, name) for name in fit.recordings if has_position(fit.recordings[name])}
     if fit.status == "failed" or not diagnoses:
         return Evidence({}, {}, ())
     actuator, names = fit.actuator, tuple(name for name in fit.parameters if "@" not in name)
     moved = joined([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
-    # a B-spline acts near its knots only, and a prior keeps what is not told: there the motion says what is missing
-    told = actuator.load.basis == "paper" and not fit.follows
-    lacking = missing(moved, actuator, names, _as_heard(information(fit))) if told else missing(moved, actuator)
-    return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(lacking))
+    # with B-splines, which are local, and with priors, only the motion shows what is missing
+    by_jacobian = actuator.load.basis == "paper" and not fit.follows
+    sentences = (
+        missing(moved, actuator, names, _rescaled(information(fit))) if by_jacobian else missing(moved, actuator)
+    )
+    return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(sentences))
 
 
 def actuator_of(fit: Fit, name: str) -> Actuator:
-    """The fitted actuator with the numbers that the recording `name` has of its own."""
+    """The fitted actuator with the parameters of the recording `name`."""
     own = {key.partition("@")[0]: e.value for key, e in fit.parameters.items() if key.endswith(f"@{name}")}
     return fit.actuator.replace(own) if own else fit.actuator
 
 
 def as_recorded(fit: Fit, name: str, simulated: Log) -> Log:
-    """A simulation as the sensors would record it, unless the fit was the paper's, which has no sensors."""
+    """A simulation as the sensors would record it, unless the fit has no sensor models, as in the paper."""
     if not fit.follows:
         return simulated
-    return sensed(simulated, actuator_of(fit, name).parameters)
+    return with_sensors(simulated, actuator_of(fit, name).parameters)
 
 
 def diagnosed(fit: Fit, name: str) -> Diagnosis:
@@ -74,9 +76,9 @@ def diagnosed(fit: Fit, name: str) -> Diagnosis:
 
 
 def predicted_fit(fit: Fit, name: str) -> float:
-    """Fit in % of the position of the recording `name`, simulated for `HORIZON` s at a time; NaN where it cannot be.
+    """Fit in % of the position of the recording `name` in simulations over `HORIZON` s; NaN if there is no position.
 
-    At each start the position is taken from the measurement and the masses of air go on.
+    Each simulation starts at the measured position; the masses of air are continuous.
     """
     measured = fit.recordings[name].measured
     every = max(1, round(HORIZON / float(np.median(np.diff(measured.time)))))
@@ -88,16 +90,16 @@ def predicted_fit(fit: Fit, name: str) -> float:
 
 
 def information(fit: Fit) -> FloatArray | None:
-    """Root of the information on the shared free numbers in natural sizes, for `missing` and `best_manoeuvre`.
+    """Square root of the information matrix of the shared free parameters, in natural sizes.
 
-    None where nothing is free. What has an infinite variance has no information.
+    None if nothing is free. Parameters with infinite variance have no information.
     """
     at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
     names = [name for name in fit.parameters if "@" not in name]
     known = [k for k, i in enumerate(at) if 0.0 < fit.covariance[i, i] < np.inf]
     if not known:
         return None
-    unit = problem(fit.actuator, (), names, ("position",), dict.fromkeys(names, (-np.inf, np.inf))).unit[known]
+    unit = build_problem(fit.actuator, (), names, ("position",), dict.fromkeys(names, (-np.inf, np.inf))).unit[known]
     places = [at[k] for k in known]
     std, values, vectors = spectrum(fit.covariance[np.ix_(places, places)])
     root = np.zeros((len(names), len(names)))
@@ -106,8 +108,8 @@ def information(fit: Fit) -> FloatArray | None:
     return root
 
 
-def _as_heard(root: FloatArray | None) -> FloatArray | None:
-    """`root` scaled so that all with a finite variance counts as heard: the covariance, not its size, is to be told."""
+def _rescaled(root: FloatArray | None) -> FloatArray | None:
+    """`root` scaled so that every parameter with a finite variance counts as identifiable."""
     if root is None:
         return None
     norms = np.sqrt(np.sum(root**2, axis=0))
@@ -116,7 +118,7 @@ def _as_heard(root: FloatArray | None) -> FloatArray | None:
 
 
 def reach(fit: Fit) -> float:
-    """Furthest position in m that was measured in the fitted recordings; NaN without one."""
+    """Largest measured position in m in the fitted recordings; NaN without one."""
     tops = [np.nanmax(r.measured["position"]) for r in fit.recordings.values() if has_position(r)]
     return float(max(tops)) if tops else float("nan")
 
@@ -128,7 +130,7 @@ def has_position(recording: Recording) -> bool:
 
 
 def spectrum(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Standard errors, and eigenvalues (rising) and eigenvectors of the correlation."""
+    """Standard errors, and eigenvalues (ascending) and eigenvectors of the correlation matrix."""
     std = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
     return std, values, vectors

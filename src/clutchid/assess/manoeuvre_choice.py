@@ -1,4 +1,4 @@
-"""The manoeuvre that would tell most about the free parameters: D-optimal over those of the virtual truck."""
+"""The most informative manoeuvre for the free parameters: D-optimal over those of the virtual truck."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimate.simulation_error.problem import problem
+from clutchid.estimate.simulation_error.problem import build_problem
 from clutchid.log import FloatArray, Log
 from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
@@ -17,23 +17,23 @@ from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate
 
-#: Samples of 1 ms after which the simulation takes the position again, so that a wrong model stays near the recording.
-EVERY = 200
+#: Interval between resets to the position in samples of 1 ms, so that a wrong model stays close to the recording.
+RESET_SAMPLES = 200
 
-#: Time in s over which residuals forget: a part between two resets then has the say of two to three samples.
+#: Correlation time of the residuals in s: the part between two resets then has the information of two to three samples.
 MEMORY = 0.1
 
-#: Below this shrinking of the worst standard error another recording is not worth the drive.
-WORTH_DRIVING = 0.9
+#: A recording is useful if it reduces the worst standard error to less than this fraction.
+USEFUL_REDUCTION = 0.9
 
 _FRACTIONS = ((1 / 2, "half"), (1 / 3, "a third"), (1 / 4, "a quarter"), (1 / 5, "a fifth"), (1 / 10, "a tenth"))
 
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """What a manoeuvre would add: information in nats, and standard errors in SI with it.
+    """Gain by a manoeuvre: information in nats, and standard errors in SI after it.
 
-    `shrinks_to` is what remains of the worst standard error, as a part of what it was; `reach` in m.
+    `shrinks_to` is the worst standard error after it, relative to the present one; `reach` in m.
     """
 
     manoeuvre: str
@@ -45,10 +45,10 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """The manoeuvre to drive, the reason in words, and what each would bring, the best first.
+    """The recommended manoeuvre, the reason in words, and the gains of all, the best first.
 
-    `errors` are the standard errors in SI as they are now; `worst` names the one that is largest beside the natural
-    size of its parameter. `warnings` name manoeuvres that could not be simulated.
+    `errors` are the present standard errors in SI; `worst` names the largest relative to the natural size of its
+    parameter. `warnings` name manoeuvres that could not be simulated.
     """
 
     manoeuvre: str
@@ -81,17 +81,18 @@ def best_manoeuvre(
     names : names
         Free parameters and load weights.
     R : (k, k), optional
-        Factor of the information so far, for the numbers in the units of `clutchid.estimate.simulation_error.problem`,
-        the first of which are `names`; further ones (unknown starts) are left open. A factor made as if residuals were
-        white is to be multiplied by the root of effective over counted samples, see `clutchid.assess.diagnostics`.
+        Factor of the present information matrix, for parameters in the units of
+        `clutchid.estimate.simulation_error.problem`, the first of which are `names`; further ones (unknown start
+        values) are marginalised. A factor for white residuals is to be multiplied by the square root of effective over
+        actual number of samples, see `clutchid.assess.diagnostics`.
     seconds : s
         Length of each manoeuvre.
     measure : 'position', 'pressure_a'
-        What would be measured.
+        Measured columns.
     scales : {name: m or Pa}, optional
         Noise scales of the residuals, by default those of the first stage of a fit.
     memory : s
-        Time over which residuals forget; 0 for white ones.
+        Correlation time of the residuals; 0 for white ones.
 
     Returns
     -------
@@ -100,14 +101,15 @@ def best_manoeuvre(
     Raises
     ------
     ParameterError
-        For an unknown name, none at all, an `R` that does not fit them, or an impossible length.
+        For an unknown name, none at all, an `R` of the wrong shape, or an impossible length.
     SolveError
         If no manoeuvre can be simulated.
 
     Notes
     -----
-    I is a weak prior, one natural size of each number: what no manoeuvre tells then counts alike for all. Residuals
-    are taken as a first-order autoregression that starts anew at each reset, and sensitivities are whitened with it.
+    I is a weak prior of one natural size of each parameter, which limits the weight of directions that no
+    manoeuvre determines. Residuals are modelled as a first-order autoregression that restarts at each reset, and
+    sensitivities are whitened with it.
 
     Examples
     --------
@@ -127,7 +129,7 @@ def best_manoeuvre(
     for manoeuvre in MANOEUVRES:
         log = drive(Truck(), manoeuvre=manoeuvre, seconds=seconds, name=manoeuvre).log
         done = simulate(
-            actuator, log, partition=Partition(every=EVERY), sensitivities=tuple(names), on_failure="return"
+            actuator, log, partition=Partition(every=RESET_SAMPLES), sensitivities=tuple(names), on_failure="return"
         )
         if done.status == "failed":
             warnings.append(f"'{manoeuvre}' is left out: {done.message}")
@@ -164,11 +166,11 @@ def _check(
 
 def _units(actuator: Actuator, names: Sequence[str]) -> FloatArray:
     """Natural sizes in SI, the same as in a fit."""
-    return problem(actuator, (), names, ("position",), dict.fromkeys(names, (-np.inf, np.inf))).unit
+    return build_problem(actuator, (), names, ("position",), dict.fromkeys(names, (-np.inf, np.inf))).unit
 
 
 def _shared(R: FloatArray, count: int) -> FloatArray:
-    """Information about the first `count` numbers of R when the others are unknown."""
+    """Information matrix factor of the first `count` parameters of R, with the others marginalised."""
     others = R.shape[1] - count
     factor = triangular(np.column_stack([R[:, count:], R[:, :count]]))
     return factor[others:, others:]
@@ -182,7 +184,7 @@ def _information(
     stride = float(np.median(np.diff(log.time)))
     rho = np.exp(-stride / memory) if memory > 0.0 else 0.0
     begins = np.zeros(len(log), dtype=bool)
-    begins[[0, *Partition(every=EVERY).resets(len(log))]] = True
+    begins[[0, *Partition(every=RESET_SAMPLES).resets(len(log))]] = True
     for name, scale in noise.items():
         state = actuator.states.index(MEASURED[name].state)
         J = np.column_stack([s[:, state] for s in done.sensitivities.values()]) * unit / scale
@@ -193,7 +195,7 @@ def _information(
 
 
 def _standard_errors(factor: FloatArray) -> FloatArray:
-    """Standard errors from the rows of a Jacobian, in natural sizes; the prior in it keeps them finite."""
+    """Standard errors from the rows of a Jacobian, in natural sizes; the prior keeps them finite."""
     inverse = np.linalg.inv(triangular(factor))
     result: FloatArray = np.sqrt(np.sum(inverse**2, axis=1))
     return result
@@ -209,16 +211,16 @@ def _message(gains: Sequence[Gain], worst: str, seconds: float, known: bool) -> 
     drive = f"drive '{best.manoeuvre}' for {seconds:g} s"
     if not known:
         over = f", {best.nats - gains[-1].nats:.1f} nats more than '{gains[-1].manoeuvre}'" if len(gains) > 1 else ""
-        return f"{drive}: of {len(gains)} manoeuvres it tells most{over}."
-    if best.shrinks_to > WORTH_DRIVING:
+        return f"{drive}: the most informative of {len(gains)} manoeuvres{over}."
+    if best.shrinks_to > USEFUL_REDUCTION:
         return (
-            f"no manoeuvre of {seconds:g} s settles {worst}: with the best, '{best.manoeuvre}', its standard error "
-            f"stays at {100 * best.shrinks_to:.0f} % of what it is."
+            f"no manoeuvre of {seconds:g} s determines {worst}: with the best, '{best.manoeuvre}', its standard error "
+            f"is still {100 * best.shrinks_to:.0f} % of the present one."
         )
     return f"{drive}: the standard error of {worst} shrinks to {_fraction(best.shrinks_to)}."
 
 
 def _fraction(part: float) -> str:
-    """A part in words where a simple fraction is within a tenth of it, else in %."""
+    """A fraction in words if a simple one is within a tenth of it, else in %."""
     near = [word for value, word in _FRACTIONS if abs(part / value - 1) <= 0.1]
     return near[0] if near else f"{100 * part:.0f} %" if part >= 0.01 else "less than 1 %"

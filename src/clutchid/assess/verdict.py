@@ -1,4 +1,4 @@
-"""Whether the numbers of a fit can be trusted, and why; from the result alone."""
+"""Verdict on a fit: whether its parameters and load can be trusted, with reasons."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from clutchid.uncertainty.identifiability import collinear, listed
 
 Trust = Literal["good", "with care", "none"]
 
-#: Where the clutch engages and the load must be known best, in m, Section 3.1.
+#: Positions in m at which the clutch engages, where the load matters most, Section 3.1.
 ENGAGING = (5e-3, 8e-3)
 
-#: A simulation that fits to less than this, in %, misses a tenth of the motion; below the second it misses half.
-FITS, FITS_HALF = 90.0, 50.0
+#: Fits in %: below the first a tenth of the motion is not reproduced, below the second half of it.
+GOOD_FIT, POOR_FIT = 90.0, 50.0
 
-#: A load band is broad when it is wider, up or down, than this part of the peak, over more than `BROAD_SHARE` of the
-#: reach: at the very end of it there is always little to tell.
-BROAD, BROAD_SHARE = 0.1, 0.1
+#: The interval of a load is wide if its half width exceeds this fraction of the peak, over more than `WIDE_SHARE` of
+#: the reach: near the end of the reach it always does.
+WIDE, WIDE_SHARE = 0.1, 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """`trust` in a fit, the `reasons` that lower it, and what it cannot see; one sentence each."""
+    """`trust` in a fit, the `reasons` that lower it, and the limits of the verdict (`unseen`); one sentence each."""
 
     trust: Trust
     reasons: tuple[str, ...]
@@ -42,29 +42,29 @@ class _Reason(NamedTuple):
 
 
 def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
-    """Whether the numbers of a fit can be trusted.
+    """Whether the parameters and the load of a fit can be trusted.
 
     Parameters
     ----------
     fit : Fit
         Of any status and method.
     found : Evidence, optional
-        ``evidence(fit)``, where it is at hand.
+        ``evidence(fit)``, if it has been computed.
 
     Returns
     -------
     verdict : Verdict
-        'none' where the load is not known at all, 'with care' where there is a reason to doubt it or its band.
+        'none' if the load is not determined at all, 'with care' if the load or its interval may be wrong.
 
     Notes
     -----
-    Residuals are more than the band counts when they are coloured, move with a valve, and would make a load that is
-    larger than the band is wide. Where the position follows the measurement, as by shooting, only the pressure is
-    judged so.
+    The interval is too narrow if residuals are autocorrelated, correlate with a valve, and correspond to a
+    load larger than the width of the interval. If the position follows the measurement, as in multiple shooting, this
+    is tested with the pressure only.
 
     Examples
     --------
-    A calibration by the paper's method with the piston at rest tells nothing:
+    A calibration by the paper's method with the piston at rest determines nothing:
 
     >>> from clutchid.estimate import fit
     >>> from clutchid.log import Log
@@ -77,22 +77,22 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
         return Verdict("none", (f"the fit failed: {fit.message}".rstrip(".") + ".",))
     found = evidence(fit) if found is None else found
     reasons = [
-        *_unsettled(fit), *_at_bounds(fit), *_rounding(fit), *_wide(fit), *_entangled(fit), *_motion(found),
-        *_beyond_the_band(fit, found), *_band(fit), *_reach(fit),
+        *_not_converged(fit), *_at_bounds(fit), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
+        *_motion_fit(found), *_autocorrelated(fit, found), *_wide_interval(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"
     return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit))
 
 
 def verdict_json(fit: Fit, found: Evidence | None = None) -> dict[str, Any]:
-    """The verdict on a fit and what it rests on, as plain values; what is not finite is None.
+    """The verdict on a fit and its evidence as plain values; None for values that are not finite.
 
     Parameters
     ----------
     fit : Fit
         Of any status and method.
     found : Evidence, optional
-        ``evidence(fit)``, where it is at hand.
+        ``evidence(fit)``, if it has been computed.
     """
     found = evidence(fit) if found is None else found
     judged = verdict(fit, found)
@@ -134,27 +134,31 @@ def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _unsettled(fit: Fit) -> list[_Reason]:
-    return [] if fit.settled else [_Reason("the search did not settle; go on from its result, or free less.")]
+def _not_converged(fit: Fit) -> list[_Reason]:
+    return (
+        []
+        if fit.settled
+        else [_Reason("the search did not converge; continue from its result, or free fewer parameters.")]
+    )
 
 
 def _at_bounds(fit: Fit) -> list[_Reason]:
-    """Bounds that the data pushed an estimate to."""
-    held = []
+    """Estimates at their bounds."""
+    at_bounds = []
     for name, estimate in fit.parameters.items():
         ends = zip(("lower", "upper"), fit.bounds.get(name, ()), strict=False)
         finite = [(word, bound) for word, bound in ends if np.isfinite(bound)]
-        held += [f"{name} ({word})" for word, bound in finite if abs(estimate.value - bound) <= 1e-9 * abs(bound)]
-    if not held:
+        at_bounds += [f"{name} ({word})" for word, bound in finite if abs(estimate.value - bound) <= 1e-9 * abs(bound)]
+    if not at_bounds:
         return []
-    lies, their = ("lies", "its bound") if len(held) == 1 else ("lie", "their bounds")
+    lies, their = ("lies", "its bound") if len(at_bounds) == 1 else ("lie", "their bounds")
     return [
-        _Reason(f"{listed(held)} {lies} at {their}: the data ask for more than that, or the model lacks something.")
+        _Reason(f"{listed(at_bounds)} {lies} at {their}: the data favour a value beyond, or the model is incomplete.")
     ]
 
 
 def _rounding(fit: Fit) -> list[_Reason]:
-    """Directions of the Jacobian below its rounding: the covariance there is noise."""
+    """Directions in which the Jacobian is singular to rounding, so that the covariance is meaningless."""
     known = [i for i, v in enumerate(np.diag(fit.covariance)) if 0.0 < v < np.inf]
     if len(known) < 2:
         return []
@@ -165,30 +169,32 @@ def _rounding(fit: Fit) -> list[_Reason]:
     mixed = [name for name, part in zip(names, np.abs(vectors[:, -1]), strict=True) if part > 0.1]
     return [
         _Reason(
-            f"the Jacobian is at its rounding in the direction of {listed(mixed)}: their intervals are noise; fix one "
-            "of them.",
+            f"the Jacobian is numerically singular in the direction of {listed(mixed)}: their intervals are "
+            "meaningless; fix one of them.",
             any(name in fit.actuator.load.names for name in mixed),
         )
     ]
 
 
-def _wide(fit: Fit) -> list[_Reason]:
-    """Estimates whose standard error is as large as they are; where priors stand there, the notes say it."""
+def _undetermined(fit: Fit) -> list[_Reason]:
+    """Estimates with a standard error as large as the value; with priors, the notes report them."""
     if fit.follows:
         return []
-    wide = []
+    undetermined = []
     for name, estimate in fit.parameters.items():
         if name in Parameters.names():
             size = max(abs(estimate.value), abs(getattr(Parameters(), name)))
-            wide += [name] if size > 0.0 and estimate.std >= size else []
-    if not wide:
+            undetermined += [name] if size > 0.0 and estimate.std >= size else []
+    if not undetermined:
         return []
-    what = "the standard error of {} is" if len(wide) == 1 else "the standard errors of {} are"
-    return [_Reason(f"{what.format(listed(wide))} as large as the value: the recordings do not tell it; fix it.")]
+    what = "the standard error of {} is" if len(undetermined) == 1 else "the standard errors of {} are"
+    return [
+        _Reason(f"{what.format(listed(undetermined))} as large as the value: the data do not determine it; fix it.")
+    ]
 
 
-def _entangled(fit: Fit) -> list[_Reason]:
-    """Three or more estimates of which only combinations are told, where no prior holds them."""
+def _combinations(fit: Fit) -> list[_Reason]:
+    """Three or more estimates of which only combinations are determined, without priors."""
     R = None if fit.follows else information(fit)
     if R is None:
         return []
@@ -197,24 +203,24 @@ def _entangled(fit: Fit) -> list[_Reason]:
     group = [names[known[i]] for i in collinear(R[:, known])]
     if len(group) < 3:
         return []
-    text = f"of {len(group)} numbers, {group[0]} to {group[-1]}, only combinations are told: "
+    text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "
     return [_Reason(f"{text}fix some, or calibrate with pressure and start from that.")]
 
 
-def _motion(found: Evidence) -> list[_Reason]:
+def _motion_fit(found: Evidence) -> list[_Reason]:
     return [
         _Reason(
-            f"{name}: simulated for {HORIZON:g} s at a time the position fits to {share:.1f} %, less than {FITS:.0f} "
-            "%: the model misses part of the motion, so the load may miss as much.",
-            share < FITS_HALF,
+            f"{name}: simulated for {HORIZON:g} s at a time, the position fits to {share:.1f} %, less than "
+            f"{GOOD_FIT:.0f} %: the model does not reproduce part of the motion, and the load may have similar errors.",
+            share < POOR_FIT,
         )
         for name, share in found.predictions.items()
-        if share < FITS
+        if share < GOOD_FIT
     ]
 
 
-def _beyond_the_band(fit: Fit, found: Evidence) -> list[_Reason]:
-    """Residuals that are coloured, move with a valve, and make a larger load than the band is wide."""
+def _autocorrelated(fit: Fit, found: Evidence) -> list[_Reason]:
+    """Residuals that are autocorrelated, correlate with a valve, and correspond to a load larger than the interval."""
     curve = fit.load_curve
     inside = np.isfinite(curve.high - curve.low) & (curve.position <= reach(fit))
     if inside.sum() < 2:
@@ -226,24 +232,25 @@ def _beyond_the_band(fit: Fit, found: Evidence) -> list[_Reason]:
     for name, diagnosis in found.diagnoses.items():
         for column, residual in diagnosis.columns.items():
             load = force[column] * residual.rms * float(np.sqrt(max(np.nan_to_num(residual.fast.first), 0.0)))
-            if load > width and _moves_with_a_valve(residual):
+            if load > width and _correlates_with_valve(residual):
                 reasons.append(
                     _Reason(
-                        f"{name}: the residual of {column} is coloured, moves with a valve and is worth a load of "
-                        f"{load:.0f} N, more than the {width:.0f} N between the ends of the band: it is too narrow."
+                        f"{name}: the residual of {column} is autocorrelated, correlates with a valve and corresponds "
+                        f"to a load of {load:.0f} N, more than the width of the interval, {width:.0f} N: the interval "
+                        "is too narrow."
                     )
                 )
     return reasons
 
 
-def _moves_with_a_valve(residual: ColumnDiagnosis) -> bool:
-    coloured = max(np.nan_to_num(rate.share_outside) for rate in (residual.fast, residual.slow)) > MOST_OUTSIDE
-    crossed = [c for rate in (residual.fast, residual.slow) for c in rate.inputs.values()]
-    return coloured and any(abs(c.strongest) > BEYOND * c.strongest_bound for c in crossed)
+def _correlates_with_valve(residual: ColumnDiagnosis) -> bool:
+    autocorrelated = max(np.nan_to_num(rate.share_outside) for rate in (residual.fast, residual.slow)) > MOST_OUTSIDE
+    correlations = [c for rate in (residual.fast, residual.slow) for c in rate.inputs.values()]
+    return autocorrelated and any(abs(c.strongest) > BEYOND * c.strongest_bound for c in correlations)
 
 
-def _band(fit: Fit) -> list[_Reason]:
-    """A band that is not there, or broad beside the peak."""
+def _wide_interval(fit: Fit) -> list[_Reason]:
+    """An infinite interval of the load, or one that is wide relative to the peak."""
     curve, furthest = fit.load_curve, reach(fit)
     inside = curve.position <= furthest
     half = ((curve.high - curve.low) / 2)[inside]
@@ -251,16 +258,16 @@ def _band(fit: Fit) -> list[_Reason]:
     if not set(fit.parameters) & set(fit.actuator.load.names):
         return []
     if not known.any() or peak <= 0.0:
-        return [_Reason("the recordings give the load no interval: they say nothing about it.", True)]
-    broad = ~(half <= BROAD * peak)
-    if known.all() and np.mean(broad) <= BROAD_SHARE:
+        return [_Reason("the data do not determine the load: its interval is infinite.", True)]
+    broad = ~(half <= WIDE * peak)
+    if known.all() and np.mean(broad) <= WIDE_SHARE:
         return []
     at = curve.position[inside][broad] * 1e3
     widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if known.all() else "infinite in part"
     return [
         _Reason(
-            f"the band of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, where ± {100 * BROAD:.0f} % is "
-            "called broad; record longer, or with more strokes.",
+            f"the interval of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, wider than the limit of ± "
+            f"{100 * WIDE:.0f} %; record longer, or with more strokes.",
             bool(np.median(half) > peak),
         )
     ]
@@ -273,7 +280,7 @@ def _reach(fit: Fit) -> list[_Reason]:
     return [
         _Reason(
             f"the recordings reach {furthest * 1e3:.1f} mm; the clutch engages at {begin * 1e3:.0f} to {end * 1e3:.0f} "
-            f"mm, so the load there is not known: reach {end * 1e3:.0f} mm or more.",
+            f"mm, so that the load there is not determined: reach {end * 1e3:.0f} mm or more.",
             furthest < begin,
         )
     ]
@@ -282,11 +289,11 @@ def _reach(fit: Fit) -> list[_Reason]:
 def _unseen(fit: Fit) -> tuple[str, ...]:
     if not fit.follows:
         return ()
-    steps = {"shooting": ("shooting", "window", "windows")}
-    how, each, between = steps.get(fit.method, ("prediction error", "sample", "samples"))
-    judged = "the pressure where it is measured, and " if "pressure_a" in fit.scales else ""
+    steps = {"shooting": ("multiple shooting", "window", "windows")}
+    how, unit, units = steps.get(fit.method, ("a fit by prediction error", "sample", "samples"))
+    pressure = "the measured pressure and " if "pressure_a" in fit.scales else ""
     return (
-        f"by {how} the position follows the measurement from {each} to {each}, so its residual cannot judge the "
-        f"model; that would need the steps between {between}. Judged are {judged}the position simulated for "
+        f"in {how} the position follows the measurement from {unit} to {unit}, so that its residual does not test the "
+        f"model; the steps between {units} would. The verdict uses {pressure}the position simulated for "
         f"{HORIZON:g} s at a time.",
     )

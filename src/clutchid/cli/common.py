@@ -1,4 +1,4 @@
-"""What every verb of the command line shares: outcome, errors in one sentence, progress, and reading of options."""
+"""Shared by all commands: exit codes, errors as one sentence, progress, and parsing of options."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ DONE, FAILED, BAD_INPUT = 0, 1, 2
 def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
     """Run `work` and turn an error of clutchid into one sentence and an exit code.
 
-    Bad input is 2, everything else that fails is 1; with `as_json` the one JSON object is printed here too. With
-    `debug` the traceback goes to standard error first. A pipe that was closed is for `main`.
+    The exit code is 2 for bad input and 1 for other errors; with `as_json` the JSON object is printed. With `debug` the
+    traceback goes to standard error first. A closed pipe is handled by `main`.
     """
     try:
         return work()
@@ -36,12 +36,12 @@ def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
     except (Exception, KeyboardInterrupt) as error:
         if debug:
             traceback.print_exc()
-        message, status = _told(error, debug)
+        message, status = _sentence_and_status(error, debug)
         return complain(message, as_json=as_json, status=status)
 
 
-def _told(error: BaseException, debug: bool) -> tuple[str, str]:
-    """The sentence for an error and the status that goes with it."""
+def _sentence_and_status(error: BaseException, debug: bool) -> tuple[str, str]:
+    """The sentence for an error, and the status."""
     if isinstance(error, ClutchidError):
         bad = isinstance(error, (DataError, ParameterError, ExportError))
         return str(error), "bad_input" if bad else "failed"
@@ -52,7 +52,7 @@ def _told(error: BaseException, debug: bool) -> tuple[str, str]:
 
 
 def complain(message: str, *, as_json: bool, status: str) -> int:
-    """Print why nothing was done and return the exit code."""
+    """Print the error `message` and return the exit code."""
     if as_json:
         print_json({**EMPTY, "status": status, "message": message})
     else:
@@ -60,7 +60,7 @@ def complain(message: str, *, as_json: bool, status: str) -> int:
     return BAD_INPUT if status == "bad_input" else FAILED
 
 
-#: Keys that the JSON object always has.
+#: Keys of every JSON object.
 EMPTY: dict[str, Any] = {
     "status": "failed",
     "message": "",
@@ -74,7 +74,7 @@ EMPTY: dict[str, Any] = {
 
 def print_json(content: dict[str, Any]) -> None:
     """Print `content` as one JSON object; numbers that are not finite become null."""
-    print(json.dumps(_finite(content), ensure_ascii=True))  # whatever the encoding of standard output is
+    print(json.dumps(_finite(content), ensure_ascii=True))  # independent of the encoding of standard output
 
 
 def _finite(value: Any) -> Any:
@@ -90,23 +90,23 @@ def _finite(value: Any) -> Any:
 def pieces_of(
     path: Path, ambient: float, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
 ) -> Iterator[Log]:
-    """A recording of any length piece by piece, with what was said of it on standard error and a progress bar."""
+    """A recording of any length in pieces, with its warnings on standard error and a progress bar."""
     from clutchid.io import read_pieces
 
     def shown(done: int, size: int) -> None:
         show(f"{done:,} samples", done / max(size, 1))
 
-    told: set[str] = set()
+    reported: set[str] = set()
     for piece in read_pieces(path, ambient=ambient, channels=map_, dbc=dbc, progress=shown):
         for warning in piece.warnings:
-            if warning not in told:
+            if warning not in reported:
                 print(f"warning: {warning}", file=sys.stderr)
-        told.update(piece.warnings)
+        reported.update(piece.warnings)
         yield piece
 
 
 def pressure(text: str | None, default: float) -> float:
-    """A pressure option in Pa: a plain number is Pa, a unit may follow."""
+    """A pressure option in Pa: a number in Pa, or with a unit."""
     if text is None:
         return default
     number, unit = text.strip(), "Pa"
@@ -176,15 +176,15 @@ def partition_of(
     if every is None and parts is None:
         for option, value in (("carry", carry), ("take", take)):
             if value is not None:
-                raise ParameterError(f"--{option} {value}: nothing is reset; give --every N or --parts N.")
+                raise ParameterError(f"--{option} {value}: there are no resets; give --every N or --parts N.")
         return None
     return Partition(every=every, parts=parts, carry=carry or "p", take=take or "all")
 
 
 def check_outputs(outputs: Mapping[str, Path | None], inputs: Sequence[tuple[str, Path | None]]) -> None:
-    """Make sure, before any work, that `outputs` can be written, and replace neither an input nor each other.
+    """Check, before any work, that `outputs` can be written, and overwrite neither an input nor each other.
 
-    `outputs` are paths by option, `inputs` are (what it is in words, path).
+    `outputs` are paths by option, `inputs` are (description, path).
     """
     from clutchid.io.files import check_writable
 
@@ -200,18 +200,18 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Sequence[tuple[str
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Whether two paths lead to one file, over links or another spelling too."""
+    """Whether two paths are the same file, also by links or another spelling."""
     try:
         return one.resolve() == other.resolve() or one.samefile(other)
-    except OSError:  # one of them is not there
+    except OSError:  # one of them does not exist
         return False
 
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on standard error, or nothing where that is no terminal; call it with a text and a fraction.
+    """A progress bar on standard error, or nothing if that is not a terminal; call it with a text and a fraction.
 
-    Without a known end the fraction is negative and the bar only shows that work goes on.
+    A negative fraction means that the end is unknown.
     """
     if not sys.stderr.isatty():
         yield lambda _text, _fraction: None

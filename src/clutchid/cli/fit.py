@@ -1,4 +1,4 @@
-"""``clutchid fit``: from recordings to the clutch load."""
+"""``clutchid fit``: estimate the clutch load from recordings."""
 
 from __future__ import annotations
 
@@ -59,58 +59,58 @@ def fit(
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Fit the clutch load, and any other parameters, to recordings.
+    """Estimate the clutch load, and other parameters, from recordings.
 
     Without options: position only, ballistic, theta_1 to theta_3 free, everything else from Appendix A of the paper.
 
     Parameters
     ----------
     logs
-        Recordings with columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or of any format
-        with a --map. They stand before --verify, --bounds and --dbc, which take all that follows.
+        Recordings with columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or in any format
+        with a --map. Put them before --verify, --bounds and --dbc, which take all arguments that follow.
     measure
-        Measured columns to compare with: position, or position,pressure_a; pressure_a alone with the position as input.
+        Measured columns to compare: position, or position,pressure_a; pressure_a alone with the position as input.
     free
-        Free parameters, comma-separated; `load` stands for all load weights, `auto` for all that a recording with
-        pressure can tell, `NAME@EACH` for an own number of every recording.
+        Free parameters, comma-separated; `load` means all load weights, `auto` all parameters that a recording with
+        pressure can determine, `NAME@EACH` a parameter of its own for every recording.
     bounds_
-        Bounds in SI units, NAME=LOW:HIGH, several after each other; a side may be empty.
+        Bounds in SI units, NAME=LOW:HIGH; several may follow each other; a side may be empty.
     every
-        Partitioned: take the measured position again after every N samples.
+        Partitioned: reset to the measured position after every N samples.
     parts
-        Partitioned: take the measured position again at the start of N equal parts.
+        Partitioned: reset to the measured position at the start of N equal parts.
     carry
-        Across such a reset, carry the pressures (p, the paper and the default) or the masses of air (q).
+        At a reset, keep the pressures (p, the paper and the default) or the masses of air (q).
     take
-        Take all measured columns again at a reset (the default), or the position alone. With `--every 1 --carry q
-        --take position` the measured position is an input, and only the air is simulated.
+        Reset to all measured columns (the default), or to the position alone. With `--every 1 --carry q --take
+        position` the measured position is an input, and only the air is simulated.
     model
         Model variant: isothermal (the paper), energy-balance, either with -stribeck. By default isothermal, and
         energy-balance-stribeck for `--free auto`.
     method
-        simulation (the paper), shooting (many short simulations that meet softly) or prediction-error (a filter that
-        predicts every sample). By default simulation; shooting where what is asked for needs it, as a calibration
-        does; and what made the calibration, where --start has one.
+        simulation (the paper), shooting (multiple shooting with soft continuity) or prediction-error (a Kalman filter
+        that predicts every sample). By default that of the calibration in --start, if there is one; else shooting if
+        the request needs it, as a calibration does; else simulation.
     prior
-        What is known before the data, NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), several after each other.
+        Priors NAME=VALUE±STD in SI units (or NAME=VALUE+-STD); several may follow each other.
     profile
-        Free numbers, comma-separated, whose intervals come from profile likelihood; seconds each.
+        Free parameters with intervals by profile likelihood, comma-separated; seconds each.
     bootstrap
-        Draws of a bootstrap over strokes that checks the bands, for example 200; 0 for none.
+        Draws of a bootstrap over strokes, which checks the intervals, for example 200; 0 for none.
     start
-        Parameter file with model and start values; after a calibration only the load need be free.
+        Parameter file with model and start values; after a calibration only the load needs to be free.
     verify
-        Recordings to simulate with the result, not fitted.
+        Recordings to simulate with the result, but not to fit.
     save
         Write the result as a parameter file (TOML).
     report
         Write a self-contained HTML page.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; default P_0.
+        Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
     map_
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     dbc
-        DBC files that decode bus logs, several after each other.
+        DBC files that decode bus logs; several may follow each other.
     json
         Print one JSON object on standard output.
     debug
@@ -175,7 +175,7 @@ def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify
 
 
 def _answered(outcome: Outcome, json: bool, *written: Path | None) -> int:
-    """Print the result, and where files were written; the exit code."""
+    """Print the result and the written files; the exit code."""
     from clutchid.report.fit_text import fit_json, fit_text
 
     result = outcome.fit

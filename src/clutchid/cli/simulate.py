@@ -1,4 +1,4 @@
-"""``clutchid simulate``: an actuator along a recording."""
+"""``clutchid simulate``: simulate an actuator with the inputs of a recording."""
 
 from __future__ import annotations
 
@@ -36,31 +36,31 @@ def simulate(
 ) -> int:
     """Simulate an actuator with the inputs of a recording and write all states.
 
-    Where the recording does not start vented and at rest, position and pressure at its start are taken from the
-    parameter file if it has them for this very file, else estimated from the measured position.
+    If the recording does not start vented and at rest, position and pressure at its start are taken from the parameter
+    file if it has them for exactly this file, else estimated from the measured position.
 
     Parameters
     ----------
     log
-        Recording of any format that `clutchid look` reads.
+        Recording in any format that `clutchid look` reads.
     parameters
         Parameter file (TOML), as written by `clutchid fit --save`.
     out
-        Simulation to write, .csv, .parquet, .mf4 or .mat.
+        Simulation to write (.csv, .parquet, .mf4 or .mat).
     every
-        Take the measured position again after every N samples.
+        Reset to the measured position after every N samples.
     parts
-        Take the measured position again at the start of N equal parts.
+        Reset to the measured position at the start of N equal parts.
     carry
-        Across such a reset, carry the pressures (p, the default) or the masses of air (q).
+        At a reset, keep the pressures (p, the default) or the masses of air (q).
     band
-        Recording with pressure of the same actuator with on/off valves: what its simulation misses is the band.
+        Recording with pressure of the same actuator with on/off valves; the errors of its simulation give the interval.
     ambient
-        Ambient pressure for gauge units, for example 1.013bar; default P_0 of the parameter file.
+        Ambient pressure for gauge units, for example 1.013bar; P_0 of the parameter file by default.
     map_
         Channel map (TOML) of the recording, as written by `clutchid look --save`.
     dbc
-        DBC files that decode a bus log, several after each other.
+        DBC files that decode a bus log; several may follow each other.
     json
         Print one JSON object on standard output.
     debug
@@ -76,10 +76,10 @@ def simulate(
         partition, content = partition_of(every, parts, carry), read_parameters(parameters)
         air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
         recording, *others = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
-        starts, told = _starts(recording, content, partition, parameters)
+        starts, notes = _starts(recording, content, partition, parameters)
         done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
         write(_banded(done.log, others, content, partition), out)
-        warnings = list(dict.fromkeys((*recording.warnings, *told, *done.warnings)))
+        warnings = list(dict.fromkeys((*recording.warnings, *notes, *done.warnings)))
         if json:
             status = "warning" if warnings else "ok"
             print_json({**EMPTY, "status": status, "message": done.message, "warnings": warnings})
@@ -97,7 +97,7 @@ def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, P
 
 
 def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition: Partition | None) -> Log:
-    """`simulated` with a band of its pressure from the recordings `others`, simulated in the same way."""
+    """`simulated` with an interval of its pressure from the recordings `others`, simulated in the same way."""
     from clutchid.estimate.verification import starts_of
     from clutchid.simulation import simulate as simulate_log
     from clutchid.uncertainty.switching_band import switching_band
@@ -112,16 +112,16 @@ def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition
 def _starts(
     recording: Log, content: ParameterFile, partition: Partition | None, file: Path
 ) -> tuple[Starts, tuple[str, ...]]:
-    """The starts of the segments, from the parameter file `file` only if it has them for this very recording."""
+    """Start values of the segments, from the parameter file `file` if it has them for exactly this recording."""
     from clutchid.estimate.verification import starts_of
 
-    kept = content.starts_for(recording)
-    if kept is not None:
-        return kept, ()
-    told: tuple[str, ...] = ()
+    from_file = content.starts_for(recording)
+    if from_file is not None:
+        return from_file, ()
+    notes: tuple[str, ...] = ()
     if content.starts.get(recording.name):
-        told = (
-            f"{recording.name}: {file} has starts for a recording of this name, but not for this very file (sha256 in "
-            "[fit] data); they were estimated anew.",
+        notes = (
+            f"{recording.name}: {file} has start values for a recording of this name, but not for exactly this file "
+            "(sha256 in [fit] data); they were estimated again.",
         )
-    return starts_of(recording, content.actuator, partition), told
+    return starts_of(recording, content.actuator, partition), notes

@@ -1,4 +1,4 @@
-"""Fitting recordings: bounded least squares on simulation errors, with honest standard errors."""
+"""Estimation of parameters and load from recordings, with uncertainties."""
 
 from clutchid.estimate.fit import fit
 from clutchid.estimate.result import Estimate, Fit, LoadCurve

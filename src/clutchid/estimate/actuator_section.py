@@ -1,4 +1,4 @@
-"""Section ``[actuator]`` of a parameter file: which chambers and valves there are, and a load that is gravity."""
+"""Section ``[actuator]`` of a parameter file: chambers, valves, and a constant load by gravity."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from clutchid.parameters import unknown_name
 _EQUIPMENT = ("name", "description", "chamber_b", "valves")
 _GRAVITY = "gravity_load"
 
-#: What the drawing of an actuator tells; Appendix A has that of another one.
+#: Parameters from the drawing of an actuator; the defaults (Appendix A) are those of another one.
 _DRAWING, _DRAWING_B = ("A_A", "V_0A", "M", "y_max"), ("A_B", "V_0B")
 
 
 def equipment_in(document: Mapping[str, Any]) -> tuple[Equipment, list[str]]:
-    """Chambers and valves that a parameter file names, and what is wrong with that.
+    """Chambers and valves in a parameter file, and problems with them.
 
     Parameters
     ----------
     document
-        The file; ``[actuator]`` and ``[parameters]``, where they are there, are sections.
+        The file; ``[actuator]`` and ``[parameters]``, if present, are sections.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def equipment_in(document: Mapping[str, Any]) -> tuple[Equipment, list[str]]:
     needed = [*_DRAWING, *(_DRAWING_B if equipment.chamber_b else ())]
     if lacking := [name for name in needed if name not in values]:
         problems.append(
-            f"[parameters] {', '.join(lacking)}: not there; a file with [actuator] needs what its drawing tells, "
+            f"[parameters] {', '.join(lacking)}: missing; a file with [actuator] needs the values of its drawing, "
             "because the defaults are those of another actuator."
         )
     problems += [sentence for name in values if (sentence := equipment.missing(name))]
@@ -51,7 +51,7 @@ def equipment_in(document: Mapping[str, Any]) -> tuple[Equipment, list[str]]:
 
 
 def with_gravity(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
-    """``[model]`` and ``[parameters]`` with a constant load in place of `gravity_load`, and what is wrong with it.
+    """``[model]`` and ``[parameters]`` with a constant load for `gravity_load`, and problems with it.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def with_gravity(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str,
     weights = [name for name in values if name.startswith("theta_")]
     if weights or model.get("load_basis", "b-spline") != "b-spline":
         other = weights[0] if weights else f"load_basis = '{model['load_basis']}'"
-        return model, values, [f"{where}: it stands for the whole load, and so does {other}; leave one of them out."]
+        return model, values, [f"{where}: it defines the whole load, and so does {other}; leave one of them out."]
     knots = model.setdefault("knots", [0.0, values.get("y_max", 0.0)])
     count = len(knots) + 2 if isinstance(knots, list) else 0
     constant = {f"theta_{i + 1}": float(load) for i in range(count)}
@@ -83,7 +83,7 @@ def with_gravity(document: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str,
 
 
 def section_of(equipment: Equipment) -> dict[str, dict[str, Any]]:
-    """What a parameter file says of `equipment`; nothing of that of the paper."""
+    """Entries of `equipment` in a parameter file; none for that of the paper."""
     if equipment == Equipment():
         return {}
     return {"actuator": {name: value for name, value in asdict(equipment).items() if value != ""}}

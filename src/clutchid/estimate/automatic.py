@@ -1,4 +1,4 @@
-"""``--free auto``: which parameters of a model a calibration frees, and what it needs of the recordings."""
+"""``--free auto``: the parameters that a calibration frees, and its requirements on the recordings."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.signals.runs import runs
 from clutchid.uncertainty.coordinates import Prior, far_stop
 
-#: The model that a calibration takes where none is named.
+#: The default model of a calibration.
 AUTOMATIC = "energy-balance-stribeck"
 
-#: Parameters that a calibration frees, where the model knows them: what differs from truck to truck and is not on a
-#: drawing. Areas are; mass and damping of the stops hardly show.
+#: Parameters that a calibration frees, if the model has them: those that differ between trucks and are not on a
+#: drawing, as areas are. Mass and damping of the stops have little influence.
 PAPER = (
     "C_vs", "C_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z", "D_zdot", "C_r",
     "y_max", "tau_y", "tau_p",
@@ -30,29 +30,30 @@ BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "
 STRIBECK = ("c_F", "R_S", "v_S")
 CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "t_vs", "t_ve")
 
-#: Where a search begins: lag of a sensor in s; in parts of a period how long the current of a valve takes to decay and
-#: its armature to travel, of which one has no influence while the other is 0; and the delay of an on/off valve.
+#: Start values: lag of a sensor in s; decay time of a valve's current and travel time of its armature in carrier
+#: periods, of which one has no influence while the other is 0; delay of an on/off valve.
 LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 
-#: The chamber vents when its pressure falls this near to the ambient, in Pa, which on land is in this range.
+#: The chamber is vented if its pressure is above ambient by less than this, in Pa; range of the ambient pressure on
+#: land.
 VENTED, AMBIENT = 2e4, (0.5e5, 1.2e5)
 
-#: Samples of a rest, at least, that tell its pressure.
+#: Fewest samples of a rest for its pressure.
 RESTING = 20
 
-#: Standard deviation of the ambient pressure that a vented rest of some hundred samples tells, in Pa.
+#: Standard deviation in Pa of the ambient pressure from a vented rest of some hundred samples.
 VENTED_STD = 100.0
 
 
 def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[str, ...], dict[str, Prior]]:
-    """The actuator to start a calibration from, with a free load and the carrier found; what to free; and priors.
+    """Start values of a calibration with a free load and the identified carrier; free parameters; priors.
 
-    The ambient pressure is read off the vented rest, so that an offset of the sensor cancels in the load.
+    The ambient pressure is taken from the vented rest, so that an offset of the sensor cancels in the load.
 
     Raises
     ------
     DataError
-        If a recording has no pressure, or never vents.
+        If a recording has no pressure, or the chamber never vents.
     """
     _check(logs, actuator)
     ambient = float(np.median([_vented_pressure(log) for log in logs]))
@@ -69,7 +70,7 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
 
 
 def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:
-    """Period of the valves' carrier, and where the search for delays and short pulses begins; empty without one."""
+    """Carrier period of the valves, and start values of their delays and short pulses; empty without a carrier."""
     grid, _ = duty_grid(log)
     travels = {"t_vs": TRAVEL, "t_ve": TRAVEL}
     if on_off(log):
@@ -77,7 +78,7 @@ def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:
     period, phase = find_carrier(log, actuator)
     if period == 0.0:
         return {}
-    # on a grid of the duty cycles the valves' own phases lead to what the pressure shows, less the lag of its sensor
+    # with duty cycles on a grid, the phases of the valves are those in the pressure, less the lag of its sensor
     start = grid_phase(log, period)
     later = 0.0 if start is None else centred(phase - start - LAG / period)
     delays = {f"s_{valve}": actuator.value(f"R_0{valve}") + later for valve in ("vs", "ve")}
@@ -89,22 +90,23 @@ def _check(logs: Sequence[Log], actuator: Actuator) -> None:
     for log in logs:
         if "pressure_a" not in log or not np.isfinite(log["pressure_a"]).any():
             problems.append(
-                f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. From position alone free the "
+                f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. From position alone, estimate the "
                 "load: --start CALIBRATION.toml --free load."
             )
         elif not AMBIENT[0] < _vented_pressure(log) < min(AMBIENT[1] + VENTED, actuator.parameters.P_S):
             problems.append(
                 f"{log.name}: the chamber never vents, its lowest pressure is {_vented_pressure(log) / 1e5:.2f} bar; a "
-                "calibration needs the vented rest as its zero. Record a second or more with the exhaust valve open."
+                "calibration needs the vented rest as its reference. Record a second or more with the exhaust valve "
+                "open."
             )
     if problems:
         raise DataError("\n".join(problems))
 
 
 def _vented_pressure(log: Log) -> float:
-    """Pressure of the vented chamber: at the rest before the first stroke, else at the end of a later, else the lowest.
+    """Pressure of the vented chamber: at the first rest, else at the end of a later one, else the minimum.
 
-    The chamber empties after the piston has come back, so only the second half of a later rest counts.
+    The chamber empties after the piston has returned, so that only the second half of a later rest is used.
     """
     pressure, known = log["pressure_a"], np.isfinite(log["pressure_a"])
     lowest = float(np.percentile(pressure[known], 1.0))

@@ -1,4 +1,4 @@
-"""A fit with priors: what is free, the search, what has changed since a calibration, and what a calibration leaves."""
+"""Fits with priors: free parameters, search, changes since a calibration, and the new calibration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.uncertainty.calibration import Calibration, Score
 from clutchid.uncertainty.coordinates import Prior
-from clutchid.uncertainty.drift import deviation
+from clutchid.uncertainty.drift import calibrated_deviation
 
 
 def fit_with_priors(
@@ -35,9 +35,9 @@ def fit_with_priors(
     request: FitRequest,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit what is asked for by `method`; where the pressure is in use and the load is free, also calibrate.
+    """Fit as requested by `method`; with pressure in use and a free load the result is also a calibration.
 
-    A search that cannot start is a fit of status "failed".
+    Status "failed" if the search cannot start.
 
     Raises
     ------
@@ -47,24 +47,26 @@ def fit_with_priors(
     actuator, free = free_parameters(logs, actuator, request)
     check_size(logs, free)
     _check_profiled(request, free)
-    done, wider, here = _searched(method, logs, actuator, free, request.calibration, progress)
-    released = wider.names[len(free.names) :]
-    known, suspected = _inflated(request.calibration, here, logs, actuator, done, wider, released)
-    found = method.result(done, known)
-    if isinstance(found, Failure):
-        bounds = {c.name: (c.low, c.high) for c in done.problem.coordinates}
-        return failed_fit(done.problem.actuator, bounds, done.method, found.message, done.plans)
-    found = replace(
-        found,
-        recordings={log.name: on_samples(found.recordings[log.name], log) for log in logs},
-        changes=(*fitted_changes(released, actuator, found), *suspected),
+    search_result, extended, present_score = _searched(method, logs, actuator, free, request.calibration, progress)
+    released = extended.names[len(free.names) :]
+    known, suspected = _inflated(request.calibration, present_score, logs, actuator, search_result, extended, released)
+    result = method.result(search_result, known)
+    if isinstance(result, Failure):
+        bounds = {c.name: (c.low, c.high) for c in search_result.problem.coordinates}
+        return failed_fit(
+            search_result.problem.actuator, bounds, search_result.method, result.message, search_result.plans
+        )
+    result = replace(
+        result,
+        recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
+        changes=(*fitted_changes(released, actuator, result), *suspected),
     )
     if method.check and request.checks:
-        found = method.check(found, done, known, request.profile, request.bootstrap)
+        result = method.check(result, search_result, known, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
-        return replace(found, calibration=request.calibration)
-    kept = calibration_of(found, actuator)
-    return replace(found, calibration=with_position_bias(method, logs, found.actuator, kept, progress))
+        return replace(result, calibration=request.calibration)
+    kept = calibration_of(result, actuator)
+    return replace(result, calibration=with_position_bias(method, logs, result.actuator, kept, progress))
 
 
 def _searched(
@@ -75,37 +77,41 @@ def _searched(
     calibration: Calibration | None,
     progress: Progress | None,
 ) -> tuple[SearchResult[SolutionT], FreeParameters, Score | None]:
-    """The search; where a load is read from position alone and more has changed, again with that free; its score."""
-    done = method.search(logs, actuator, free, calibration, progress)
+    """Search, repeated with changed parameters free for a load from position alone; its free parameters and score."""
+    search_result = method.search(logs, actuator, free, calibration, progress)
     if not (method.score and calibration and calibration.score and free.reads_load(actuator)):
-        return done, free, None
-    here = method.score(done)
+        return search_result, free, None
+    present_score = method.score(search_result)
     for _ in logs:
-        wider = free if isinstance(here, Failure) else with_changes(free, here, calibration.score, actuator)
-        if wider is free:
+        extended = (
+            free
+            if isinstance(present_score, Failure)
+            else with_changes(free, present_score, calibration.score, actuator)
+        )
+        if extended is free:
             break
-        again = method.search(logs, actuator, wider, calibration, progress)
-        if isinstance(again.solution, Failure):
+        repeated = method.search(logs, actuator, extended, calibration, progress)
+        if isinstance(repeated.solution, Failure):
             break
-        done, free, here = again, wider, method.score(again)
-    return done, free, None if isinstance(here, Failure) else here
+        search_result, free, present_score = repeated, extended, method.score(repeated)
+    return search_result, free, None if isinstance(present_score, Failure) else present_score
 
 
 def _inflated(
     calibration: Calibration | None,
-    here: Score | None,
+    present_score: Score | None,
     logs: Sequence[Log],
     actuator: Actuator,
-    done: SearchResult[SolutionT],
+    search_result: SearchResult[SolutionT],
     free: FreeParameters,
     released: Sequence[str],
 ) -> tuple[Calibration | None, tuple[Change, ...]]:
-    """The calibration with its covariance inflated by what may have changed since, and what that is."""
-    if not (calibration and here):
+    """The calibration with its covariance inflated for suspected changes, and these changes."""
+    if not (calibration and present_score):
         return calibration, ()
     free_in = {log.name: free.free_in(log.name) for log in logs}
-    slow = any(len(plan.log) > len(log) for plan, log in zip(done.plans, logs, strict=True))
-    return doubted(calibration, here, free_in, {base_of(name) for name in released}, actuator, slow)
+    slow = any(len(plan.log) > len(log) for plan, log in zip(search_result.plans, logs, strict=True))
+    return doubted(calibration, present_score, free_in, {base_of(name) for name in released}, actuator, slow)
 
 
 def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest) -> tuple[Actuator, FreeParameters]:
@@ -121,12 +127,12 @@ def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest
     if request.automatic:
         if "pressure_a" not in request.measure:
             raise DataError(
-                "'auto' needs a recording with pressure, and --measure position,pressure_a. From position alone free "
-                "the load: --start CALIBRATION.toml --free load."
+                "'auto' needs a recording with pressure, and --measure position,pressure_a. From position alone, "
+                "estimate the load: --start CALIBRATION.toml --free load."
             )
-        actuator, automatically, found = automatic(logs, actuator)
+        actuator, automatically, result = automatic(logs, actuator)
         free = tuple(name for item in free for name in (automatically if item == "auto" else (item,)))
-        priors = {**found, **priors}
+        priors = {**result, **priors}
     names = _without_shared(free_names(free, actuator, stems))
     unknown = [name for name in priors if name not in names]
     if unknown:
@@ -140,24 +146,24 @@ def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest
 
 
 def _without_shared(names: Sequence[str]) -> tuple[str, ...]:
-    """Names without the shared number where every recording has its own: NAME goes where NAME@STEM stands."""
+    """Names without a shared parameter if every recording has its own: NAME is dropped if there is a NAME@STEM."""
     parsed = [ParameterName.parse(name) for name in names]
     own = {name.base for name in parsed if name.recording}
     return tuple(str(name) for name in parsed if name.recording or name.base not in own)
 
 
 def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibration) -> dict[str, Prior]:
-    """Priors of calibrated parameters that are freed again: as uncertain as calibrated, and as far as they drift."""
+    """Priors of calibrated parameters that are free again: covariance of the calibration, and drift."""
     bases = {name: base_of(name) for name in names}
     return {
-        name: Prior(actuator.value(base), deviation(actuator, base, calibration))
+        name: Prior(actuator.value(base), calibrated_deviation(actuator, base, calibration))
         for name, base in bases.items()
         if base in calibration.names
     }
 
 
 def _check_profiled(request: FitRequest, free: FreeParameters) -> None:
-    """Refuse, before any work, to profile what is not free; what only wears is free where a load is read."""
+    """Refuse, before any work, a profile of a fixed parameter; NAME@STEM may become free with a load from position."""
     alien = [name for name in request.profile if name not in free.names and base_of(name) == name]
     if alien:
         known = ", ".join(free.names)
@@ -165,27 +171,27 @@ def _check_profiled(request: FitRequest, free: FreeParameters) -> None:
 
 
 def check_size(logs: Sequence[Log], free: FreeParameters) -> None:
-    """Refuse a request with nothing free, and recordings that are too short for it.
+    """Refuse a request without free parameters, and recordings that are too short for it.
 
     Raises
     ------
     ParameterError
         If nothing is free.
     DataError
-        If there are fewer than ten measured samples for each free parameter.
+        If there are fewer than ten measured samples per free parameter.
     """
     samples = sum(int(np.isfinite(log[name]).sum()) for log in logs for name in free.measure)
     if not free.names:
-        raise ParameterError("nothing is free; name parameters, for example load.")
+        raise ParameterError("no parameter is free; name parameters, for example load.")
     if samples < 10 * len(free.names):
         raise DataError(
             f"{logs[0].name}: {samples} measured samples for {len(free.names)} free parameters; at least ten for each "
-            "are needed. Record at least a full stroke, or free less."
+            "are needed. Record at least a full stroke, or free fewer parameters."
         )
 
 
 def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
-    """Covariance of the shared parameters of a fit, the load weights left out."""
+    """Covariance of the shared parameters of a fit, without the load weights."""
     at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and base_of(name) == name]
     names = tuple(name for i, name in enumerate(result.parameters) if i in at)
     data = {name: r.measured.metadata.get("sha256", "unknown") for name, r in result.recordings.items()}
@@ -199,7 +205,7 @@ def with_position_bias(
     kept: Calibration,
     progress: Progress | None = None,
 ) -> Calibration:
-    """`kept` with what a fit to position alone misses of a calibrated actuator: bias and score over its recordings.
+    """`kept` with the bias and the score of a fit to position alone, as means over the calibration recordings.
 
     A recording whose search fails is left out.
 
@@ -212,11 +218,13 @@ def with_position_bias(
     free = FreeParameters(actuator.load.names, ("position",))
     missed, scores = [], []
     for log in logs:
-        done = method.search([log.without("pressure_a")], actuator, free, kept, progress)
-        if isinstance(done.solution, Failure):
+        search_result = method.search([log.without("pressure_a")], actuator, free, kept, progress)
+        if isinstance(search_result.solution, Failure):
             continue
-        missed.append(np.asarray(done.problem.actuator_of(done.solution.x, log.name).load.theta) - theta)
-        scored = method.score(done) if method.score else None
+        missed.append(
+            np.asarray(search_result.problem.actuator_of(search_result.solution.x, log.name).load.theta) - theta
+        )
+        scored = method.score(search_result) if method.score else None
         if isinstance(scored, Score):
             scores.append(scored)
     bias = tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * theta.size

@@ -1,4 +1,4 @@
-"""The section of a parameter file that holds what a calibration leaves to later fits."""
+"""Section ``[fit.calibration]`` of a parameter file: the result of a calibration for later fits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from clutchid.uncertainty.calibration import Calibration, Score
 
 
 def calibration_section(kept: Calibration) -> dict[str, Any]:
-    """The entries of a calibration."""
+    """Entries of a calibration."""
     section: dict[str, Any] = {
         "names": list(kept.names),
         "covariance": kept.covariance.tolist(),
@@ -28,7 +28,7 @@ def calibration_section(kept: Calibration) -> dict[str, Any]:
 
 
 def calibration_in(section: Any, weights: int, method: str) -> Calibration:
-    """The calibration of an actuator with so many load `weights`, made by `method`; an earlier version has no score.
+    """The calibration in a file, for a load with so many `weights`, by `method`; earlier versions have no score.
 
     Raises
     ------

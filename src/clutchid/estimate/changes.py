@@ -1,4 +1,4 @@
-"""What has changed in an actuator since its calibration, as data."""
+"""Changes of an actuator since its calibration, as data."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A parameter that differs, or may differ, from its calibrated value in one recording.
+    """A parameter that has changed, or may have changed, since the calibration, in one recording.
 
     Parameters
     ----------
     recording, name
         Stem of the recording, and the parameter.
     before, after, std : unit
-        As calibrated, as it is now, and the standard deviation of that.
+        Calibrated value, present value, and the standard deviation of the latter.
     probability : 1
-        That it has changed; None where the method gives none.
+        Of a change; None if the method gives none.
     group : str
-        What changes together, for example "flow of the valves".
+        Parameters that change together, for example "flow of the valves".
     fitted : bool
-        Whether it was fitted with the load; else it was fixed, and the intervals are wider for it.
+        Whether it was fitted with the load; otherwise it was fixed, and the intervals are wider because of it.
     distance : 1
-        Of its group from an unchanged actuator, in standard deviations; None where it was fitted.
+        Of its group from an unchanged actuator in standard deviations; None if it was fitted.
     """
 
     recording: str

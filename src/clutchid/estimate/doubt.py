@@ -64,7 +64,7 @@ def doubted(
         shifts.append({"T_w": WARMTH})
     for shift in shifts:
         by = np.array([in_si(actuator, name, share) for name, share in shift.items()])
-        calibration = calibration.less_sure(tuple(shift), np.outer(by, by))
+        calibration = calibration.inflated(tuple(shift), np.outer(by, by))
     return calibration, tuple(found)
 
 

@@ -1,4 +1,4 @@
-"""`fit`: from recordings of an actuator to its load and parameters."""
+"""`fit`: load and parameters of an actuator from recordings."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def fit(
 ) -> Fit:
     """Fit the free parameters of `actuator` to recordings.
 
-    'simulation' is the paper's method, in two stages: the coarse one tries factors on the load and stops early; the
-    fine one goes on from the best with the noise scales found. 'shooting' lets many short simulations meet softly; it
-    knows priors, numbers of single recordings, and calibration. So does 'prediction-error', where a Kalman filter
-    predicts every sample. All are bounded Levenberg-Marquardt searches on exact sensitivities. docs/methods.md helps to
-    choose.
+    'simulation' is the paper's method, in two stages: the coarse stage tries factors on the load and stops early; the
+    fine stage continues from the best with estimated noise scales. 'shooting' is multiple shooting with soft continuity
+    constraints; it supports priors, parameters of single recordings, and calibrations. So does 'prediction-error', with
+    a Kalman filter that predicts every sample. All are bounded Gauss-Newton or Levenberg-Marquardt searches with exact
+    sensitivities. docs/methods.md compares them.
 
     Parameters
     ----------
@@ -56,28 +56,28 @@ def fit(
     measure : 'position', 'pressure_a'
         Measured columns to compare with.
     free : names
-        Free parameters; 'load' stands for all load weights, NAME@EACH for an own number of every recording, 'auto' for
-        all that a recording with pressure may tell. Empty: only unknown starts are estimated.
+        Free parameters; 'load' means all load weights, NAME@EACH a parameter of its own for every recording, 'auto' all
+        parameters that a recording with pressure can determine. Empty: only unknown start values are estimated.
     bounds : {name: (low, high)}, optional
         In SI. By default theta_1 and theta_3 are at least 0, theta_2 is free (it changes sign on a worn clutch), and
-        every other parameter stays within a factor of three of its start, or in its range where that is finite.
+        every other parameter stays within a factor of three of its start, or within its range if that is finite.
     partition : Partition, optional
-        Partitioned ballistic simulation; ballistic without.
+        Partitioned ballistic simulation; ballistic by default.
     verify : logs
-        Recordings that are simulated with the result, not fitted.
+        Recordings that are simulated with the result, but not fitted.
     method : 'simulation', 'shooting' or 'prediction-error', optional
-        By default the calibration's; without one shooting where 'auto', priors or numbers of single recordings ask for
-        it, else simulation.
+        By default that of the calibration; without one 'shooting' if 'auto', priors or parameters of single recordings
+        need it, else 'simulation'.
     priors : {name: Prior}, optional
-        What is known before the data, in SI; by default `clutchid.uncertainty.coordinates` says.
+        Priors in SI; defaults in `clutchid.uncertainty.coordinates`.
     calibration : Calibration, optional
-        ``fit.calibration`` of a fit with pressure, by the same method, whose actuator this one is.
+        ``fit.calibration`` of a fit with pressure, by the same method, for this actuator.
     profile : names
-        Free numbers whose intervals come from profile likelihood; shooting only, seconds each.
+        Free parameters with intervals by profile likelihood; 'shooting' only, seconds each.
     bootstrap : int
-        Draws of a bootstrap over strokes that checks the bands of the load; shooting only, 0 for none.
+        Draws of a bootstrap over strokes, which checks the intervals of the load; 'shooting' only, 0 for none.
     on_failure : 'raise' or 'return'
-        What to do when the start values cannot be simulated.
+        What to do if the start values cannot be simulated.
     progress : function(stage, evaluations), optional
         Called at each evaluation.
 
@@ -88,7 +88,7 @@ def fit(
     Raises
     ------
     DataError
-        If a recording lacks a column, has fewer samples than there are free numbers, or nothing can be fitted.
+        If a recording lacks a column, has fewer samples than free parameters, or nothing can be fitted.
     ParameterError
         For an unknown name, or bounds that cross or are not admissible.
     SolveError
@@ -120,9 +120,9 @@ def fit_request(
     verify: Sequence[Log] = (),
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit what `request` asks for to recordings, and simulate the recordings `verify` with the result.
+    """Fit `request` to recordings, and simulate the recordings `verify` with the result.
 
-    Start values that cannot be simulated give a fit of status "failed".
+    Status "failed" if the start values cannot be simulated.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which parameters of a fit are free, and within which bounds."""
+"""Free parameters of a fit, and their bounds."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.model.actuator import Actuator
-from clutchid.names import EACH, ParameterName, base_of
+from clutchid.names import EVERY_RECORDING, ParameterName, base_of
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.uncertainty.coordinates import Prior
 
-#: A parameter without own bounds stays within this factor of its start value.
+#: Default bounds of a parameter: this factor below and above its start value.
 DEFAULT_RANGE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
 class FreeParameters:
-    """What is fitted and what is known of it: names (NAME or NAME@STEM), measured columns, bounds and priors in SI."""
+    """Free parameters (NAME or NAME@STEM), measured columns in use, and bounds and priors in SI."""
 
     names: tuple[str, ...]
     measure: tuple[str, ...]
@@ -27,22 +27,22 @@ class FreeParameters:
     priors: Mapping[str, Prior] = field(default_factory=dict)
 
     def free_in(self, recording: str) -> frozenset[str]:
-        """Parameters that are free in `recording`, shared or its own."""
+        """Parameters that are free in `recording`, shared or of that recording."""
         parsed = map(ParameterName.parse, self.names)
-        return frozenset(name.base for name in parsed if name.holds_in(recording))
+        return frozenset(name.base for name in parsed if name.applies_to(recording))
 
     def reads_load(self, actuator: Actuator) -> bool:
-        """Whether a load is read from position alone."""
+        """Whether a load is estimated from position alone."""
         return "pressure_a" not in self.measure and bool(set(self.names) & set(actuator.load.names))
 
 
 def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = ()) -> tuple[str, ...]:
-    """Names of the free parameters, with 'load' replaced by all load weights, NAME@EACH by NAME@STEM for all `stems`.
+    """Names of the free parameters; 'load' is expanded to all load weights, NAME@EACH to NAME@STEM for all `stems`.
 
     Raises
     ------
     ParameterError
-        For an unknown name, with the nearest known one, and for a part of a chamber or valve that does not exist.
+        For an unknown name, with the nearest known one, and for a parameter of a missing chamber or valve.
     """
     expanded = [name for item in free for name in (actuator.load.names if item == "load" else (item,))]
     problems = []
@@ -53,25 +53,25 @@ def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = (
         elif sentence := actuator.equipment.missing(base):
             problems.append(sentence)
         elif stem is not None and base in actuator.load.names:
-            problems.append(f"{name}: the load belongs to all recordings; fit them one by one for a load of each.")
-        elif stem is not None and stem not in (EACH, *stems):
-            problems.append(unknown_name(stem, (EACH, *stems), "recording"))
+            problems.append(f"{name}: the load is shared by all recordings; fit them one by one for a load of each.")
+        elif stem is not None and stem not in (EVERY_RECORDING, *stems):
+            problems.append(unknown_name(stem, (EVERY_RECORDING, *stems), "recording"))
     if problems:
         raise ParameterError("\n".join(problems))
     parsed = map(ParameterName.parse, expanded)
-    each = [[ParameterName(n.base, stem) for stem in stems] if n.recording == EACH else [n] for n in parsed]
+    each = [[ParameterName(n.base, stem) for stem in stems] if n.recording == EVERY_RECORDING else [n] for n in parsed]
     return tuple(dict.fromkeys(str(name) for group in each for name in group))
 
 
 def bounds_of(
     names: Sequence[str], actuator: Actuator, given: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Bounds of all free `names` in SI: those `given`, else by default.
+    """Bounds of all free `names` in SI: those `given`, else the default.
 
     Raises
     ------
     ParameterError
-        If bounds cross, are not admissible, or belong to what is not free.
+        If bounds cross, are not admissible, or belong to a fixed parameter.
     """
     foreign = [
         f"bounds for {name}, which is not free; free are {', '.join(names) or 'none'}."

@@ -1,4 +1,4 @@
-"""The methods of fitting, by name."""
+"""Methods of estimation by name."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from clutchid.parameters import unknown_name
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A way to fit: the function, and what it can be asked for.
+    """A method: its function, and the requests that it supports.
 
-    `priors`: priors, own values of single recordings, 'auto' and calibrations; `checks`: profile likelihood and
-    bootstrap; `partition` is empty where the method takes a partition, else why it does not.
+    `priors`: priors, parameters of single recordings, 'auto' and calibrations; `checks`: profile likelihood and
+    bootstrap; `partition` is empty if the method supports a partition, else the reason why not.
     """
 
     fit: Callable[[Sequence[Log], Actuator, FitRequest, Progress | None], Fit]
@@ -38,25 +38,28 @@ METHODS: Mapping[str, Method] = MappingProxyType(
     {
         "simulation": Method(fit_simulation_error, priors=False, checks=False),
         "shooting": Method(
-            partial(fit_with_priors, SHOOTING), priors=True, checks=True, partition="shooting has windows of its own"
+            partial(fit_with_priors, SHOOTING),
+            priors=True,
+            checks=True,
+            partition="multiple shooting uses its own windows",
         ),
         "prediction-error": Method(
             partial(fit_with_priors, PREDICTION_ERROR),
             priors=True,
             checks=False,
-            partition="a filter goes on from sample to sample",
+            partition="a Kalman filter is corrected at every sample",
         ),
     }
 )
 
 
 def method_of(request: FitRequest) -> Method:
-    """The method of a request: what it names, else that of its calibration, or the simplest that can do it.
+    """The method of a request: the requested one, else that of its calibration, else the simplest that supports it.
 
     Raises
     ------
     ParameterError
-        If there is no such method, or it cannot do what is asked for.
+        If there is no such method, or it does not support the request.
     """
     needed = request.calibration.method if request.calibration else "shooting"
     name = request.method or (needed if request.has_priors else "simulation")
@@ -64,12 +67,12 @@ def method_of(request: FitRequest) -> Method:
         raise ParameterError(unknown_name(name, METHODS, "method"))
     method = METHODS[name]
     if request.checks and not method.checks:
-        raise ParameterError(f"a profile and a bootstrap belong to the method 'shooting', not to '{name}'.")
+        raise ParameterError(f"profile and bootstrap need the method 'shooting', not '{name}'.")
     if request.partition is not None and method.partition:
-        raise ParameterError(f"a partition belongs to the method 'simulation'; {method.partition}.")
+        raise ParameterError(f"a partition needs the method 'simulation'; {method.partition}.")
     if request.has_priors and not method.priors:
         raise ParameterError(
-            "'auto', priors, own values of single recordings and a calibration need the method 'shooting' or "
+            "'auto', priors, parameters of single recordings and a calibration need the method 'shooting' or "
             "'prediction-error'."
         )
     return method

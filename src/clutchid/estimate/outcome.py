@@ -1,4 +1,4 @@
-"""What the results of all methods share: the band of the load, simulated recordings, and a fit that failed."""
+"""Parts of a `Fit` that all methods share: load curve, simulated recordings, and a failed fit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ POINTS = 101
 
 
 class Compared(NamedTuple):
-    """A simulated recording, and the pair (measured, as the sensors would record it) that its errors come from."""
+    """A simulated recording, and the pair (measured, simulated sensor output) that its errors are computed from."""
 
     recording: Recording
     shown: tuple[Log, Log]
@@ -32,7 +32,7 @@ def compare(
     shown: Mapping[str, FloatArray] | None = None,
     half: FloatArray | None = None,
 ) -> Compared:
-    """A recording that was simulated as `states`, shape (n, n_states).
+    """Compare a recording with its simulated `states`, shape (n, n_states).
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ def compare(
     starts : (m, Pa)
         Position and pressure in chamber A at the start of every segment.
     shown : {column: values}, optional
-        What the sensors would record, in SI; by default the states themselves.
+        Simulated sensor outputs in SI; the states by default.
     half : Pa, optional
-        Half the width of the pressure's 95 % band at every sample.
+        Half width of the 95 % interval of the pressure at every sample.
     """
     names = plan.actuator.states
     simulated = simulated_log(plan, states, names)
@@ -62,23 +62,25 @@ def position_and_pressure(actuator: Actuator, state: FloatArray) -> tuple[float,
 def load_curve(
     actuator: Actuator, names: Sequence[str], covariance: FloatArray, quantile: float, bias: FloatArray | None = None
 ) -> LoadCurve:
-    """The load with its pointwise 95 % band.
+    """The load with its pointwise 95 % interval.
 
     Parameters
     ----------
     actuator : Actuator
         As fitted.
     names : names
-        Of the rows and columns of the `covariance` in SI; load weights among them count.
+        Of the rows and columns of `covariance`; only load weights are used.
+    covariance : SI
+        Of the estimates.
     quantile : 1
         Half width of a 95 % interval in standard deviations.
     bias : N or N/m, optional
-        Of every weight, taken off already; it is as uncertain as it is large.
+        Bias of every weight that has been subtracted; its standard deviation is taken equal to its size.
 
     Returns
     -------
     curve : LoadCurve
-        With an infinite band where a weight acts that has an infinite variance.
+        With an infinite interval wherever a weight of infinite variance acts.
     """
     load = actuator.load
     y = np.linspace(0.0, actuator.parameters.y_max, POINTS)
@@ -103,7 +105,7 @@ def failed_fit(
     message: str,
     plans: Sequence[Plan],
 ) -> Fit:
-    """The result of a search whose start cannot be simulated; `bounds` are those of the free parameters, in SI."""
+    """The result of a search with start values that cannot be simulated; `bounds` of the free parameters in SI."""
     nan = float("nan")
     unknown = np.full(POINTS, nan)
     y = np.linspace(0.0, actuator.parameters.y_max, POINTS)
@@ -126,6 +128,6 @@ def failed_fit(
 
 
 def plan_warnings(plans: Sequence[Plan]) -> list[str]:
-    """What is to be said of the recordings themselves."""
-    said = [warning for plan in plans for warning in (*plan.log.warnings, *plan.warnings)]
-    return list(dict.fromkeys(said))
+    """Warnings about the recordings and their plans."""
+    warnings = [warning for plan in plans for warning in (*plan.log.warnings, *plan.warnings)]
+    return list(dict.fromkeys(warnings))

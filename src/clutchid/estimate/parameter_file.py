@@ -1,4 +1,4 @@
-"""Parameter files (TOML): what `--save` writes, `--start` and `simulate --parameters` accept."""
+"""Parameter files (TOML): written by `--save`, read by `--start` and `simulate --parameters`."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 
 @dataclass(frozen=True, slots=True)
 class ParameterFile:
-    """An actuator with what a file says besides: starts of the segments of recordings by stem, and how it was fitted.
+    """An actuator, the start values of segments by recording, and how it was fitted.
 
-    A start is (position in m, pressure in chamber A in Pa). `own` are parameters of single recordings, by stem.
+    A start is (position in m, pressure in chamber A in Pa). `own` are parameters of single recordings by stem.
     """
 
     actuator: Actuator
@@ -43,7 +43,7 @@ class ParameterFile:
 
     @property
     def calibration(self) -> Calibration | None:
-        """What a calibration left in the file, if it is one.
+        """The calibration in the file, if there is one.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class ParameterFile:
         return calibration_in(entry, len(self.actuator.load.theta), str(self.fit.get("method", "shooting")))
 
     def starts_for(self, log: Log) -> Starts | None:
-        """The starts of `log`, if they were estimated from just this file: the hash under [fit] data says so."""
+        """The start values of `log`, if they were estimated from exactly this file, by its hash under [fit] data."""
         data = self.fit.get("data")
         known = data.get(log.name) if isinstance(data, Mapping) else None
         same = isinstance(known, str) and known == log.metadata.get("sha256")
@@ -64,7 +64,7 @@ class ParameterFile:
 
 
 def parameter_file(fitted: Fit) -> ParameterFile:
-    """What is kept of a fit."""
+    """Contents of a parameter file for a fit."""
     covariance = np.where(np.isfinite(fitted.covariance), fitted.covariance, np.inf)
     about = {
         "status": fitted.status,
@@ -94,7 +94,7 @@ def _hash(metadata: Mapping[str, str]) -> str:
 
 
 def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
-    """Write a parameter file; an older one is replaced only by a whole new one.
+    """Write a parameter file; an existing one is replaced only by a complete new one.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 
     actuator = content.actuator
     load = actuator.load
-    told = [name for name in actuator.names if not actuator.equipment.missing(name)]
+    written = [name for name in actuator.names if not actuator.equipment.missing(name)]
     document: dict[str, Any] = {
         **section_of(actuator.equipment),
         "model": {
@@ -114,7 +114,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
             "knots": list(load.knots),
             **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
         },
-        "parameters": {name: actuator.value(name) for name in told},
+        "parameters": {name: actuator.value(name) for name in written},
     }
     if content.starts:
         document["recording"] = {
@@ -134,7 +134,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 
 
 def read_parameters(path: str | PathLike[str]) -> ParameterFile:
-    """Read a parameter file; what it does not name has its default, but for the knots and weights of B-splines.
+    """Read a parameter file; missing entries have their defaults, except knots and weights of B-splines.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def _load(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, l
 
 
 def _paper_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Weights, knots and slope of the paper's splines; what a file does not name is the paper's."""
+    """Weights, knots and slope of the paper's splines; missing ones are those of the paper."""
     default = Load()
     theta = [values.get(name, value) for name, value in zip(default.names, default.theta, strict=True)]
     knots, slope = model.get("knots", list(default.knots)), model.get("phi2_slope", default.phi2_slope)
@@ -205,7 +205,7 @@ def _paper_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[
 
 
 def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Weights and knots of B-splines; all of them must be named, because none of them has a default."""
+    """Weights and knots of B-splines; all are required, because they have no defaults."""
     problems = []
     if "phi2_slope" in model:
         problems.append("[model] phi2_slope belongs to load_basis = 'paper'; take it out for 'b-spline'.")
@@ -218,7 +218,7 @@ def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict
     if missing:
         shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
         problems.append(
-            f"[parameters] {shown}: not there; {len(knots)} knots of load_basis = 'b-spline' need the "
+            f"[parameters] {shown}: missing; {len(knots)} knots of load_basis = 'b-spline' need the "
             f"{len(names)} weights {names[0]} to {names[-1]} in N."
         )
     theta = [values[name] for name in names if name in values]
@@ -227,7 +227,7 @@ def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict
 
 def _parameters(values: dict[str, Any], load: Load | None) -> tuple[Parameters | None, list[str]]:
     known = (*Parameters.names(), *(load or Load()).names)
-    # Where the load itself is wrong, how many weights it has is not known.
+    # if the load itself is wrong, the number of its weights is unknown
     problems = [
         unknown_name(name, known)
         for name in values

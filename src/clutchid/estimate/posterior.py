@@ -1,4 +1,4 @@
-"""What the end of a search with priors says: estimates with intervals, the band of the load, what is identifiable."""
+"""The `Fit` of a search with priors: estimates with intervals, load curve, and identifiability."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import scale
+from clutchid.uncertainty.drift import deviation_factor
 from clutchid.uncertainty.identifiability import listed
 
 #: Standard deviations of a 95 % interval.
 QUANTILE = 1.96
 
-#: A parameter whose standard deviation is more than this share of its prior one is not identifiable.
-PRIOR_STANDS = 0.9
+#: A parameter is not identifiable if its standard deviation exceeds this fraction of that of its prior.
+PRIOR_DOMINATES = 0.9
 
 
 def posterior(
-    done: SearchResult[SolutionT],
+    search_result: SearchResult[SolutionT],
     solution: SolutionT,
     matrix: FloatArray,
     calibration: Calibration | None,
     compared: Sequence[Compared],
 ) -> Fit:
-    """The result of a search that ended at `solution`, with the covariance `matrix` of its x, shape (k, k)."""
-    problem, x = done.problem, solution.x
+    """The `Fit` at `solution`, with the covariance `matrix` of its x, shape (k, k)."""
+    problem, x = search_result.problem, solution.x
     theta = problem.actuator.load.theta
     bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(theta))
     fitted = corrected(problem.actuator_of(x, problem.stems[0]), bias)
-    ended = _unsettled(solution.status, solution.evaluations)
-    warnings = (*plan_warnings(done.plans), *_at_bounds(problem, x), *ended)
+    not_converged = _not_converged(solution.status, solution.evaluations)
+    warnings = (*plan_warnings(search_result.plans), *_at_bounds(problem, x), *not_converged)
     covariance = matrix * np.outer(problem.slopes(x), problem.slopes(x))
     bases = [c.base for c in problem.coordinates]
     return Fit(
@@ -46,27 +46,27 @@ def posterior(
         actuator=fitted,
         parameters=_estimates(problem, x, matrix, fitted),
         covariance=covariance,
-        load_curve=load_curve(fitted, bases, covariance, QUANTILE, scale(problem.noise) * bias),
+        load_curve=load_curve(fitted, bases, covariance, QUANTILE, deviation_factor(problem.noise) * bias),
         recordings={one.recording.measured.name: one.recording for one in compared},
         errors=errors_over(one.shown for one in compared),
         scales=dict(problem.noise.measured),
         bounds={c.name: (c.low, c.high) for c in problem.coordinates},
         evaluations=solution.evaluations,
         warnings=warnings,
-        method=done.method,
+        method=search_result.method,
         notes=_identifiable(problem, matrix),
         settled=solution.status == "converged",
     )
 
 
 def corrected(actuator: Actuator, bias: FloatArray) -> Actuator:
-    """`actuator` with the bias of its load weights, in their unit, taken off."""
+    """`actuator` with the `bias` of its load weights, in their unit, subtracted."""
     load = actuator.load
     return replace(actuator, load=replace(load, theta=tuple((np.asarray(load.theta) - bias).tolist())))
 
 
 def _estimates(problem: FitProblem, x: FloatArray, matrix: FloatArray, fitted: Actuator) -> dict[str, Estimate]:
-    """The free numbers in SI with their 95 % intervals, from x and its covariance `matrix`."""
+    """The free parameters in SI with their 95 % intervals, from x and its covariance `matrix`."""
     estimates = {}
     for i, c in enumerate(problem.coordinates):
         deviation = float(np.sqrt(matrix[i, i]))
@@ -78,7 +78,7 @@ def _estimates(problem: FitProblem, x: FloatArray, matrix: FloatArray, fitted: A
 
 
 def _at_bounds(problem: FitProblem, x: FloatArray) -> list[str]:
-    """Which free numbers lie at a bound, in words."""
+    """Free parameters at a bound, as sentences."""
     low, high = problem.bounds()
     warnings = []
     for i, c in enumerate(problem.coordinates):
@@ -89,25 +89,25 @@ def _at_bounds(problem: FitProblem, x: FloatArray) -> list[str]:
     return warnings
 
 
-def _unsettled(status: str, evaluations: int) -> list[str]:
-    """That a search did not come to its end, in words."""
+def _not_converged(status: str, evaluations: int) -> list[str]:
+    """A warning if the search has not converged."""
     if status == "converged":
         return []
-    return [f"the search stopped after {evaluations} evaluations without settling."]
+    return [f"the search stopped after {evaluations} evaluations without convergence."]
 
 
 def _identifiable(problem: FitProblem, matrix: FloatArray) -> tuple[str, ...]:
-    """In words, from the information matrix: for which numbers what was known before the data still stands."""
+    """Free parameters that the data determine, and those whose prior dominates, as sentences."""
     weights = problem.actuator.load.names
-    stands = [
+    from_prior = [
         c.name
         for i, c in enumerate(problem.coordinates)
-        if c.base not in weights and np.sqrt(matrix[i, i]) > PRIOR_STANDS * scale(problem.noise)
+        if c.base not in weights and np.sqrt(matrix[i, i]) > PRIOR_DOMINATES * deviation_factor(problem.noise)
     ]
-    identified = [c.name for c in problem.coordinates if c.base not in weights and c.name not in stands]
+    determined = [c.name for c in problem.coordinates if c.base not in weights and c.name not in from_prior]
     notes = []
-    if identified:
-        notes.append(f"told by the recordings: {listed(identified)}.")
-    if stands:
-        notes.append(f"not told by the recordings, so what was known before stands: {listed(stands)}.")
+    if determined:
+        notes.append(f"determined by the data: {listed(determined)}.")
+    if from_prior:
+        notes.append(f"not determined by the data, so that the prior applies: {listed(from_prior)}.")
     return tuple(notes)

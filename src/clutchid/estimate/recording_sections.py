@@ -1,4 +1,4 @@
-"""Sections ``[recording.'STEM']`` of a parameter file: starts of segments, and parameters of one recording."""
+"""Sections ``[recording.'STEM']`` of a parameter file: start values of segments, and parameters of one recording."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Starts = tuple[tuple[float, float], ...]
 
 
 def is_number(value: object) -> bool:
-    """Whether a value of a TOML file is a number that fits a float."""
+    """Whether a value of a TOML file is a number within the range of a float."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     try:
@@ -24,7 +24,7 @@ def is_number(value: object) -> bool:
 
 
 def starts_in(recordings: dict[str, Any]) -> tuple[dict[str, Starts], list[str]]:
-    """Starts of the segments of every recording, and what is wrong with the sections."""
+    """Start values of the segments of every recording, and problems with the sections."""
     starts: dict[str, Starts] = {}
     problems = []
     for stem, entry in recordings.items():
@@ -44,7 +44,7 @@ def own_values(recordings: dict[str, Any]) -> dict[str, dict[str, float]]:
 
 
 def _start_problems(stem: str, entry: object) -> list[str]:
-    """What is wrong with the starts of one recording."""
+    """Problems with the start values of one recording."""
     if not isinstance(entry, dict):
         return [f"[recording] {stem} = {entry!r}: a section [recording.'{stem}'] with {_in_words()} is needed."]
     where = f"[recording.'{stem}']"
@@ -58,12 +58,12 @@ def _start_problems(stem: str, entry: object) -> list[str]:
     lists = {key: entry.get(key, []) for key in _START_KEYS}
     for key, values in lists.items():
         if not isinstance(values, list) or not all(is_number(v) and math.isfinite(v) for v in values):
-            problems.append(f"{where} {key} = {values!r}: a list of finite numbers is needed, one a segment.")
+            problems.append(f"{where} {key} = {values!r}: a list of finite numbers is needed, one per segment.")
         elif key == "pressure_a_start" and not all(v > 0 for v in values):
             problems.append(f"{where} {key} = {values!r}: pressures are absolute, in Pa, and above 0.")
     if not problems and len({len(values) for values in lists.values()}) > 1:
         counts = " and ".join(str(len(values)) for values in lists.values())
-        problems.append(f"{where}: {_in_words()} must be equally many numbers, they are {counts}.")
+        problems.append(f"{where}: {_in_words()} must have the same length; they have {counts} entries.")
     return problems
 
 

@@ -1,4 +1,4 @@
-"""What is asked of a fit."""
+"""The request of a fit."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from clutchid.simulation.partition import Partition
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior
 
-#: Of fewer draws a bootstrap gives no spread.
+#: Fewest draws of a bootstrap for a standard deviation.
 FEWEST_DRAWS = 10
 
 
 @dataclass(frozen=True, slots=True)
 class FitRequest:
-    """What is asked of a fit; the fields are the arguments of `clutchid.fit`, which explains them.
+    """A request of a fit; the fields are the arguments of `clutchid.fit`.
 
     Raises
     ------
     ParameterError
-        If a measured column is unknown or none is named, or the bootstrap has too few draws.
+        If a measured column is unknown or none is given, or the bootstrap has too few draws.
     """
 
     measure: tuple[str, ...] = ("position",)
@@ -50,16 +50,16 @@ class FitRequest:
 
     @property
     def automatic(self) -> bool:
-        """Whether all is free that a recording with pressure may determine."""
+        """Whether all parameters are free that a recording with pressure may determine."""
         return "auto" in self.free
 
     @property
     def checks(self) -> bool:
-        """Whether intervals are to be checked by profile likelihood or bootstrap."""
+        """Whether profile likelihood or a bootstrap is requested."""
         return bool(self.profile or self.bootstrap)
 
     @property
     def has_priors(self) -> bool:
-        """Whether something is asked for that only a method with priors knows."""
+        """Whether the request needs a method with priors."""
         own = any(ParameterName.parse(name).recording for name in self.free)
         return bool(self.automatic or own or self.checks or self.calibration or self.priors)

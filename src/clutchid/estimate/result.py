@@ -1,4 +1,4 @@
-"""What a fit returns."""
+"""The result of a fit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Status = Literal["ok", "warning", "failed"]
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """An estimated number in SI with its standard error and 95 % interval; infinite where the data say nothing."""
+    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it."""
 
     value: float
     unit: str
@@ -30,7 +30,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadCurve:
-    """The load in N over the position in m with its pointwise 95 % band, 101 points from 0 to the full stroke."""
+    """The load in N over the position in m with its pointwise 95 % interval, 101 points from 0 to the full stroke."""
 
     position: FloatArray
     force: FloatArray
@@ -38,7 +38,7 @@ class LoadCurve:
     high: FloatArray
 
     def peak(self, furthest: float) -> int:
-        """Place of the greatest load up to the position `furthest` in m; with an interval, if any has one."""
+        """Index of the greatest load up to position `furthest` in m, among points with an interval if any has one."""
         inside = self.position <= max(furthest, float(self.position[0]))
         known = inside & np.isfinite(self.high - self.low)
         return int(np.argmax(np.where(known if known.any() else inside, self.force, -np.inf)))
@@ -48,7 +48,7 @@ class LoadCurve:
 class Errors:
     """Errors of a simulation against the measured samples: rms and sum of squares, in m and Pa.
 
-    The paper's Table 2 prints sums of squares. Pressure is None where it was not measured.
+    The paper's Table 2 lists sums of squares. Pressure is None if it was not measured.
     """
 
     position_rms: float
@@ -59,7 +59,7 @@ class Errors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One recording of a fit: simulation, errors, and the starts of its segments (position in m, pressure in Pa)."""
+    """One recording of a fit: simulation, errors, and start values of its segments (position in m, pressure in Pa)."""
 
     measured: Log
     simulated: Log
@@ -71,12 +71,11 @@ class Recording:
 class Fit:
     """The result of `clutchid.fit`.
 
-    `actuator` is the fitted one, `parameters` its free numbers with intervals, `covariance` theirs in the same order.
-    `recordings` are the fitted ones by name, `verification` those that were simulated only. `scales` are the noise
-    scales by which position (m) and pressure (Pa) residuals were divided, `bounds` the bounds of the free parameters.
-    `method` is how it was fitted, `notes` what the recordings told in words, `calibration` what the fit leaves to
-    later ones of the same actuator. `settled`: the search converged. `changes` are what differs, or may differ, since
-    the calibration.
+    `actuator` is the fitted one, `parameters` are its free parameters with intervals, in the order of `covariance`.
+    `recordings` are the fitted ones by name, `verification` those that were only simulated. `scales` are the noise
+    scales by which residuals of position (m) and pressure (Pa) were divided, `bounds` the bounds of the free
+    parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
+    `settled`: the search converged. `changes` are changes, or suspected changes, since the calibration.
     """
 
     status: Status
@@ -104,7 +103,7 @@ class Fit:
         Raises
         ------
         SolveError
-            Where its status is "failed".
+            If its status is "failed".
         """
         if self.status == "failed":
             raise SolveError(self.message)
@@ -112,12 +111,12 @@ class Fit:
 
     @property
     def follows(self) -> bool:
-        """Whether the fitted simulation follows the measurement, and sensors are in the model: not so in the paper."""
+        """Whether the simulation follows the measurement through sensor models, unlike that of the paper."""
         return self.method != "simulation"
 
 
 def errors_over(pairs: Iterable[tuple[Log, Log]]) -> Errors:
-    """Errors of simulated against measured recordings, over all (measured, simulated) pairs and samples together."""
+    """Errors of simulated against measured recordings, over all (measured, simulated) pairs and samples."""
     sums: dict[str, tuple[float, int]] = {}
     for measured, simulated in pairs:
         for name in ("position", "pressure_a"):

@@ -1,4 +1,4 @@
-"""Where a search ended, by whatever method, and what a method of searching is."""
+"""Methods of search, and their results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from clutchid.uncertainty.calibration import Calibration, Score
 
 
 class Solution(Protocol):
-    """Where a search ended: free parameters, how it ended, and after how much work."""
+    """Solution of a search: free parameters, status, and number of evaluations."""
 
     @property
     def x(self) -> FloatArray:
@@ -30,7 +30,7 @@ class Solution(Protocol):
 
     @property
     def evaluations(self) -> int:
-        """After how many evaluations."""
+        """Number of evaluations."""
 
 
 SolutionT = TypeVar("SolutionT", bound=Solution)
@@ -38,7 +38,7 @@ SolutionT = TypeVar("SolutionT", bound=Solution)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchResult(Generic[SolutionT]):
-    """The problem of a fit, the plans of its recordings, and where the search by `method` ended."""
+    """The problem of a fit, the plans of its recordings, and the solution of the search by `method`."""
 
     method: str
     problem: FitProblem
@@ -48,10 +48,10 @@ class SearchResult(Generic[SolutionT]):
 
 @dataclass(frozen=True, slots=True)
 class SearchMethod(Generic[SolutionT]):
-    """A way to search with priors: the search, its result for the user, and its checks.
+    """A method of search with priors: the search, its `Fit`, and optional checks.
 
-    `check` repeats a result by profile likelihood and bootstrap; `score` says where fixed parameters would go, for a
-    method that looks for what has changed since a calibration.
+    `check` adds profile likelihood and a bootstrap to a result; `score` gives the Gauss-Newton step of fixed
+    parameters, by which changes since a calibration are detected.
     """
 
     search: Callable[

@@ -1,4 +1,4 @@
-"""Recordings simulated with a fitted actuator, on their own samples and as their sensors would record them."""
+"""Simulation of recordings with a fitted actuator, compared at their samples through the sensor models."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import check_recordings, driven
-from clutchid.preparation.pulses import Pulsed, unsensed
+from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan
-from clutchid.simulation.sensors import sensed
+from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.stiffness import stiffness, top_speed
 
 
 def verified(result: Fit, logs: Sequence[Log], request: FitRequest) -> Fit:
-    """`result` with the simulations of other recordings, and what is to be said of them."""
+    """`result` with the simulations of other recordings, and warnings about them."""
     done, warnings = verification(result.actuator, logs, request.partition, request.measure, result.follows)
     all_warnings = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
     status = "warning" if all_warnings and result.status == "ok" else result.status
@@ -36,11 +36,11 @@ def verification(
     measure: Sequence[str] = ("position",),
     through_sensors: bool = False,
 ) -> tuple[dict[str, Recording], list[str]]:
-    """Recordings simulated with `actuator`, nothing fitted but unknown starts, with their errors; and warnings.
+    """Simulate recordings with `actuator`, estimating unknown start values only; results with errors, and warnings.
 
-    A recording that cannot be simulated is left out and is a warning. `through_sensors` for an actuator whose sensors
-    and carrier are part of the model: each recording is simulated with the phase that its carrier has, and its errors
-    are those of the simulation as the sensors would record it.
+    A recording that cannot be simulated is left out with a warning. With `through_sensors` the model includes sensors
+    and carrier: each recording is simulated with the phase of its carrier, and its errors are those of the simulated
+    sensor outputs.
 
     Raises
     ------
@@ -51,17 +51,17 @@ def verification(
     warnings: list[str] = []
     for log in driven(logs, actuator.equipment):
         used = tuple(name for name in measure if name in log) or ("position",)
-        own = unsensed(log, actuator) if through_sensors else Pulsed(log, actuator)
+        own = pulsed_without_sensors(log, actuator) if through_sensors else Pulsed(log, actuator)
         result = _with_starts(own.log, own.actuator, partition, used)
         for name, one in result.recordings.items():
-            done[name] = as_sensed(one, log, own.actuator.parameters) if through_sensors else one
+            done[name] = compared_at_sensors(one, log, own.actuator.parameters) if through_sensors else one
         warnings += [own.warning] if own.warning else []
         warnings += result.warnings if result.status != "failed" else [result.message]
     return done, warnings
 
 
 def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) -> tuple[tuple[float, float], ...]:
-    """Position in m and pressure in Pa at the start of every segment, estimated where they are not known.
+    """Position in m and pressure in Pa at the start of every segment, estimated where unknown.
 
     Raises
     ------
@@ -78,13 +78,13 @@ def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) 
 
 
 def _with_starts(log: Log, actuator: Actuator, partition: Partition | None, measure: tuple[str, ...]) -> Fit:
-    """A recording simulated with nothing estimated but its unknown starts."""
+    """A recording simulated with only its unknown start values estimated."""
     check_recordings([log], (), measure, actuator.parameters.y_max)
     return fit_simulation_error([log], actuator, FitRequest(measure, (), partition=partition))
 
 
 def on_samples(one: Recording, log: Log) -> Recording:
-    """What a fit says of a recording at the samples of `log`, where it was simulated on a finer raster."""
+    """A result of a recording at the samples of `log`, if it was simulated on a finer time grid."""
     if len(one.measured) == len(log):
         return one
     at = np.searchsorted(one.simulated.time, log.time)
@@ -92,7 +92,7 @@ def on_samples(one: Recording, log: Log) -> Recording:
     return replace(one, measured=log, simulated=replace(one.simulated, time=log.time, columns=columns))
 
 
-def as_sensed(one: Recording, log: Log, p: Parameters) -> Recording:
-    """A simulation of the recording `unsensed` against `log`: its errors are those that the sensors would show."""
-    shown = on_samples(replace(one, simulated=sensed(one.simulated, p)), log).simulated
+def compared_at_sensors(one: Recording, log: Log, p: Parameters) -> Recording:
+    """A simulation of a recording without sensors, compared with `log` through the sensor models."""
+    shown = on_samples(replace(one, simulated=with_sensors(one.simulated, p)), log).simulated
     return replace(on_samples(one, log), measured=log, errors=errors_over([(log, shown)]))

@@ -16,7 +16,7 @@ from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.plan import plan
-from clutchid.simulation.run import Numbers, run, start_state
+from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.stiffness import stiffness
 
 #: Measured columns that are checked one by one, their unit in messages, and the factor from SI to it.
@@ -137,7 +137,9 @@ class Reading:
             (segment,) = plan(inputs, self.actuator, self.rate).segments
         except (ClutchidError, ValueError):  # no samples, too low a sample rate, or more than one segment
             return np.full(len(log), np.nan)
-        states, _ = run(segment, Numbers.of(self.actuator), start_state(segment, self.actuator, (position, pressure)))
+        states, _ = run(
+            segment, KernelArrays.of(self.actuator), start_state(segment, self.actuator, (position, pressure))
+        )
         motion = np.full(len(log), np.nan)
         motion[segment.start : segment.stop] = states[:, 0]
         return motion

@@ -1,1 +1,1 @@
-"""Numerical linear algebra and optimisation that know no actuator."""
+"""Numerical linear algebra and optimisation, independent of the actuator."""

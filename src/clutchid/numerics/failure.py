@@ -1,4 +1,4 @@
-"""Failure of mathematics as a value."""
+"""Numerical failure as a value."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A point at which the residuals cannot be computed, and why."""
+    """A numerical failure, for example a point at which the simulation diverges, and its reason."""
 
     message: str

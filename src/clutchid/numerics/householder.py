@@ -1,4 +1,4 @@
-"""Triangular factors by reflections (Householder 1958): of a matrix, and of a chain of unknown states."""
+"""Triangular factors by Householder reflections (1958): of a matrix, and of a chain of states."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ import numpy as np
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
 
-#: A column is scaled where the sum of its squares is not in this range: what a window has forgotten of its start is as
-#: small as 1e-160, whose square has hardly a digit left.
-LEAST, MOST = 1e-280, 1e280
+#: A column whose sum of squares is outside this range is scaled: sensitivities to the start of a window decay to
+#: 1e-160, whose squares underflow.
+MIN_SQUARE, MAX_SQUARE = 1e-280, 1e280
 
 
 @kernel
 def largest(x: FloatArray) -> float:
-    """The largest magnitude of all x."""
-    found = 0.0
+    """Largest magnitude in x."""
+    result = 0.0
     for value in x:
-        found = max(found, abs(value))
-    return found
+        result = max(result, abs(value))
+    return result
 
 
 @kernel
 def reflect(T: FloatArray, pivots: int) -> None:
-    """Turn the rows of a matrix, in place, until its first columns are upper triangular (Householder).
+    """Make the first columns of a matrix upper triangular by Householder reflections, in place.
 
-    Its columns stand in the rows of T, where they are contiguous; four at a time share what is read of the reflector.
-    All in one function, whose slices show the compiler that nothing overlaps.
+    T is the transpose, so that the columns are contiguous. Four columns at a time share each load of the reflector. One
+    function with slices shows the compiler that the arrays do not overlap.
     """
     width, height = T.shape
     v = np.empty(height)
@@ -37,7 +37,7 @@ def reflect(T: FloatArray, pivots: int) -> None:
         for r in range(n):
             v[r] = T[j, j + r]
             square += v[r] * v[r]
-        if square <= LEAST or square >= MOST:
+        if square <= MIN_SQUARE or square >= MAX_SQUARE:
             top = largest(v[:n])
             if top == 0.0:
                 continue
@@ -71,7 +71,7 @@ def reflect(T: FloatArray, pivots: int) -> None:
 
 @kernel
 def triangularise(A: FloatArray, R: FloatArray) -> None:
-    """Upper triangular factor of A, into as many rows of R as it has; in blocks, which the cache holds."""
+    """Upper triangular factor of A, written to the rows of R; in blocks that fit the processor's cache."""
     height, width = A.shape
     block, kept, start = max(8 * width, 256), 0, 0
     while start < height:
@@ -90,36 +90,38 @@ def triangularise(A: FloatArray, R: FloatArray) -> None:
 
 
 @kernel
-def eliminate(first: FloatArray, own: FloatArray, links: FloatArray, kept: FloatArray, left: FloatArray) -> None:
+def eliminate(
+    first: FloatArray, windows: FloatArray, links: FloatArray, state_rows: FloatArray, theta_rows: FloatArray
+) -> None:
     """Eliminate the states of a chain; shapes as in `elimination.eliminate`.
 
     Parameters
     ----------
-    kept : (windows, n, 2 n + k + 1)
-        Receives what tells each state once the next one and theta are known.
-    left : (windows, m + n, k + 1)
-        Receives the rows on theta alone that each elimination leaves, and zeros.
+    state_rows : (windows, n, 2 n + k + 1)
+        Output: rows that give each state for a given next state and theta.
+    theta_rows : (windows, m + n, k + 1)
+        Output: rows in theta alone that remain after each elimination, and zeros.
     """
-    n, m, width = first.shape[0], own.shape[1], kept.shape[2]
+    n, m, width = first.shape[0], windows.shape[1], state_rows.shape[2]
     carried = first.copy()
-    for i in range(own.shape[0]):
-        last = i == own.shape[0] - 1
+    for i in range(windows.shape[0]):
+        last = i == windows.shape[0] - 1
         height, pivots = (n + m, n) if last else (2 * n + m, 2 * n)
         T = np.zeros((width, height))
         for c in range(width - n):
             column = c if c < n else n + c
             _copy(carried[:, c], T[column, :n])
-            _copy(own[i, :, c], T[column, n : n + m])
+            _copy(windows[i, :, c], T[column, n : n + m])
         for c in range(0 if last else width):
             _copy(links[i, :, c], T[c, n + m :])
         reflect(T, pivots)
         for c in range(width):
-            _copy(T[c], kept[i, :, c])
+            _copy(T[c], state_rows[i, :, c])
         for c in range(0 if last else width - n):
             _copy(T[n + c, n:], carried[:, c])
-        left[i, height - pivots :] = 0.0
+        theta_rows[i, height - pivots :] = 0.0
         for c in range(width - 2 * n):
-            _copy(T[2 * n + c, pivots:], left[i, : height - pivots, c])
+            _copy(T[2 * n + c, pivots:], theta_rows[i, : height - pivots, c])
 
 
 @kernel
@@ -129,19 +131,19 @@ def _copy(from_: FloatArray, to: FloatArray) -> None:
 
 
 @kernel
-def substitute(own: FloatArray, found: FloatArray) -> bool:
-    """Solve for every state in place, from the last to the first; False where one is not determined."""
-    windows, n, m = found.shape
+def substitute(state_rows: FloatArray, states: FloatArray) -> bool:
+    """Back-substitution of all states, in place, from the last to the first; False if one is not determined."""
+    windows, n, m = states.shape
     for i in range(windows - 1, -1, -1):
         for r in range(n - 1, -1, -1):
-            if own[i, r, r] == 0.0:
+            if state_rows[i, r, r] == 0.0:
                 return False
             for k in range(m):
-                rest = found[i, r, k]
+                rest = states[i, r, k]
                 for c in range(r + 1, n):
-                    rest -= own[i, r, c] * found[i, c, k]
+                    rest -= state_rows[i, r, c] * states[i, c, k]
                 if i < windows - 1:
                     for c in range(n):
-                        rest -= own[i, r, n + c] * found[i + 1, c, k]
-                found[i, r, k] = rest / own[i, r, r]
+                        rest -= state_rows[i, r, n + c] * states[i + 1, c, k]
+                states[i, r, k] = rest / state_rows[i, r, r]
     return True

@@ -1,7 +1,7 @@
 """Bounded nonlinear least squares on compressed linearisations.
 
-A recording of any length enters as a small triangular matrix, so memory and the cost of a step do not grow with it,
-and a trial point at which the simulation fails is an answer like any other.
+The residuals enter as a small triangular matrix, so memory and the cost of a step do not grow with the length of a
+recording. A trial point at which the simulation fails is a valid answer, which shortens the step.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Where a minimisation ended."""
+    """Solution of a minimisation."""
 
     x: FloatArray
     at: Linearisation
@@ -47,7 +47,7 @@ Progress = Callable[[str, int], None]
 
 
 def triangular(matrix: FloatArray) -> FloatArray:
-    """Upper triangular factor R of `matrix` = Q R, as many rows as it has."""
+    """Upper triangular factor R of `matrix` = Q R, with at most as many rows as `matrix`."""
     A = np.ascontiguousarray(matrix, dtype=np.float64)
     factor = np.empty((min(A.shape), A.shape[1]))
     kernels_in("clutchid.numerics.householder").triangularise(A, factor)
@@ -55,7 +55,7 @@ def triangular(matrix: FloatArray) -> FloatArray:
 
 
 def compress(jacobian: FloatArray, residuals: FloatArray, rows: int = 1 << 16) -> FloatArray:
-    """Upper triangular factor of ``[J r]``, shape (k + 1, k + 1), made in blocks of `rows`."""
+    """Upper triangular factor of ``[J r]``, shape (k + 1, k + 1), computed in blocks of `rows`."""
     width = jacobian.shape[1] + 1
     factor = np.zeros((0, width))
     for start in range(0, residuals.size, rows):
@@ -77,36 +77,36 @@ def minimise(
 ) -> Solution:
     """Minimise half the sum of squared residuals with ``low <= x <= high``.
 
-    Levenberg-Marquardt with Marquardt's scaling and Nielsen's damping; each step solves the damped linear problem
-    within the bounds exactly, so a bound is met exactly and left again when the data ask for it.
+    Levenberg-Marquardt with Marquardt's scaling and Nielsen's damping. Each step solves the damped linear problem with
+    bounds exactly, so that bounds become active, and inactive again, as the cost requires.
 
     Parameters
     ----------
     evaluate : function
-        Linearisation at a point, or why there is none: the step is then shortened.
+        Linearisation at a point, or a `Failure`: the step is then shortened.
     start : point and its linearisation
         Within the bounds.
     tolerance : 1
         Relative decrease of the cost, and relative step, below which the search ends.
     """
-    x, here = start
-    scale = _norms(here.R)
+    x, current = start
+    scale = _norms(current.R)
     damping, growth = 1e-3, 2.0
     for count in range(1, max_evaluations):
-        step, predicted = _bounded_step(here, scale, damping, low - x, high - x)
-        if predicted <= tolerance * max(here.cost, 1e-300) or _small(step, x, scale, tolerance):
-            return Solution(x, here, "converged", count)
-        there = evaluate(np.clip(x + step, low, high))
-        gain = (here.cost - there.cost) / predicted if isinstance(there, Linearisation) else -np.inf
-        if gain > 1e-4 and isinstance(there, Linearisation):
-            x, here = np.clip(x + step, low, high), there
-            scale = np.maximum(0.5 * scale, _norms(here.R))
+        step, predicted = _bounded_step(current, scale, damping, low - x, high - x)
+        if predicted <= tolerance * max(current.cost, 1e-300) or _small(step, x, scale, tolerance):
+            return Solution(x, current, "converged", count)
+        trial = evaluate(np.clip(x + step, low, high))
+        gain = (current.cost - trial.cost) / predicted if isinstance(trial, Linearisation) else -np.inf
+        if gain > 1e-4 and isinstance(trial, Linearisation):
+            x, current = np.clip(x + step, low, high), trial
+            scale = np.maximum(0.5 * scale, _norms(current.R))
             damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
         else:
             damping, growth = damping * growth, 2 * growth
             if damping > 1e12:
-                return Solution(x, here, "stalled", count + 1)
-    return Solution(x, here, "limit", max_evaluations)
+                return Solution(x, current, "stalled", count + 1)
+    return Solution(x, current, "limit", max_evaluations)
 
 
 def _norms(R: FloatArray) -> FloatArray:
@@ -119,16 +119,16 @@ def _small(step: FloatArray, x: FloatArray, scale: FloatArray, tolerance: float)
 
 
 def _bounded_step(
-    here: Linearisation, scale: FloatArray, damping: float, low: FloatArray, high: FloatArray
+    current: Linearisation, scale: FloatArray, damping: float, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, float]:
-    """The damped step within its bounds, and the decrease of the cost that the linearisation predicts for it."""
+    """Damped step within its bounds, and its predicted decrease of the cost."""
     from scipy.optimize import lsq_linear
 
-    scaled = here.R / scale
+    scaled = current.R / scale
     matrix = np.vstack([scaled, np.sqrt(damping) * np.eye(scale.size)])
-    target = -np.concatenate([here.q, np.zeros(scale.size)])
-    free = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    if np.any(free < low * scale) or np.any(free > high * scale):
-        free = lsq_linear(matrix, target, bounds=(low * scale, high * scale), method="bvls", tol=1e-12).x
-    after = scaled @ free + here.q
-    return free / scale, 0.5 * float(here.q @ here.q - after @ after)
+    target = -np.concatenate([current.q, np.zeros(scale.size)])
+    step = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    if np.any(step < low * scale) or np.any(step > high * scale):
+        step = lsq_linear(matrix, target, bounds=(low * scale, high * scale), method="bvls", tol=1e-12).x
+    after = scaled @ step + current.q
+    return step / scale, 0.5 * float(current.q @ current.q - after @ after)

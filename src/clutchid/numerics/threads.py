@@ -1,4 +1,4 @@
-"""Windows are simulated side by side: the kernels and the linear algebra leave Python's lock."""
+"""Parallel map on threads: the kernels and the linear algebra release Python's lock."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ First = TypeVar("First")
 Second = TypeVar("Second")
 Answer = TypeVar("Answer")
 
-#: Each thread takes this many parts of the work one after another, of so many pieces at least: windows differ in what
-#: they cost, and to hand over a part takes as long as to simulate a window.
-PARTS, LEAST = 4, 4
+#: Number of parts per thread, and fewest pairs in a part. Several parts balance pieces of different cost; very small
+#: ones do not pay, because the transfer of a part takes as long as the simulation of a window.
+PARTS_PER_THREAD, MIN_PAIRS_PER_PART = 4, 4
 
 
-def each(work: Callable[[First, Second], Answer], first: Iterable[First], second: Iterable[Second]) -> list[Answer]:
-    """``work(a, b)`` for each pair, in order, on as many threads as linear algebra may take (OMP_NUM_THREADS)."""
+def map_pairs(
+    work: Callable[[First, Second], Answer], first: Iterable[First], second: Iterable[Second]
+) -> list[Answer]:
+    """``work(a, b)`` for each pair, in order, on as many threads as linear algebra may use (OMP_NUM_THREADS)."""
     pairs = list(zip(first, second, strict=True))
-    threads, count = _threads(), len(pairs) // LEAST
+    threads, count = _threads(), len(pairs) // MIN_PAIRS_PER_PART
     if min(threads, count) < 2:
         return [work(a, b) for a, b in pairs]
-    count = min(PARTS * threads, count)
+    count = min(PARTS_PER_THREAD * threads, count)
     parts = [pairs[len(pairs) * i // count : len(pairs) * (i + 1) // count] for i in range(count)]
-    done = _pool(threads).map(lambda part: [work(a, b) for a, b in part], parts)
-    return [answer for part in done for answer in part]
+    answers = _pool(threads).map(lambda part: [work(a, b) for a, b in part], parts)
+    return [answer for part in answers for answer in part]
 
 
 def _threads() -> int:

@@ -1,1 +1,1 @@
-"""A recording made ready for an actuator: carrier, pulses, time grid and integration steps."""
+"""Preparation of a recording for an actuator: carrier, pulses, time grid and integration steps."""

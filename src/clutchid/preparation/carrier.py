@@ -1,7 +1,7 @@
-"""The carrier that switches the valves, found in a recording: from its duty cycles, the pressure or the position.
+"""Carrier of the valves in a recording, from its duty cycles, the pressure or the position.
 
-A control unit takes a new duty cycle at the start of a period. Where the recorded duty cycles change on a grid in time
-only, the grid tells the phase exactly; where they change at any time, pressure or position must show it.
+A control unit applies a new duty cycle at the start of a period. If the recorded duty cycles change on a time grid,
+the grid gives the phase exactly; otherwise it is estimated from pressure or position.
 """
 
 from __future__ import annotations
@@ -13,39 +13,39 @@ import numpy as np
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
-from clutchid.numerics.threads import each
+from clutchid.numerics.threads import map_pairs
 from clutchid.simulation.plan import carrier
 
 #: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.
 PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 
-#: Phases that are tried, and how much more of the fast part of the pressure's rate the right one must explain than the
-#: middling one: what any phase explains is the changing duty cycle, not the carrier.
+#: Number of phases that are tried, and the least contrast: explained variance of the fast part of the pressure rate by
+#: the best phase beyond that by the median one, which is due to the changing duty cycle and not to the carrier.
 PHASES, CONTRAST = 20, 0.01
 
-#: The same where the period is known from the duty cycles, so that chance has one try only.
+#: Least contrast for a period that is known from the duty cycles, with a single trial.
 CONTRAST_ON_GRID = 0.001
 
-#: How much more another period must explain than that of the grid: a carrier of half or twice its period, driven by the
-#: same duty cycles, explains up to as much as the true one.
-OUTDONE = 2.0
+#: Another period must explain the variance of that of the grid by this factor: with the same duty cycles, half or twice
+#: the true period explains up to the same variance.
+GRID_ADVANTAGE = 2.0
 
-#: The duty cycles change on a grid where their changes, as phasors on it, have a mean of this length; how many changes
-#: tell that, and the longest period in s that is looked for.
-ON_GRID, CHANGES, LONGEST = 0.95, 50, 0.1
+#: Changes of the duty cycles lie on a grid if the mean of their phasors has at least this length; least number of
+#: changes; longest period in s.
+MIN_COHERENCE, MIN_CHANGES, MAX_PERIOD = 0.95, 50, 0.1
 
-#: Samples that a period takes at least for its phase to show, and for edges of an on/off unit, which are recorded.
-SEEN, SEEN_ON_OFF = 2.5, 2.0
+#: Fewest samples per carrier period that resolve its phase, and the same for the recorded edges of an on/off unit.
+MIN_SAMPLES, MIN_SAMPLES_ON_OFF = 2.5, 2.0
 
-#: Travel of a valve, in parts of a period, where none is known yet.
-ABRUPT = 0.01
+#: Assumed travel time of a valve in carrier periods.
+SHORT_TRAVEL = 0.01
 
-#: Longest stretch of a recording that tells the phase, in s.
-ENOUGH = 15.0
+#: Longest part of a recording that is used for the phase, in s.
+MAX_DURATION = 15.0
 
 
 def on_off(log: Log) -> bool:
-    """Whether the valves are opened and closed (bang-bang) and never for a part of a period only.
+    """Whether the valves are switched on and off (bang-bang), without duty cycles in between.
 
     Raises
     ------
@@ -53,25 +53,25 @@ def on_off(log: Log) -> bool:
         If the recording lacks a duty cycle.
     """
     between = [(log[name] > 0.0) & (log[name] < 1.0) for name in ("duty_supply", "duty_exhaust")]
-    return int(np.logical_or(*between).sum()) < CHANGES
+    return int(np.logical_or(*between).sum()) < MIN_CHANGES
 
 
-def shows(log: Log, period: float) -> bool:
-    """Whether a recording has enough samples in a `period` in s of the carrier to show it.
+def resolves_carrier(log: Log, period: float) -> bool:
+    """Whether a recording has enough samples per `period` in s of the carrier to resolve it.
 
     Raises
     ------
     DataError
         If the recording lacks a duty cycle.
     """
-    least = SEEN_ON_OFF if on_off(log) else SEEN
+    least = MIN_SAMPLES_ON_OFF if on_off(log) else MIN_SAMPLES
     return period > (least - 1e-6) * float(np.median(np.diff(log.time)))
 
 
 def duty_grid(log: Log) -> tuple[float, float]:
-    """Period in s of the grid on which the duty cycles change, and its phase; (0, 0) where they change at any time.
+    """Period in s of the time grid on which the duty cycles change, and its phase; (0, 0) if they change at any time.
 
-    Of a grid's divisors, which fit as well, the grid itself is the longest.
+    All divisors of a period fit as well; the period of the grid is the longest that fits.
 
     Raises
     ------
@@ -83,12 +83,12 @@ def duty_grid(log: Log) -> tuple[float, float]:
     for name in ("duty_supply", "duty_exhaust"):
         changed[1:] |= np.abs(np.diff(log[name])) > 1e-9
     at = log.time[changed]
-    if at.size < CHANGES:
+    if at.size < MIN_CHANGES:
         return 0.0, 0.0
-    least = SEEN_ON_OFF if on_off(log) else np.ceil(SEEN)
-    periods = step * np.arange(least, round(LONGEST / step) + 1)
+    least = MIN_SAMPLES_ON_OFF if on_off(log) else np.ceil(MIN_SAMPLES)
+    periods = step * np.arange(least, round(MAX_PERIOD / step) + 1)
     phasors = np.array([np.exp(2j * np.pi * at / period).mean() for period in periods])
-    fitting = np.flatnonzero(np.abs(phasors) > ON_GRID)
+    fitting = np.flatnonzero(np.abs(phasors) > MIN_COHERENCE)
     if fitting.size == 0:
         return 0.0, 0.0
     longest = fitting[-1]
@@ -96,7 +96,7 @@ def duty_grid(log: Log) -> tuple[float, float]:
 
 
 def grid_phase(log: Log, period: float) -> float | None:
-    """Phase of a carrier of known `period` in s where the duty cycles change on its grid; None where they do not.
+    """Phase of a carrier of known `period` in s if the duty cycles change on its grid, else None.
 
     Raises
     ------
@@ -111,13 +111,13 @@ def grid_phase(log: Log, period: float) -> float | None:
 
 
 def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIODS) -> tuple[float, float]:
-    """Period in s of the carrier in a recording with pressure, and where in it the valves open; (0, 0) without one.
+    """Carrier period in s and phase at which the valves open, from a recording with pressure; (0, 0) without a carrier.
 
-    An open valve changes the pressure at once, so the pressure's rate within a period shows when it is open. For every
-    period and phase the rate is compared with the opening that they predict beyond its mean. Periods that show are
-    compared by what they explain of one and the same part of the rate: a longer period has more of it to itself. The
-    period of the grid on which the duty cycles change needs less evidence than others, and wins unless another explains
-    `OUTDONE` times as much. An on/off unit has no carrier: what it shows are the edges of its commands.
+    An open valve changes the pressure immediately, so that the pressure rate within a period shows when it is open. For
+    every period and phase, the rate is regressed on the predicted opening, both without their moving average. Detected
+    periods are compared by the variance that they explain of the same part of the rate, because a longer period
+    contains more of it. The period of the grid of the duty cycles needs less evidence, and is chosen unless another
+    explains `GRID_ADVANTAGE` times its variance. An on/off unit has no carrier: its edges are those of its commands.
 
     Raises
     ------
@@ -125,24 +125,24 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
         If the recording has no pressure.
     """
     step = float(np.median(np.diff(log.time)))
-    log = log.slice(0, min(len(log), round(ENOUGH / step)))
+    log = log.slice(0, min(len(log), round(MAX_DURATION / step)))
     if on_off(log):
         return 0.0, 0.0
     grid, _ = duty_grid(log)
     common = max(1, round(max(periods) / step))
-    found: dict[float, tuple[float, float]] = {}
+    candidates: dict[float, tuple[float, float]] = {}
     for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:
-        if not shows(log, period):
+        if not resolves_carrier(log, period):
             continue
         contrast, phase = _contrast(log, actuator, period, max(1, round(period / step)))
         if contrast > (CONTRAST_ON_GRID if _same(period, grid) else CONTRAST):
-            found[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
-    if not found:
+            candidates[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
+    if not candidates:
         return 0.0, 0.0
-    best = max(found, key=lambda period: found[period][0])
-    own = next((period for period in found if _same(period, grid)), best)
-    chosen = best if found[best][0] > OUTDONE * found[own][0] else own
-    return chosen, found[chosen][1]
+    best = max(candidates, key=lambda period: candidates[period][0])
+    on_grid = next((period for period in candidates if _same(period, grid)), best)
+    chosen = best if candidates[best][0] > GRID_ADVANTAGE * candidates[on_grid][0] else on_grid
+    return chosen, candidates[chosen][1]
 
 
 def _same(period: float, grid: float) -> bool:
@@ -150,15 +150,15 @@ def _same(period: float, grid: float) -> bool:
 
 
 def _contrast(log: Log, actuator: Actuator, period: float, length: int) -> tuple[float, float]:
-    """How much more the best phase of a period explains than the middling one, and that phase.
+    """Explained variance by the best phase of a period beyond that by the median phase, and the best phase.
 
-    Of the pressure's rate, what `length` samples average to is not looked at.
+    Moving averages over `length` samples are removed from the pressure rate.
     """
     rate = np.diff(log["pressure_a"])
     fast = rate - _smooth(rate, length)
     phases = np.arange(PHASES) / PHASES
-    tried = [actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases]
-    shares = np.array(each(lambda one, _: _explained(log, one, fast, length), tried, phases))
+    actuators = [actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases]
+    shares = np.array(map_pairs(lambda one, _: _explained_variance(log, one, fast, length), actuators, phases))
     return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
 
 
@@ -166,8 +166,8 @@ def _smooth(values: FloatArray, length: int) -> FloatArray:
     return np.convolve(np.nan_to_num(values), np.ones(length) / length, "same")
 
 
-def _explained(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> float:
-    """Share of the variance of the fast part of the pressure's rate that the switching of both valves explains."""
+def _explained_variance(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> float:
+    """Fraction of the variance of the fast part of the pressure rate that the switching of both valves explains."""
     p = actuator.parameters
     text, clock = kernels(actuator.model), carrier(log.time, p)
     pressure = np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0)
@@ -177,8 +177,8 @@ def _explained(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> f
         ("duty_exhaust", p.R_0ve, p.R_1ve, pressure / p.P_S),
     ):
         share = text.opening(log[duty], low, high)
-        # a valve's own phase begins to be searched at the duty cycle where it starts to open
-        opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0, ABRUPT)
+        # the search for the phase of a valve starts at the duty cycle where it starts to open
+        opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0, SHORT_TRAVEL)
         switched = np.where(np.isfinite(share), opened, np.nan)[:-1] * drive
         columns.append(switched - _smooth(switched, length))
     A = np.nan_to_num(np.column_stack(columns))

@@ -1,4 +1,4 @@
-"""Recordings made ready for an actuator: named, checked, on a time grid that shows their pulses, cut, with steps."""
+"""Recordings prepared for an actuator: named, checked, on a time grid that resolves pulses, in windows with steps."""
 
 from __future__ import annotations
 
@@ -16,21 +16,20 @@ from clutchid.preparation.pulses import pulsed
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import Plan, Segment, outside_stroke, plan
 from clutchid.simulation.stiffness import TOP_SPEED, local_stiffness, stiffness, substeps
-from clutchid.simulation.windows import GUESS, Track, samples, tracks
+from clutchid.simulation.windows import RESET_INTERVAL, Track, samples, tracks
 
-#: The steps of the integration follow this many times the stiffness at the start, for values that make it stiffer; from
-#: calibrated values, which hardly move, so many times.
+#: Factors on the initial stiffness for the integration steps, because a search may make the model stiffer: for a start
+#: at the priors, and at calibrated values, which change little.
 MARGIN, CALIBRATED_MARGIN = 1.3, 1.05
 
-#: Longest integration step in s, which a window that is not stiff takes: its error stays below a hundredth of what the
-#: model misjudges in a window.
-LONGEST = 5e-4
+#: Longest integration step in s: its error is below a hundredth of the process noise of a window.
+MAX_STEP = 5e-4
 
-#: The stroke is looked at in so many parts; speeds in m/s, of which a window has the next higher one.
-PARTS, SPEEDS = 4, (0.05, 0.15, TOP_SPEED)
+#: Number of parts of the stroke, and classes of speed in m/s, for which the stiffness is computed.
+STROKE_PARTS, SPEED_CLASSES = 4, (0.05, 0.15, TOP_SPEED)
 
-#: What is added to a position in m and a speed in m/s that were measured, over so many s.
-BEYOND, FASTER, OVER = 3e-4, 0.03, 8e-3
+#: Margins on measured position in m and speed in m/s, and the time in s over which the speed is averaged.
+POSITION_MARGIN, SPEED_MARGIN, SPEED_WINDOW = 3e-4, 0.03, 8e-3
 
 
 def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequence[str], y_max: float) -> None:
@@ -57,12 +56,12 @@ def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequen
 
 
 def driven(logs: Sequence[Log], equipment: Equipment) -> list[Log]:
-    """Logs with different names, and with duty cycles for both valves of the model."""
+    """Logs with distinct names, and with duty cycles for both valves of the model."""
     return [equipment.driven(log) for log in _uniquely_named(list(logs))]
 
 
 def _uniquely_named(logs: list[Log]) -> list[Log]:
-    """Logs with different names: a number is added where two files have the same stem."""
+    """Logs with distinct names: a number is appended if two files have the same stem."""
     taken = {log.name for log in logs}
     used: set[str] = set()
     named = []
@@ -76,73 +75,75 @@ def _uniquely_named(logs: list[Log]) -> list[Log]:
 
 
 def prepare(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
-    """A recording made ready for `actuator`: on a time grid that shows its pulses, with the carrier's phase and steps.
+    """Plan of a recording for `actuator`: time grid that resolves the pulses, carrier phase, and integration steps.
 
-    The first guess of the states takes the measured position again and again, so the plan has resets.
+    The plan has resets at short intervals, for the initial values of the states.
 
     Parameters
     ----------
     log : Log
-        With both duty cycles and the columns that are compared.
+        With both duty cycles and the compared columns.
     actuator : Actuator
-        Its carrier is looked for; the plan's actuator has the phase that was found.
+        Its carrier is identified; the actuator of the plan has the identified phase.
     measure : 'position', 'pressure_a'
         Measured columns in use.
 
     Raises
     ------
     DataError
-        If the recording lacks a duty cycle, or a column that the phase is read from.
+        If the recording lacks a duty cycle, or a column that the phase is estimated from.
     """
     with_pressure = "pressure_a" in measure
-    found = pulsed(log, actuator, with_pressure)
-    step = float(np.median(np.diff(found.log.time))) if len(found.log) > 1 else GUESS
-    every = Partition(every=max(2, round(GUESS / step)))
-    done = plan(found.log, found.actuator, MARGIN * stiffness(found.actuator), every, with_pressure)
-    warnings = (*done.warnings, found.warning) if found.warning else done.warnings
-    return replace(done, warnings=warnings, phase_std=found.spread)
+    pulsed_log = pulsed(log, actuator, with_pressure)
+    step = float(np.median(np.diff(pulsed_log.log.time))) if len(pulsed_log.log) > 1 else RESET_INTERVAL
+    resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
+    prepared = plan(pulsed_log.log, pulsed_log.actuator, MARGIN * stiffness(pulsed_log.actuator), resets, with_pressure)
+    warnings = (*prepared.warnings, pulsed_log.warning) if pulsed_log.warning else prepared.warnings
+    return replace(prepared, warnings=warnings, phase_std=pulsed_log.phase_std)
 
 
-def paced_tracks(plans: Sequence[Plan], margin: float) -> tuple[Track, ...]:
-    """All segments cut into windows, each with as few integration steps as are stable.
+def tracks_with_steps(plans: Sequence[Plan], margin: float) -> tuple[Track, ...]:
+    """All segments in windows, each with as few integration steps as are stable.
 
-    The stiffest places of an actuator, a small chamber at a stop and a piston at full speed, are met in few windows;
-    with the steps that these need most windows would take twice as long. A window never takes more than its plan has.
+    Few windows contain the stiffest states of an actuator: a small chamber at a stop, and a piston at full speed. With
+    the steps for these, most windows would take twice as long. A window never has more steps than its plan.
 
     Parameters
     ----------
     plans : several
-        Their measured positions say where the piston is; a window without keeps its steps.
+        Their measured positions give the position of the piston; a window without any keeps its steps.
     margin : 1
-        By how much stiffer an actuator may become during a search.
+        Factor by which a search may make an actuator stiffer.
     """
-    return tuple(paced(track, plans[track.log].actuator, margin) for track in tracks(plans))
+    return tuple(with_steps(track, plans[track.log].actuator, margin) for track in tracks(plans))
 
 
-def paced(track: Track, actuator: Actuator, margin: float) -> Track:
-    """One track of `paced_tracks`."""
-    edges = np.linspace(0.0, actuator.parameters.y_max, PARTS + 1)
+def with_steps(track: Track, actuator: Actuator, margin: float) -> Track:
+    """One track of `tracks_with_steps`."""
+    edges = np.linspace(0.0, actuator.parameters.y_max, STROKE_PARTS + 1)
     edges[0], edges[-1] = -np.inf, np.inf
 
     @cache
     def rate(part: int, speed: float) -> float:
         return margin * local_stiffness(actuator, speed, (float(edges[part]), float(edges[part + 1])))
 
-    return replace(track, windows=tuple(_paced(track, window, edges, rate) for window in track.windows))
+    return replace(track, windows=tuple(_window_with_steps(track, window, edges, rate) for window in track.windows))
 
 
-def _paced(track: Track, window: Segment, edges: FloatArray, rate: Callable[[int, float], float]) -> Segment:
+def _window_with_steps(
+    track: Track, window: Segment, edges: FloatArray, rate: Callable[[int, float], float]
+) -> Segment:
     position = track.measured["position"][window.start : window.stop]
-    far = samples(window, OVER) - 1
+    far = samples(window, SPEED_WINDOW) - 1
     travel = np.abs(position[far:] - position[:-far])
     if not np.isfinite(travel).all() or travel.size == 0:
         return window
-    fastest = float(travel.max()) / OVER + FASTER
-    speed = next((limit for limit in SPEEDS if fastest <= limit), None)
+    fastest = float(travel.max()) / SPEED_WINDOW + SPEED_MARGIN
+    speed = next((limit for limit in SPEED_CLASSES if fastest <= limit), None)
     if speed is None:
         return window
-    reach = np.array([position.min() - BEYOND, position.max() + BEYOND])
-    first, last = np.searchsorted(edges, reach).clip(1, PARTS) - 1
+    reach = np.array([position.min() - POSITION_MARGIN, position.max() + POSITION_MARGIN])
+    first, last = np.searchsorted(edges, reach).clip(1, STROKE_PARTS) - 1
     stiffest = max(rate(part, speed) for part in range(first, last + 1))
-    steps = np.maximum(substeps(window.dt, stiffest), np.ceil(window.dt / LONGEST * (1 - 1e-9)).astype(np.int32))
+    steps = np.maximum(substeps(window.dt, stiffest), np.ceil(window.dt / MAX_STEP * (1 - 1e-9)).astype(np.int32))
     return replace(window, substeps=np.minimum(window.substeps, steps))

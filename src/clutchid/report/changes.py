@@ -1,4 +1,4 @@
-"""What has changed since a calibration, in words."""
+"""Changes since a calibration, as sentences."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from clutchid.estimate.result import Fit
 
 
 def notes_of(fit: Fit) -> list[str]:
-    """What is to be said of a result besides its warnings: what has changed, then what the data determine."""
+    """Notes on a result: changes since the calibration, then what the data determine."""
     return [*change_sentences(fit.changes), *fit.notes]
 
 
 def change_sentences(changes: Sequence[Change]) -> list[str]:
-    """A sentence for each group of parameters that has changed, or may have, in each recording."""
+    """A sentence for each group of parameters that has changed, or may have changed, in each recording."""
     groups = groupby(changes, key=lambda change: (change.recording, change.group, change.fitted, change.distance))
     return [_sentence(recording, group, list(members)) for (recording, group, *_), members in groups]
 
@@ -25,8 +25,11 @@ def _sentence(recording: str, group: str, changes: Sequence[Change]) -> str:
     first = changes[0]
     if first.fitted:
         return f"{recording}: {group} has changed since the calibration and was fitted with the load ({values})."
-    told = f"{group} may have changed since the calibration ({values}), {first.distance:.1f} standard deviations"
-    return f"{recording}: {told}; it was held, and the band is wider. If you know that it has, free it with a prior."
+    change = f"{group} may have changed since the calibration ({values}), {first.distance:.1f} standard deviations"
+    return (
+        f"{recording}: {change}; it was fixed, and the interval is widened for an unconfirmed change. If the change is "
+        "confirmed, free it with a prior."
+    )
 
 
 def _from_to(change: Change) -> str:

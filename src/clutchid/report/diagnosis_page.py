@@ -1,4 +1,4 @@
-"""Blocks of a page that say how far a fit can be trusted: verdict, residuals, and what the recordings lack."""
+"""Parts of a page on the trust in a fit: verdict, residuals, and missing excitation."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from clutchid.report.html import Block, Bullets, Details, Notice, Picture, Text,
 from clutchid.report.tables import Cell, Column, Table
 
 _TRUST: Mapping[str, tuple[Literal["ok", "warning", "failed"], str]] = {
-    "good": ("ok", "Verdict: the numbers can be trusted within their intervals."),
+    "good": ("ok", "Verdict: the results can be trusted within their intervals."),
     "with care": ("warning", "Verdict: use with care."),
-    "none": ("failed", "Verdict: do not use these numbers."),
+    "none": ("failed", "Verdict: do not use these results."),
 }
 
 
 def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
-    """The verdict with its reasons, and what it cannot see; `names` of recordings stay as they are."""
+    """The verdict with its reasons and limits; `names` of recordings are not capitalised."""
     kind, lead = _TRUST[judged.trust]
     blocks: list[Block] = [Notice(lead, kind, tuple(_capital(reason, names) for reason in judged.reasons))]
     if judged.unseen:
-        blocks.append(Details("What the verdict cannot see", tuple(Text(escape(_capital(u))) for u in judged.unseen)))
+        blocks.append(Details("Limits of the verdict", tuple(Text(escape(_capital(u))) for u in judged.unseen)))
     return blocks
 
 
-def told_blocks(fit: Fit, found: Evidence) -> list[Block]:
-    """What the recordings told, what they lack, and the manoeuvre that would settle it."""
-    said = [*notes_of(fit), *found.missing]
-    blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in said))] if said else []
+def information_blocks(fit: Fit, found: Evidence) -> list[Block]:
+    """What the data determine, missing excitation, and the recommended recording."""
+    sentences = [*notes_of(fit), *found.missing]
+    blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in sentences))] if sentences else []
     if not found.missing:
-        return [*blocks, Text("Nothing is missing in the motion: reach, directions and vented rests are there.")]
+        return [*blocks, Text("The excitation is sufficient: reach, directions and vented rests.")]
     proposal = _proposal(fit)
-    return [*blocks, Text(f"To settle it: {escape(proposal)}")] if proposal else blocks
+    return [*blocks, Text(f"Recommended recording: {escape(proposal)}")] if proposal else blocks
 
 
 def _proposal(fit: Fit) -> str:
-    """The manoeuvre that tells most about the load; nothing where none can be simulated."""
+    """The most informative manoeuvre for the load; empty if none can be simulated."""
     from clutchid.assess.manoeuvre_choice import best_manoeuvre
 
     names = [name for name in fit.parameters if "@" not in name]
@@ -59,12 +59,12 @@ def _proposal(fit: Fit) -> str:
 
 
 def diagnosis_table(found: Evidence) -> Table:
-    """Fit in %, errors and independent samples of every recording."""
+    """Fit in %, errors and number of independent samples of every recording."""
     columns = (
         Column("recording", "recording"), Column("column", "of"), Column("fit_percent [1]", "fit [%]", 1.0, 1),
         Column("predicted_percent [1]", f"fit over\n{HORIZON:g} s [%]", 1.0, 1),
         Column("rms", "rms"), Column("mean", "mean"), Column("samples [1]", "samples", 1.0, 0),
-        Column("effective_samples [1]", "worth\nindependent", 1.0, 0),
+        Column("effective_samples [1]", "independent\nsamples", 1.0, 0),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for name, diagnosis in found.diagnoses.items():
@@ -78,32 +78,32 @@ def diagnosis_table(found: Evidence) -> Table:
             numbers = (column.samples, column.effective_samples)
             rows.append((name, shown, column.fit_percent, over, rms, mean, *numbers))
     note = (
-        "Fit is 100 % where the simulation is exact and 0 % where it is as good as the mean. Over 1 s: simulated for a "
-        "second at a time from the measured position."
+        "The fit is 100 % for an exact simulation and 0 % for one that is as good as the mean. Over 1 s: simulated for "
+        "a second at a time from the measured position."
     )
     return Table("Residuals, measured less simulated", columns, tuple(rows), note=note)
 
 
 def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
-    """Figures of the residuals of one recording and what is to be said of them."""
+    """Figures of the residuals of one recording, and remarks on them."""
     pressure = "pressure_a" in diagnosis.columns
     follows = " The simulated position follows the measured one." if fit.follows else ""
     who = escape(diagnosis.name)
     colour = Picture(
         png(colour_figure(diagnosis)),
-        f"{who}: correlation of the residual of position{' and of pressure' if pressure else ''} with itself and, "
-        "whitened, with the duty cycles. At a positive lag the residual comes after the valve. Noise stays inside the "
-        f"grey bounds at 99 of 100 lags; what stands out is left out by the model.{follows}",
+        f"{who}: autocorrelation of the residual of position{' and of pressure' if pressure else ''}, and correlation "
+        "of the whitened residual with the duty cycles. At a positive lag the residual follows the valve. White noise "
+        f"is within the grey bounds at 99 of 100 lags; larger values are due to model errors.{follows}",
         "Autocorrelation of the residuals and correlation with both valves, with 99 % bounds",
     )
     regions = Picture(
         png(region_figure(diagnosis)),
-        f"{who}: rms error where the piston is and how it moves; the dotted line is the whole recording.",
+        f"{who}: rms error by position and direction of motion; the dotted line is that of the whole recording.",
         "Rms error by stroke region, opening, closing and in hold",
     )
-    said = [sentence.removeprefix(f"{diagnosis.name}: ") for sentence in remarks(diagnosis)]
-    words: tuple[Block, ...] = (Bullets(tuple(escape(_capital(s)) for s in said)),) if said else ()
-    return (colour, regions, *words)
+    sentences = [sentence.removeprefix(f"{diagnosis.name}: ") for sentence in remarks(diagnosis)]
+    bullets: tuple[Block, ...] = (Bullets(tuple(escape(_capital(s)) for s in sentences)),) if sentences else ()
+    return (colour, regions, *bullets)
 
 
 def _capital(sentence: str, names: Collection[str] = ()) -> str:
@@ -114,5 +114,5 @@ def _capital(sentence: str, names: Collection[str] = ()) -> str:
 
 
 def worst_first(found: Evidence, names: Sequence[str]) -> list[str]:
-    """Recordings with the poorest simulation over a second first; those that were not judged last."""
+    """Recordings by their fit over a second, the poorest first; those without one last."""
     return sorted(names, key=lambda name: found.predictions.get(name, 100.0))

@@ -1,4 +1,4 @@
-"""The page of a fit: verdict, what was found, how sure it is, and how well it explains the recordings."""
+"""Page of a fit: verdict, load, parameters with intervals, and comparison with the recordings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ from clutchid.assess.evidence import Evidence, as_recorded, evidence, reach
 from clutchid.assess.verdict import ENGAGING, verdict
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Errors, Recording
-from clutchid.report.diagnosis_page import diagnosis_table, residual_blocks, told_blocks, verdict_blocks, worst_first
+from clutchid.report.diagnosis_page import (
+    diagnosis_table,
+    information_blocks,
+    residual_blocks,
+    verdict_blocks,
+    worst_first,
+)
 from clutchid.report.figures import png
 from clutchid.report.files import write_text
 from clutchid.report.fit_figures import load_figure, recording_figure
@@ -25,15 +31,15 @@ from clutchid.report.provenance import provenance
 from clutchid.report.style import BAR, KN, MM
 from clutchid.report.tables import Cell, Column, Table
 
-#: Most recordings with figures on a page, fitted and verified each; the others are in the tables.
-MOST_DRAWN = 3
+#: Greatest number of fitted, and of verified, recordings with figures; the others are in the tables.
+MAX_DRAWN = 3
 
-#: A recording longer than this in s is also drawn closer, over that many s.
-LONG, CLOSER = 120.0, 30.0
+#: A recording longer than the first length in s has an additional figure of a part of the second length in s.
+LONG_RECORDING, DETAIL_LENGTH = 120.0, 30.0
 
 _STATUS = {
-    "ok": "The fit settled, without a warning.",
-    "warning": "There is something to know before the result is used.",
+    "ok": "The fit converged without warnings.",
+    "warning": "Read the warnings before you use the result.",
     "failed": "The fit failed; there is no load to show.",
 }
 
@@ -44,18 +50,18 @@ def fit_page(fit: Fit, command: str, path: str | PathLike[str], found: Evidence 
     Parameters
     ----------
     fit : Fit
-        Of any status and method; a failed one gives a page that says so.
+        Of any status and method; a failed one gives a page with the reason.
     command : str
         The command line that repeats the fit, shown on the page.
     path
-        The file; an older one is replaced in one step.
+        The file; an existing one is replaced atomically.
     found : Evidence, optional
-        ``clutchid.assess.evidence.evidence(fit)``, where it is at hand.
+        ``clutchid.assess.evidence.evidence(fit)``, if it has been computed.
 
     Raises
     ------
     ExportError
-        If the file cannot be written; an older file stays as it was.
+        If the file cannot be written; an existing file is unchanged.
     """
     write_text(render(page_of(fit, command, found)), path)
 
@@ -67,7 +73,7 @@ def page_of(fit: Fit, command: str, found: Evidence | None = None) -> Page:
     found = evidence(fit) if found is None else found
     sections = [Section("Result", _result(fit, found))]
     if found.diagnoses:
-        sections.append(Section("What the recordings told", tuple(told_blocks(fit, found))))
+        sections.append(Section("What the data determine", tuple(information_blocks(fit, found))))
     sections.append(Section("Parameters", parameter_blocks(fit)))
     if fit.recordings:
         sections.append(Section("Errors", _errors(fit, found)))
@@ -92,7 +98,7 @@ def _result(fit: Fit, found: Evidence) -> tuple[Block, ...]:
     lead = f"{_STATUS[fit.status]} {fit.message[:1].upper()}{fit.message[1:]}."
     blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in fit.warnings)]
     if fit.status != "failed":
-        alt = "Load over position with its 95 % band and half of its peak"
+        alt = "Load over position with its 95 % interval and half of its peak"
         blocks += [
             Text(_sentence(fit)),
             Picture(png(load_figure(fit)), _LOAD_CAPTION["shooting" if fit.follows else "simulation"], alt),
@@ -102,26 +108,25 @@ def _result(fit: Fit, found: Evidence) -> tuple[Block, ...]:
 
 _LOAD_CAPTION = {
     "simulation": (
-        "Load over the position of the piston. The band holds the load with 95 % probability at each position, if the "
-        "model is right: it counts noise and coloured residuals, not what the model leaves out. Where nothing was "
-        "recorded the curve is dashed."
+        "Load over the position of the piston, with a pointwise 95 % interval for a correct model: it includes noise "
+        "and autocorrelated residuals, but no model errors. The curve is dashed beyond the recorded positions."
     ),
     "shooting": (
-        "Load over the position of the piston. The band holds the load with 95 % probability at each position: it "
-        "counts noise, coloured residuals, what the calibration left open and how far the actuator drifts between two "
-        "recordings. Where nothing was recorded the curve is dashed and the band may leave the picture."
+        "Load over the position of the piston, with a pointwise 95 % interval: it includes noise, autocorrelated "
+        "residuals, the uncertainty of the calibration and the drift of the actuator between two recordings. Beyond "
+        "the recorded positions the curve is dashed, and the interval may exceed the figure."
     ),
 }
 
 
 def _sentence(fit: Fit) -> str:
-    """The load in one paragraph: peak, half-load position, and what it is where the clutch engages."""
+    """The load in one paragraph: peak, half-load position, and values where the clutch engages."""
     curve, furthest = fit.load_curve, reach(fit)
     at = curve.peak(furthest)
     low, high = (float(np.interp(y, curve.position, curve.force)) for y in ENGAGING)
     text = (
-        f"Within the {furthest / MM:.1f} mm that were driven the load is greatest at {curve.position[at] / MM:.1f} "
-        f"mm, {curve.force[at] / KN:.2f} kN.{_half_sentence(fit)}"
+        f"Within the recorded {furthest / MM:.1f} mm the load is greatest at {curve.position[at] / MM:.1f} mm, "
+        f"{curve.force[at] / KN:.2f} kN.{_half_sentence(fit)}"
     )
     if not furthest >= ENGAGING[1]:
         return f"{text} The {ENGAGING[1] / MM:.0f} mm to where the clutch engages were not reached."
@@ -129,10 +134,10 @@ def _sentence(fit: Fit) -> str:
         f" Where the clutch engages it goes from {low / KN:.2f} kN at {ENGAGING[0] / MM:.0f} mm to {high / KN:.2f} kN "
         f"at {ENGAGING[1] / MM:.0f} mm"
     )
-    there = (curve.position >= ENGAGING[0]) & (curve.position <= ENGAGING[1])
-    half = (curve.high - curve.low)[there] / 2
+    engaging = (curve.position >= ENGAGING[0]) & (curve.position <= ENGAGING[1])
+    half = (curve.high - curve.low)[engaging] / 2
     if not np.isfinite(half).all():
-        return f"{text}; the recordings give no interval there."
+        return f"{text}; the interval there is infinite."
     return f"{text}, ± {half.max():.0f} N at 95 %."
 
 
@@ -140,12 +145,12 @@ def _half_sentence(fit: Fit) -> str:
     at = half_load_band(fit.load_curve, reach(fit))
     if not np.isfinite(at.position):
         return ""
-    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f} mm by the band)" if np.isfinite(at.low + at.high) else ""
+    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f} mm at 95 %)" if np.isfinite(at.low + at.high) else ""
     return f" It passes half of that at {at.position / MM:.2f} mm{interval}."
 
 
 def error_table(fit: Fit) -> Table:
-    """Rms errors and sums of squares per recording, fitted and verified."""
+    """Rms errors and sums of squares of each recording, fitted and verified."""
     columns = (
         Column("recording", "recording"), Column("use", "use"),
         Column("position_rms [m]", "rms [mm]", MM, 3, group="position"),
@@ -160,9 +165,9 @@ def error_table(fit: Fit) -> Table:
     rows += [(name, "verified", *_cells(r.errors)) for name, r in fit.verification.items()]
     note = "Errors against the measured samples; Σe² is the sum of squares, as in Table 2 of the paper."
     if fit.follows:
-        which = "those within windows of 0.1 s" if fit.method == "shooting" else "those of prediction by a sample"
-        how = "shooting" if fit.method == "shooting" else "prediction error"
-        note += f" By {how} they are {which}; a verified recording is simulated as a whole."
+        which = "those within windows of 0.1 s" if fit.method == "shooting" else "one-sample prediction errors"
+        how = "multiple shooting" if fit.method == "shooting" else "prediction error"
+        note += f" For {how} they are {which}; a verified recording is simulated as a whole."
     return Table("Simulation against measurement", columns, tuple(rows), (rule,), note)
 
 
@@ -181,15 +186,15 @@ def _errors(fit: Fit, found: Evidence) -> tuple[Block, ...]:
 
 
 def _drawn(fit: Fit, found: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Section]:
-    """A section a recording, of the poorest ones where there are many."""
+    """A section for each recording; of many, only those with the poorest fit."""
     names = list(recordings)
-    if len(names) > MOST_DRAWN:
-        kept = worst_first(found, names)[:MOST_DRAWN]
+    if len(names) > MAX_DRAWN:
+        kept = worst_first(found, names)[:MAX_DRAWN]
         names = [name for name in names if name in kept]
     sections = [_section(fit, name, recordings[name], use, found) for name in names]
     if len(names) < len(recordings):
         rest = f"{len(recordings) - len(names)} more ({use})"
-        words = f"Drawn are the {len(names)} recordings that fit least; the others are in the table of errors."
+        words = f"The {len(names)} recordings with the poorest fit are drawn; the others are in the table of errors."
         sections.append(Section(rest, (Text(words),)))
     return sections
 
@@ -200,32 +205,32 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidenc
     fitted = use == "fitted"
     pressure = "pressure not measured" if rms is None else f"{rms / BAR:.3f} bar rms in pressure"
     caption = f"{escape(name)}, {use}: {e.position_rms / MM:.3f} mm rms in position, {pressure}."
-    alone = fitted and "pressure_a" not in fit.scales
+    position_only = fitted and "pressure_a" not in fit.scales
     if not fitted:
-        caption += " Nothing is fitted here: position and pressure are simulated from the duty cycles."
-    if alone:
+        caption += " Not fitted: position and pressure are simulated from the duty cycles."
+    if position_only:
         caption += (
-            " The pressure is read from the position alone; on the grey ground it is not held: before the first or "
-            "after the last vented rest, or beyond the reach of the fitted recordings."
+            " The pressure is estimated from the position alone; it is unreliable where the background is grey: before "
+            "the first or after the last vented rest, or beyond the reach of the fitted recordings."
         )
-    seen = replace(recording, simulated=as_recorded(fit, name, recording.simulated))
-    span = reliable(recording.measured, fit.actuator.parameters, reach(fit)) if alone else None
+    as_measured = replace(recording, simulated=as_recorded(fit, name, recording.simulated))
+    span = reliable(recording.measured, fit.actuator.parameters, reach(fit)) if position_only else None
     alt = f"Measured and simulated motion and pressure of {name}"
     in_mm, in_bar = Column("", "", MM, 2).shown, Column("", "", BAR, 3).shown
     starts = "; ".join(f"{in_mm(y)} mm, {in_bar(p)} bar" for y, p in recording.starts[:6])
     more = " …" if len(recording.starts) > 6 else ""
     start = Text(f"Simulated from position and pressure at the start: {starts}{more}.")
     residuals = residual_blocks(fit, found.diagnoses[name]) if fitted and name in found.diagnoses else ()
-    pictures = [Picture(png(recording_figure(seen, span)), caption, alt), *_closer(seen, span, alt)]
+    pictures = [Picture(png(recording_figure(as_measured, span)), caption, alt), *_detail(as_measured, span, alt)]
     return Section(f"{name} ({use})", (*pictures, start, *residuals))
 
 
-def _closer(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> list[Picture]:
-    """Of a long recording, the part with the largest error of the position."""
+def _detail(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> list[Picture]:
+    """For a long recording, the part with the largest error of the position."""
     time = recording.measured.time
-    if time[-1] - time[0] <= LONG:
+    if time[-1] - time[0] <= LONG_RECORDING:
         return []
-    starts = np.searchsorted(time, np.arange(time[0], time[-1], CLOSER))
+    starts = np.searchsorted(time, np.arange(time[0], time[-1], DETAIL_LENGTH))
     squares = np.nan_to_num((recording.measured["position"] - recording.simulated["position"]) ** 2)
     worst = int(np.argmax(np.add.reduceat(squares, starts)))
     a, b = int(starts[worst]), int([*starts, time.size][worst + 1])
@@ -233,4 +238,4 @@ def _closer(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> l
         return []
     part = replace(recording, measured=recording.measured.slice(a, b), simulated=recording.simulated.slice(a, b))
     figure = recording_figure(part, None if span is None else span[a:b])
-    return [Picture(png(figure), f"The {CLOSER:.0f} s with the largest error of the position.", alt)]
+    return [Picture(png(figure), f"The {DETAIL_LENGTH:.0f} s with the largest error of the position.", alt)]

@@ -1,4 +1,4 @@
-"""A fit as text for a terminal, and as an object for JSON."""
+"""A fit as text for a terminal, and as a JSON object."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
-    """The JSON object of a fit and what its verdict rests on, docs/formats.md."""
+    """The JSON object of a fit and of the evidence for its verdict, docs/formats.md."""
     from clutchid.assess.verdict import verdict_json
     from clutchid.report.changes import notes_of
 
@@ -58,7 +58,7 @@ def _errors_json(errors: Any) -> dict[str, float | None]:
 
 
 def fit_text(result: Fit, found: Evidence) -> str:
-    """A fit for a terminal; its warnings are not in it."""
+    """A fit as text for a terminal, without its warnings."""
     from clutchid.assess.verdict import verdict
     from clutchid.report.changes import notes_of
 
@@ -79,7 +79,7 @@ def fit_text(result: Fit, found: Evidence) -> str:
 
 
 def _peak(result: Fit) -> str:
-    """The greatest load within the reach of the fitted recordings; beyond it the curve is not known."""
+    """The greatest load within the reach of the fitted recordings; beyond, the curve is not determined."""
     import numpy as np
 
     measured = [recording.measured["position"] for recording in result.recordings.values()]
@@ -87,4 +87,4 @@ def _peak(result: Fit) -> str:
     curve = result.load_curve
     peak = curve.peak(reach)
     where = f"{curve.position[peak] * 1e3:.2f} mm"
-    return f"peak load {curve.force[peak]:.0f} N at {where}, within the {reach * 1e3:.1f} mm that were driven"
+    return f"peak load {curve.force[peak]:.0f} N at {where}, within the recorded {reach * 1e3:.1f} mm"

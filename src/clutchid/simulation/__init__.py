@@ -1,4 +1,4 @@
-"""Simulation of an actuator along a recording: ballistic or partitioned, with exact sensitivities."""
+"""Simulation of an actuator with the inputs of a recording: ballistic or partitioned, with exact sensitivities."""
 
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate

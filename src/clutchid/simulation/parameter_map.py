@@ -1,4 +1,4 @@
-"""How the free numbers of a fit look from one recording: which parameters of its actuator they are."""
+"""Map from the free parameters theta of a fit to the parameters of one recording."""
 
 from __future__ import annotations
 
@@ -11,42 +11,41 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED, SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
-from clutchid.simulation.run import Columns, IntArray, Numbers, columns
+from clutchid.simulation.run import Columns, IntArray, KernelArrays, columns
 from clutchid.simulation.windows import units
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ActiveColumns:
-    """What a window that is simulated needs to know of theta: which of it matters there, and where it stands.
+    """Columns of a window: the parameters with an influence there, and their places among all.
 
-    The simulation carries the columns `which` from `start`; the rows of the window go on with numbers of sensors, which
-    stand in `own`, as `kernels.compare` wants them. `theta` are all their places among the parameters of the view;
-    `columns` those in `Rows.own`, with the columns of the start and of the residual; `carried` those in
-    `Rows.to_theta`.
+    `sensitivities` are the columns of the simulation, `start` the sensitivities at its start. `sensor_columns` are the
+    columns of the lag and the offset of each sensor, as in `comparison.compare`. `parameters` are the indices of the
+    active parameters in the map, `row_columns` the places of all columns in `WindowRows.rows`, and `theta_columns`
+    those of the simulated parameters in `WindowRows.to_theta`.
     """
 
-    which: Columns
+    sensitivities: Columns
     start: FloatArray
-    own: Mapping[str, tuple[int, int]]
-    theta: IntArray
-    columns: IntArray
-    carried: IntArray
+    sensor_columns: Mapping[str, tuple[int, int]]
+    parameters: IntArray
+    row_columns: IntArray
+    theta_columns: IntArray
 
 
-#: ColumnCache by the first and the last part of the load's table that a window meets.
+#: Columns by first and last piece of the load.
 ColumnCache = dict[tuple[int, int], ActiveColumns]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterMap:
-    """How theta looks from one recording: its actuator, and the parameters `bases` at its `places`.
+    """Actuator of one recording, and the parameters `bases` that theta has at `places`.
 
-    `slopes` are dSI/dtheta, `sensors` lag and offset of the sensor of each measured column;
-    `cache` keeps what windows have asked for.
+    `slopes` are d(SI)/dtheta, `sensors` lag and offset of the sensor of each measured column.
     """
 
     actuator: Actuator
-    numbers: Numbers
+    numbers: KernelArrays
     bases: tuple[str, ...]
     places: tuple[int, ...]
     slopes: FloatArray
@@ -55,36 +54,43 @@ class ParameterMap:
     cache: ColumnCache
 
     def fixed(self) -> ParameterMap:
-        """The same with theta held: no parameters, their values in the actuator only."""
+        """The same with fixed theta: the values stay in the actuator, no parameter is free."""
         return ParameterMap(self.actuator, self.numbers, (), (), np.zeros(0), 0, self.sensors, {})
 
-    def met(self, low: float, high: float) -> tuple[int, int]:
-        """First and last part of the load's table between two positions in m."""
+    def load_pieces(self, low: float, high: float) -> tuple[int, int]:
+        """First and last polynomial piece of the load between two positions in m."""
         return bisect_right(self.numbers.breakpoints, low), bisect_right(self.numbers.breakpoints, high)
 
-    def active_columns(self, met: tuple[int, int]) -> ActiveColumns:
-        """The columns of a window that meets these parts of the load's table.
+    def active_columns(self, pieces: tuple[int, int]) -> ActiveColumns:
+        """The columns of a window over these pieces of the load.
 
-        A load weight matters to the states where its basis function is not zero, a number of a sensor nowhere.
+        A load weight acts on the states where its basis function is not zero; sensor parameters do not act on them.
         """
-        if met not in self.cache:
-            touched = np.any(self.numbers.basis[:, met[0] : met[1] + 1] != 0.0, axis=(1, 2))
-            idle = {name for name, meets in zip(self.actuator.load.names, touched.tolist(), strict=True) if not meets}
+        if pieces not in self.cache:
+            acting = np.any(self.numbers.basis[:, pieces[0] : pieces[1] + 1] != 0.0, axis=(1, 2))
+            idle = {name for name, acts in zip(self.actuator.load.names, acting.tolist(), strict=True) if not acts}
             active = [i for i, name in enumerate(self.bases) if name not in idle and name not in SENSOR_PARAMETERS]
-            self.cache[met] = self._active_columns(active)
-        return self.cache[met]
+            self.cache[pieces] = self._active_columns(active)
+        return self.cache[pieces]
 
     def _active_columns(self, active: Sequence[int]) -> ActiveColumns:
         states, unit = self.actuator.states, units(self.actuator)
-        n, theta = len(states), [*active, *(i for i, name in enumerate(self.bases) if name in SENSOR_PARAMETERS)]
-        which = columns(self.actuator, [*(f"start of {name}" for name in states), *(self.bases[i] for i in active)])
+        n, all_active = len(states), [*active, *(i for i, name in enumerate(self.bases) if name in SENSOR_PARAMETERS)]
+        names = [*(f"start of {name}" for name in states), *(self.bases[i] for i in active)]
         start = np.zeros((n, n + len(active)))
         start[:, :n] = np.diag(unit)
-        column = {self.bases[i]: n + number for number, i in enumerate(theta) if self.bases[i] in SENSOR_PARAMETERS}
-        own = {name: (column.get(s.lag, -1), column.get(s.offset, -1)) for name, s in MEASURED.items()}
-        carried = np.array([self.places[i] for i in theta], dtype=np.int64)
-        placed = np.concatenate([np.arange(n), n + carried, [n + self.size]])
-        return ActiveColumns(which, start, own, np.array(theta, dtype=np.int64), placed, carried[: len(active)])
+        column = {
+            self.bases[i]: n + number for number, i in enumerate(all_active) if self.bases[i] in SENSOR_PARAMETERS
+        }
+        places = np.array([self.places[i] for i in all_active], dtype=np.int64)
+        return ActiveColumns(
+            sensitivities=columns(self.actuator, names),
+            start=start,
+            sensor_columns={name: (column.get(s.lag, -1), column.get(s.offset, -1)) for name, s in MEASURED.items()},
+            parameters=np.array(all_active, dtype=np.int64),
+            row_columns=np.concatenate([np.arange(n), n + places, [n + self.size]]),
+            theta_columns=places[: len(active)],
+        )
 
 
 def parameter_map(
@@ -95,10 +101,10 @@ def parameter_map(
     size: int,
     cache: ColumnCache | None = None,
 ) -> ParameterMap:
-    """The view of a recording in which theta's `places` are the parameters `bases`, with dSI/dtheta `slopes`.
+    """Map of a recording: theta has the parameters `bases` at `places`, with d(SI)/dtheta `slopes`.
 
-    `cache` may be those of another view, which differs in values only.
+    `cache` may be shared with a map that differs in values only.
     """
     sensors = {name: (actuator.value(s.lag), actuator.value(s.offset)) for name, s in MEASURED.items()}
     known = {} if cache is None else cache
-    return ParameterMap(actuator, Numbers.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, known)
+    return ParameterMap(actuator, KernelArrays.of(actuator), tuple(bases), tuple(places), slopes, size, sensors, known)

@@ -1,4 +1,4 @@
-"""Partitioned ballistic simulation: where the measured position is taken again, in the paper's two readings."""
+"""Partitioned ballistic simulation: resets to the measured position, in the two definitions of the paper."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from clutchid.errors import ParameterError
 
 @dataclass(frozen=True, slots=True)
 class Partition:
-    """When the simulation takes the measured position, and what goes on across the reset.
+    """Times at which the simulation is reset to the measured position, and what is conserved at a reset.
 
     Parameters
     ----------
@@ -24,13 +24,14 @@ class Partition:
     carry : 'p' or 'q'
         Carry the pressures (the paper) or the masses of air, q = p V.
     take : 'all' or 'position'
-        Take all measurements that a fit compares, or the position alone. With ``every=1, carry="q", take="position"``
-        the measured position is an input: only the air is simulated, docs/actuators.md.
+        Reset to all measurements that a fit compares, or to the position alone. With
+        ``every=1, carry="q", take="position"`` the measured position is an input, and only the air is simulated, see
+        docs/actuators.md.
 
     Raises
     ------
     ParameterError
-        If both or neither of `every` and `parts` are given, or a number is below 1.
+        If both or neither of `every` and `parts` are given, or one is below 1.
 
     Examples
     --------
@@ -54,7 +55,7 @@ class Partition:
         if self.carry not in ("p", "q"):
             raise ParameterError(f"carry = {self.carry!r}: 'p' carries the pressures, 'q' the masses of air.")
         if self.take not in ("all", "position"):
-            raise ParameterError(f"take = {self.take!r}: 'all' that is measured and compared, or 'position' alone.")
+            raise ParameterError(f"take = {self.take!r}: 'all' compared measurements, or 'position' alone.")
 
     def resets(self, n: int) -> NDArray[np.int64]:
         """Samples of a recording of `n` samples at which a new part starts; the first sample is not one."""

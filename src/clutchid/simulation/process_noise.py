@@ -1,4 +1,4 @@
-"""How far the model's state may go astray between two samples."""
+"""Process noise: the random error of the model between samples or windows."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from clutchid.uncertainty.noise import Noise
 
 
 def process_noise(segment: Segment, actuator: Actuator, noise: Noise) -> FloatArray:
-    """Standard deviation of what each interval of a segment adds to the state at random.
+    """Standard deviation of the process noise of the states in each interval of a segment.
 
-    The noise is white: over `NOISE_SPAN` seconds it adds up to what shooting allows between two windows. So does the
-    part of the air through an open valve that the model misjudges, where the valve stays as open as it is.
+    The noise is white: over `NOISE_SPAN` seconds it accumulates to the link between two windows of multiple shooting.
+    The same holds for the error in the flow through an open valve, if the opening is constant.
 
     Parameters
     ----------
     segment : Segment
         Of n samples.
     actuator : Actuator
-        Its valves and its chamber say how fast air comes in.
+        Its valves and chamber give the flow.
     noise : Noise
-        Random error of the states over `NOISE_SPAN`, in SI, and of the flow, as a share of it.
+        Random error of the states over `NOISE_SPAN` in SI, and relative error of the flow.
 
     Returns
     -------
     sigma : (n - 1, n_states), in SI
     """
-    # the misjudged flow adds up like the states' own error: as a white noise it is the same over the span
+    # as white noise the flow error accumulates to the same value over the span
     opened = opening_of_valves(segment, actuator) * np.sqrt(segment.dt * NOISE_SPAN)
     return state_deviations(actuator, noise, segment.dt, opened)
 
@@ -45,10 +45,10 @@ def opening_of_valves(segment: Segment, actuator: Actuator) -> FloatArray:
 
 
 def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, opened: FloatArray) -> FloatArray:
-    """Standard deviation of the model's own error over each `span` in s, shape (n, n_states), in SI.
+    """Standard deviation of the process noise accumulated over each `span` in s, shape (n, n_states), in SI.
 
-    The states drift like a random walk. Of the air that flows while valves are open, `opened` s in all, a part is
-    misjudged; it fills half the chamber.
+    The states follow a random walk. The flow during `opened` seconds of open valves has a relative error, which enters
+    the pressure of a chamber at half stroke.
     """
     p = actuator.parameters
     volume = p.V_0A + 0.5 * p.A_A * p.y_max
@@ -61,7 +61,7 @@ def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, opened:
 
 def start_deviations(segment: Segment, actuator: Actuator, with_pressure: bool, noise: Noise) -> FloatArray:
     """Standard deviations of the first state of a segment, shape (n_states,), in SI."""
-    spread = {n: STATES[n].start if segment.vented else STATES[n].unknown_start for n in actuator.states}
+    sigma = {n: STATES[n].start if segment.vented else STATES[n].unknown_start for n in actuator.states}
     if with_pressure and np.isfinite(segment.pressure_start):
-        spread["p_A"] = max(spread["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
-    return np.array(list(spread.values()))
+        sigma["p_A"] = max(sigma["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
+    return np.array(list(sigma.values()))

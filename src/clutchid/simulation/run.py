@@ -1,4 +1,4 @@
-"""Running the compiled kernels over a plan: states, and exact forward sensitivities to any chosen parameters."""
+"""Run the compiled kernels over a plan: states, and exact forward sensitivities to chosen parameters."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from clutchid.states import STATES
 
 IntArray = NDArray[np.int64]
 
-#: Names of the unknown start of a segment, as sensitivities.
+#: Names of the unknown start values of a segment among the sensitivities.
 POSITION_START, PRESSURE_START = "y_start", "p_A_start"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """Which sensitivities a run carries: load weights, parameters and starts, by name."""
+    """Columns of the sensitivities of a run: load weights, parameters and start values, by name."""
 
     names: tuple[str, ...]
     table_basis: IntArray
@@ -36,12 +36,12 @@ class Columns:
 
     @property
     def needs_parameters(self) -> bool:
-        """Whether a derivative to a parameter other than a load weight is asked for."""
+        """Whether a derivative with respect to a parameter other than a load weight is requested."""
         return self.fill_slot.size > 0
 
 
 def columns(actuator: Actuator, names: Sequence[str]) -> Columns:
-    """The layout of the sensitivities to `names`: parameters, load weights, `POSITION_START`, `PRESSURE_START`."""
+    """Columns of the sensitivities to `names`: parameters, load weights, `POSITION_START`, `PRESSURE_START`."""
     return _columns(actuator.model, actuator.load.names, tuple(names))
 
 
@@ -61,8 +61,8 @@ def _integers(rows: Sequence[tuple[int, ...]], width: int) -> list[IntArray]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Numbers:
-    """The numbers of an actuator as the kernels read them."""
+class KernelArrays:
+    """Parameters and load tables of an actuator, as arrays for the kernels."""
 
     parameters: FloatArray
     breakpoints: FloatArray
@@ -71,21 +71,21 @@ class Numbers:
     model: str
 
     @classmethod
-    def of(cls, actuator: Actuator) -> Numbers:
-        """The numbers of `actuator`."""
+    def of(cls, actuator: Actuator) -> KernelArrays:
+        """The arrays of `actuator`."""
         load = actuator.load
         return cls(actuator.parameters.array(), load.breakpoints, load.coefficients, load.combined(), actuator.model)
 
 
 def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float] | None = None) -> FloatArray:
-    """State at the start of `segment`: Eq. (24), or what is known of a start under pressure.
+    """State at the start of `segment`: Eq. (24), or measured position and pressure for a start under pressure.
 
-    Air has the temperature of the walls, the reservoir its full pressure.
+    The air has the temperature of the walls, the reservoir its full pressure.
 
     Parameters
     ----------
     start : (m, Pa), optional
-        Position and pressure in chamber A, where they have been estimated.
+        Position and pressure in chamber A, if they have been estimated.
     """
     if start is not None:
         y, p_A = start
@@ -98,7 +98,7 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
 
 
 def guessed_pressure(segment: Segment, actuator: Actuator) -> float:
-    """Pressure in chamber A at the start: measured, P_0 where vented, else at rest against the load, Eq. (26)."""
+    """Pressure in chamber A at the start: measured, P_0 if vented, else in equilibrium with the load, Eq. (26)."""
     p = actuator.parameters
     if np.isfinite(segment.pressure_start):
         return segment.pressure_start
@@ -111,7 +111,7 @@ def _force(load: Load, y: float) -> float:
     return float(load.force(np.array([y]))[0])
 
 
-def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray, int]:
+def run(segment: Segment, arrays: KernelArrays, x0: FloatArray) -> tuple[FloatArray, int]:
     """States at every sample, shape (n, n_states), and the first sample that is not finite, or -1.
 
     Samples after a failure are NaN.
@@ -122,9 +122,9 @@ def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray,
         If the segment was planned for a model with other inputs.
     """
     out = np.empty((len(segment), x0.size))
-    failed = kernels(numbers.model).run(
-        x0.copy(), inputs_of(segment, numbers.model), numbers.parameters, segment.dt, segment.substeps, segment.jump,
-        segment.measured, numbers.breakpoints, numbers.load, out,
+    failed = kernels(arrays.model).run(
+        x0.copy(), inputs_of(segment, arrays.model), arrays.parameters, segment.dt, segment.substeps, segment.jump,
+        segment.measured, arrays.breakpoints, arrays.load, out,
     )  # fmt: skip
     if failed >= 0:
         out[failed + 1 :] = np.nan
@@ -133,7 +133,7 @@ def run(segment: Segment, numbers: Numbers, x0: FloatArray) -> tuple[FloatArray,
 
 def run_with_sensitivities(
     segment: Segment,
-    numbers: Numbers,
+    arrays: KernelArrays,
     start: tuple[FloatArray, FloatArray],
     which: Columns,
     watched: Sequence[int] | IntArray,
@@ -142,13 +142,13 @@ def run_with_sensitivities(
 
     `start` is the state at the start and its sensitivities, shape (n_states, n_columns).
     """
-    out, sens, _, failed = run_to_end(segment, numbers, start, which, watched)
+    out, sens, _, failed = run_to_end(segment, arrays, start, which, watched)
     return out, sens, failed
 
 
 def run_to_end(
     segment: Segment,
-    numbers: Numbers,
+    arrays: KernelArrays,
     start: tuple[FloatArray, FloatArray],
     which: Columns,
     watched: Sequence[int] | IntArray,
@@ -163,11 +163,11 @@ def run_to_end(
     out = np.empty((len(segment), start[0].size))
     sens = np.empty((len(segment), len(watched), len(which.names)))
     end = start[1].copy()
-    module = kernels(numbers.model)
+    module = kernels(arrays.model)
     kernel = module.run_all if which.needs_parameters else module.run_table
     failed = kernel(
-        start[0].copy(), end, inputs_of(segment, numbers.model), numbers.parameters, segment.dt,
-        segment.substeps, segment.jump, segment.measured, numbers.breakpoints, numbers.load, numbers.basis,
+        start[0].copy(), end, inputs_of(segment, arrays.model), arrays.parameters, segment.dt,
+        segment.substeps, segment.jump, segment.measured, arrays.breakpoints, arrays.load, arrays.basis,
         which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,
         np.asarray(watched, dtype=np.int64), out, sens,
     )  # fmt: skip
@@ -178,26 +178,26 @@ def run_to_end(
 
 
 def inputs_of(segment: Segment, model: str) -> FloatArray:
-    """The inputs of `segment`; a kernel that reads more columns than there are reads foreign memory.
+    """The inputs of `segment`, after a check of their number: the kernels do not check their array bounds.
 
     Raises
     ------
     ParameterError
         If the segment was planned for a model with other inputs.
     """
-    wanted: tuple[str, ...] = kernels(model).INPUTS
-    if segment.inputs.shape[1] != len(wanted):
+    expected: tuple[str, ...] = kernels(model).INPUTS
+    if segment.inputs.shape[1] != len(expected):
         raise ParameterError(
             f"a segment with {segment.inputs.shape[1]} inputs cannot be run by the model {model}, which has "
-            f"{len(wanted)}: {', '.join(wanted)}; plan the recording with the actuator that runs it."
+            f"{len(expected)}: {', '.join(expected)}; plan the recording with the same actuator."
         )
     return segment.inputs
 
 
 def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, estimated: bool) -> FloatArray:
-    """Sensitivities of the start, shape (n_states, n_columns); `estimated` where the start is a free number of its own.
+    """Sensitivities of the start, shape (n_states, n_columns); `estimated` if the start values are free themselves.
 
-    Chambers that start at P_0 move with it, and a pressure guessed by Eq. (26) moves with the load that it holds.
+    Chambers that start at P_0 depend on it, and a pressure by Eq. (26) depends on the load.
     """
     states = actuator.states
     S = np.zeros((len(states), len(which.names)))

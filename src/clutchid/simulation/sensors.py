@@ -1,4 +1,4 @@
-"""What the sensors record of a motion: their lags, to first order, and their offsets."""
+"""Models of the sensors: first-order lags and offsets."""
 
 from __future__ import annotations
 
@@ -12,44 +12,44 @@ _KERNELS = "clutchid.simulation.comparison"
 
 
 def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
-    """What a sensor with a lag of first order shows of `x`, which goes straight from sample to sample.
+    """Output of a sensor with a first-order lag for `x`, linear between samples.
 
     Parameters
     ----------
     x : shape (n,) or (n, m)
-        Samples first. Before the first, x has changed as it does after it.
+        Samples first. Before the first sample x is extrapolated linearly.
     tau : s
-        Time constant; below 0 the sensor is early, and its rate is taken for the lag.
+        Time constant; below 0 the output leads, and is shifted in time by the rate of x.
     step : s
-        Time from sample to sample.
+        Sample interval.
 
     Returns
     -------
-    shown : as x
+    output : as x
 
     Examples
     --------
-    A ramp is shown 2 ms late:
+    The output for a ramp is 2 ms late:
 
     >>> lagged(0.25 * np.arange(4.0), 2e-3, 1e-3)
     array([-0.5 , -0.25,  0.  ,  0.25])
     """
     columns = np.ascontiguousarray(x if x.ndim == 2 else x[:, None], dtype=np.float64)
-    shown = np.empty_like(columns)
-    kernels_in(_KERNELS).follow(columns, tau / step, shown)
-    return shown.reshape(x.shape)
+    output = np.empty_like(columns)
+    kernels_in(_KERNELS).apply_lag(columns, tau / step, output)
+    return output.reshape(x.shape)
 
 
-def lag_slope(x: FloatArray, shown: FloatArray, tau: float, step: float) -> FloatArray:
-    """Derivative of `lagged` to tau, in units of x per second; `shown` is ``lagged(x, tau, step)``, shape (n,)."""
+def lag_derivative(x: FloatArray, output: FloatArray, tau: float, step: float) -> FloatArray:
+    """Derivative of `lagged` with respect to tau, in units of x per second; `output` is ``lagged(x, tau, step)``."""
     slope = np.empty(x.size)
-    columns = (np.ascontiguousarray(values, dtype=np.float64)[:, None] for values in (x, shown))
-    kernels_in(_KERNELS).follow_slope(*columns, tau / step, slope)
+    columns = (np.ascontiguousarray(values, dtype=np.float64)[:, None] for values in (x, output))
+    kernels_in(_KERNELS).lag_derivative(*columns, tau / step, slope)
     return slope / step
 
 
-def seen(values: FloatArray, time: FloatArray, lag: float, offset: float) -> FloatArray:
-    """What a sensor with a lag in s and an offset records of `values` over `time`; where they are NaN it is NaN."""
+def sensor_output(values: FloatArray, time: FloatArray, lag: float, offset: float) -> FloatArray:
+    """Output of a sensor with a lag in s and an offset for `values` at `time`; NaN where they are NaN."""
     if time.size < 2:
         return values + offset
     record = np.full_like(values, np.nan)
@@ -60,8 +60,8 @@ def seen(values: FloatArray, time: FloatArray, lag: float, offset: float) -> Flo
     return record + offset
 
 
-def sensed(simulated: Log, p: Parameters) -> Log:
-    """A simulation as the sensors would record it, with the bands of its pressure.
+def with_sensors(simulated: Log, p: Parameters) -> Log:
+    """A simulation as the sensors would record it, including the interval of its pressure.
 
     Parameters
     ----------
@@ -72,22 +72,22 @@ def sensed(simulated: Log, p: Parameters) -> Log:
 
     Examples
     --------
-    A sensor that is 2 ms late sees a piston at 0.25 m/s half a millimetre behind:
+    With a lag of 2 ms a piston at 0.25 m/s is recorded half a millimetre behind:
 
     >>> t = np.array([0.0, 1e-3])
     >>> pressure = np.full(2, 3e5)
     >>> motion = Log(t, {"position": 0.25 * t, "pressure_a": pressure})
-    >>> f"{sensed(motion, Parameters(tau_y=2e-3))['position'][0] * 1e3:.2f} mm"
+    >>> f"{with_sensors(motion, Parameters(tau_y=2e-3))['position'][0] * 1e3:.2f} mm"
     '-0.50 mm'
     """
-    shift = seen(simulated["pressure_a"], simulated.time, p.tau_p, p.e_p) - simulated["pressure_a"]
+    shift = sensor_output(simulated["pressure_a"], simulated.time, p.tau_p, p.e_p) - simulated["pressure_a"]
     bands = [key for key in ("pressure_a", "pressure_a low", "pressure_a high") if key in simulated]
-    position = seen(simulated["position"], simulated.time, p.tau_y, p.e_y)
+    position = sensor_output(simulated["position"], simulated.time, p.tau_y, p.e_y)
     return simulated.with_columns(position=position, **{key: simulated[key] + shift for key in bands})
 
 
-def undone(log: Log, p: Parameters) -> Log:
-    """A recording with lags and offsets of its sensors undone: later samples, moved to when they were true."""
+def without_sensors(log: Log, p: Parameters) -> Log:
+    """A recording corrected for lags and offsets of its sensors: later samples, shifted back in time."""
     lags = {"position": (p.tau_y, p.e_y), "pressure_a": (p.tau_p, p.e_p)}
     return log.with_columns(
         **{

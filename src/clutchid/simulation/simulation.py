@@ -12,11 +12,11 @@ from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import unknown_name
-from clutchid.simulation.culprit import culprit
+from clutchid.simulation.failing_term import failing_term
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Plan, Segment, plan
 from clutchid.simulation.run import (
-    Numbers,
+    KernelArrays,
     columns,
     run,
     run_with_sensitivities,
@@ -29,9 +29,9 @@ from clutchid.states import STATES
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulation:
-    """A simulated recording, or where it left the finite numbers.
+    """A simulated recording; status "failed" if the simulation diverged.
 
-    `sensitivities` holds, for each name asked for, the derivative of the model's states in their order, shape
+    `sensitivities` are, for each requested name, the derivatives of the states in the order of the model, shape
     (n, n_states), in SI units of the state over SI units of the parameter.
     """
 
@@ -58,29 +58,29 @@ def simulate(
     actuator : Actuator
         Model variant, parameters and load.
     log : Log
-        The duty cycles of the valves; the position, where there is one, gives the start and the resets.
+        The duty cycles of the valves; the position, if recorded, gives the start and the resets.
     partition : Partition, optional
         Re-initialise the position; without it the simulation is ballistic.
     sensitivities : names
-        Parameters and load weights whose exact derivatives are carried along.
+        Parameters and load weights whose exact derivatives are computed.
     starts : (m, Pa) per segment, optional
-        Position and pressure in chamber A at the start of each segment, where a fit has estimated them.
+        Position and pressure in chamber A at the start of each segment, if a fit has estimated them.
     on_failure : 'raise' or 'return'
-        What to do when the simulation leaves the finite numbers.
+        What to do if the simulation diverges.
 
     Returns
     -------
     simulation : Simulation
-        Samples outside every segment, and after a failure, are NaN.
+        NaN outside the segments and after a divergence.
 
     Raises
     ------
     DataError
-        If the recording lacks an input, or a partition is asked for without a position.
+        If the recording lacks an input, or a partition is given without a recorded position.
     ParameterError
         For an unknown name in `sensitivities` or a wrong number of `starts`.
     SolveError
-        If the simulation fails and `on_failure` is 'raise'; the text names time, state, term and parameters.
+        If the simulation diverges and `on_failure` is 'raise'; the text names time, state, term and parameters.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def simulate(
     prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
-    numbers, which = Numbers.of(actuator), columns(actuator, sensitivities)
+    arrays, which = KernelArrays.of(actuator), columns(actuator, sensitivities)
     names = actuator.states
     states = np.full((len(log), len(names)), np.nan)
     sens = np.full((len(log), len(names), len(which.names)), np.nan)
@@ -108,9 +108,9 @@ def simulate(
         at = slice(segment.start, segment.stop)
         if which.names:
             start = x0, start_sensitivities(segment, actuator, which, starts is not None)
-            states[at], sens[at], failed = run_with_sensitivities(segment, numbers, start, which, range(len(names)))
+            states[at], sens[at], failed = run_with_sensitivities(segment, arrays, start, which, range(len(names)))
         else:
-            states[at], failed = run(segment, numbers, x0)
+            states[at], failed = run(segment, arrays, x0)
         if failed >= 0 and not message:
             message = failure_message(log, segment, states[at], failed, names, actuator)
     if message and on_failure == "raise":
@@ -125,7 +125,7 @@ def simulate(
 
 
 def simulated_log(prepared: Plan, states: FloatArray, names: Sequence[str]) -> Log:
-    """A log with the simulated columns of the states `names` and the inputs they were made with."""
+    """A log of the simulated states `names` and of the inputs."""
     log = prepared.log
     simulated = {STATES[name].column: np.ascontiguousarray(states[:, i]) for i, name in enumerate(names)}
     inputs = {name: log[name] for name in INPUTS}
@@ -140,17 +140,14 @@ def failure_message(
     names: Sequence[str],
     actuator: Actuator | None = None,
 ) -> str:
-    """Where a simulation left the finite numbers: time and state, and of the `actuator`, where given, what went first.
-
-    That is the first term of its equations that is not finite at the last finite sample, with its parameters.
-    """
+    """Message of a diverged simulation: time and state, and the `failing_term` of the `actuator`, if given."""
     bad = [name for name, value in zip(names, states[failed], strict=True) if not np.isfinite(value)]
     time = log.time[segment.start + failed]
     why = ""
     if actuator is not None and failed > 0:
         last = log.time[segment.start + failed - 1]
-        why = f"; at {last:.3f} s {culprit(actuator, states[failed - 1], segment.inputs[failed - 1])}"
+        why = f"; at {last:.3f} s {failing_term(actuator, states[failed - 1], segment.inputs[failed - 1])}"
     return (
-        f"{log.name}: the simulation left the finite numbers at {time:.3f} s in {', '.join(bad) or 'all states'}{why}; "
+        f"{log.name}: the simulation diverged at {time:.3f} s in {', '.join(bad) or 'all states'}{why}; "
         "try other start values or check the units of the recording."
     )

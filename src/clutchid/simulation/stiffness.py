@@ -1,4 +1,4 @@
-"""How many integration steps an interval between two samples needs."""
+"""Number of integration steps that an interval between two samples needs."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from clutchid.simulation.partition import Partition
 #: Classical RK4 is stable for real eigenvalues down to -2.785 / h; 2.5 leaves a margin.
 STABLE_STEP = 2.5
 
-#: More steps than this in an interval mean that a parameter or a unit is wrong.
+#: More steps in an interval mean that a parameter or a unit is wrong.
 MOST_SUBSTEPS = 1000
 
 #: Fastest motion of the piston in m/s: a full stroke of a clutch actuator in a tenth of a second.
 TOP_SPEED = 0.3
 
-#: A longer stroke takes a tenth of a second as well, so its piston may be faster.
+#: Shortest duration of a full stroke in s; a piston with a longer stroke may exceed `TOP_SPEED`.
 STROKE_TIME = 0.1
 
-#: After a reset that carries the mass of air the pressure jumps, by bars where the simulation is far off.
+#: Fastest motion in m/s after resets that conserve the masses of air: the pressure jumps, by bars at large errors.
 RESET_SPEED = 0.9
 
 
 def top_speed(partition: Partition | None) -> float:
-    """Fastest motion in m/s that the integration steps must follow."""
+    """Fastest motion in m/s for which the integration must be stable."""
     if partition is None or partition.parts == 1 or partition.carry == "p":
         return TOP_SPEED
     return RESET_SPEED
@@ -41,7 +41,7 @@ def top_speed(partition: Partition | None) -> float:
 def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
     """Largest eigenvalue magnitude in 1/s of the model's Jacobian over its operating range, up to `speed` in m/s.
 
-    The range is up to a full stroke in `STROKE_TIME` where that is faster.
+    The range includes a full stroke in `STROKE_TIME` if that is faster.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def stiffness(actuator: Actuator, speed: float = TOP_SPEED) -> float:
 
 
 def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]) -> float:
-    """As `stiffness`, where the piston stays within `reach` in m and is not faster than `speed` in m/s.
+    """`stiffness` over positions within `reach` in m and speeds up to `speed` in m/s.
 
     Examples
     --------
@@ -90,9 +90,9 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
 
 
 def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]], speed: float = TOP_SPEED) -> float:
-    """Largest `stiffness` within `bounds`: each parameter in turn goes to the bound that makes it larger, twice.
+    """Largest `stiffness` within `bounds`, by coordinate search: each parameter in turn at both bounds, two passes.
 
-    Load weights do not count; combinations that contradict each other are left out.
+    Load weights have no influence; combinations that contradict each other are left out.
     """
     stiffest, rate = actuator, stiffness(actuator, speed)
     moving = [(name, limit) for name, limits in bounds.items() for limit in limits if name not in actuator.load.names]

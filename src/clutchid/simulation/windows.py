@@ -1,4 +1,4 @@
-"""Windows of a recording, and a first guess of the states at their starts."""
+"""Windows of a recording, and initial values of their states."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.plan import Plan, Segment
-from clutchid.simulation.run import Numbers, run, start_state
+from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.simulation import failure_message
 from clutchid.states import STATES
 
-#: Length of a window in s, and time after which the first guess of the states takes the measured position again.
-WINDOW, GUESS = 0.1, 0.02
+#: Length of a window in s, and interval in s between resets of the simulation that gives the initial values.
+WINDOW, RESET_INTERVAL = 0.1, 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
     """One segment of a recording, cut into windows that share their border samples.
 
-    `log` is its number in the fit, `spacing` the time between measured positions in s.
+    `log` is the number of the recording in the fit, `spacing` the interval between measured positions in s.
     """
 
     log: int
@@ -80,9 +80,12 @@ def units(actuator: Actuator) -> FloatArray:
     return np.array([STATES[name].scale for name in actuator.states])
 
 
-def first_guess(track: Track, actuator: Actuator, with_pressure: bool) -> FloatArray | Failure:
-    """States at the start of every window, shape (n, n_states): simulated, with what is measured taken again often."""
-    states, failed = run(track.segment, Numbers.of(actuator), start_state(track.segment, actuator))
+def initial_states(track: Track, actuator: Actuator, with_pressure: bool) -> FloatArray | Failure:
+    """Initial values of the states of every window, shape (n, n_states).
+
+    From a simulation with frequent resets; position, velocity and pressure from the measurement, if available.
+    """
+    states, failed = run(track.segment, KernelArrays.of(actuator), start_state(track.segment, actuator))
     if failed >= 0:
         return Failure(failure_message(track.measured, track.segment, states, failed, actuator.states))
     at = np.array([window.start for window in track.windows])

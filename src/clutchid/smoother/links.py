@@ -1,4 +1,4 @@
-"""What ties windows together: the model's own error between neighbours, and what is known of the first state."""
+"""Links between neighbouring windows (process noise of the model), and the prior on the first state of a track."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from clutchid.simulation.process_noise import opening_of_valves, start_deviation
 from clutchid.simulation.run import columns, start_sensitivities, start_state
 from clutchid.simulation.windows import Track, units
 from clutchid.smoother.linearised_windows import LinearisedWindows
-from clutchid.smoother.window_rows import losses, robust
+from clutchid.smoother.window_rows import downweight_outliers, huber_losses
 from clutchid.uncertainty.noise import Noise
 
 
 def link_sigma(track: Track, actuator: Actuator, noise: Noise) -> FloatArray:
-    """Standard deviation of the step from the end of each window to the next start, shape (n windows, n states).
+    """Standard deviation of each window's final state from the next initial state, shape (n windows, n states).
 
-    That is the model's own error over a window: its states drift like a random walk, and of the air that flows through
-    an open valve a part is misjudged.
+    This is the process noise over a window: a random walk of the states, and an error in the flow through open valves.
     """
     segment = track.segment
     edges = np.array([window.start for window in track.windows]) - segment.start
@@ -29,8 +28,8 @@ def link_sigma(track: Track, actuator: Actuator, noise: Noise) -> FloatArray:
 
 
 def link_costs(ends: FloatArray, starts: FloatArray, sigma: FloatArray, outlier: float) -> FloatArray:
-    """Cost of the steps from the end of each window to the start of the next; 0 for the last, which has none."""
-    return np.append(losses((starts[1:] - ends[:-1]) / sigma[:-1], outlier), 0.0)
+    """Cost of the link from the end of each window to the start of the next; 0 for the last, which has none."""
+    return np.append(huber_losses((starts[1:] - ends[:-1]) / sigma[:-1], outlier), 0.0)
 
 
 def link_rows(
@@ -41,7 +40,7 @@ def link_rows(
     actuator: Actuator,
     outlier: float,
 ) -> FloatArray:
-    """Rows ``[state | next state | theta | r]`` that tie the `ends` of windows to the next `starts`.
+    """Rows ``[state | next state | theta | r]`` that link the `ends` of windows to the next `starts`.
 
     Shape (windows - 1, n, 2 n + k + 1).
     """
@@ -50,20 +49,20 @@ def link_rows(
     rows[:, :, :n], rows[:, :, n : 2 * n] = -linearised.to_start[:-1], np.diag(units(actuator))
     rows[:, :, 2 * n : -1], rows[:, :, -1] = -linearised.to_theta[:-1], starts[1:] - ends[:-1]
     rows /= sigma[:-1, :, None]
-    robust(rows.reshape(-1, rows.shape[2]), outlier)
+    downweight_outliers(rows.reshape(-1, rows.shape[2]), outlier)
     return rows
 
 
 def first_rows(
     track: Track, start: FloatArray, mapped: ParameterMap, with_pressure: bool, noise: Noise
 ) -> tuple[FloatArray, float]:
-    """Rows of what is known of the first state of a track, and their cost."""
+    """Prior rows of the first state of a track, and their cost."""
     segment = track.segment
     sigma = start_deviations(segment, mapped.actuator, with_pressure, noise)
-    known = start_sensitivities(segment, mapped.actuator, columns(mapped.actuator, mapped.bases), estimated=False)
+    mean = start_sensitivities(segment, mapped.actuator, columns(mapped.actuator, mapped.bases), estimated=False)
     r = (start - start_state(segment, mapped.actuator)) / sigma
     rows = np.zeros((start.size, start.size + mapped.size + 1))
     rows[:, : start.size] = np.diag(units(mapped.actuator) / sigma)
-    rows[:, [start.size + place for place in mapped.places]] = -known * mapped.slopes / sigma[:, None]
+    rows[:, [start.size + place for place in mapped.places]] = -mean * mapped.slopes / sigma[:, None]
     rows[:, -1] = r
     return rows, float(r @ r)

@@ -1,8 +1,8 @@
-"""The end of a search: the free numbers move, the states settle to what they say (variable projection).
+"""The fine stage of the search: Gauss-Newton steps of the parameters by variable projection.
 
-Parameters and states that move together are held up by the few windows in which the piston sticks: they are so far from
-linear that every step has to be short, and the search seems to have ended where a step of the parameters alone, after
-which the states are let go, still gains much. So a step is judged where its states have settled.
+Simultaneous steps of parameters and states are limited by the few windows with stiction, which are strongly nonlinear:
+every step has to be short, and the search stalls although a step of the parameters, followed by a minimisation over the
+states, still lowers the cost considerably. Each step is therefore judged after its states have been minimised.
 """
 
 from __future__ import annotations
@@ -17,24 +17,25 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
-from clutchid.smoother.settling import Damping, States, followed, loose, settle
-from clutchid.smoother.trial import NO_GAIN, Trial, accept, attempt, with_theta_fixed, with_theta_free
+from clutchid.smoother.settling import Damping, States, initial_damping, minimise_states, shifted_states
+from clutchid.smoother.trial import NO_GAIN, Trial, accept, evaluate_step, with_theta_fixed, with_theta_free
 
-#: Most steps of the free numbers, how often one is tried shorter, and the gain of a whole one that ends the search.
-STEPS, SHORTER, SETTLED = 25, 4, 0.1
+#: Most steps of the parameters, most reductions of the radius in a step, and the decrease of the cost by a full step
+#: below which the search has converged.
+MAX_STEPS, MAX_REDUCTIONS, CONVERGED_GAIN = 25, 4, 0.1
 
-#: Longest step of a free number in standard deviations of its prior, and by what part it gets shorter. A number whose
-#: step is too long to be believed, as that of a stop that the piston hits, does not hold up the others.
-LONGEST, PART = 3.0, 0.2
+#: Largest trust-region radius in standard deviations of the prior, and the factor of a reduction. The region is a box,
+#: so that one parameter with an excessive step, such as that of a stop, does not shorten those of the others.
+MAX_RADIUS, SHRINK_FACTOR = 3.0, 0.2
 
-#: Where a step gains less than `SETTLED` although this much is hoped for, derivatives of points nearby may be to blame:
-#: all are renewed.
-DOUBTED = 2.0
+#: A step that predicts at least this decrease and gains less than `CONVERGED_GAIN` may suffer from derivatives that
+#: were kept from nearby points: the problem is linearised anew.
+RELINEARISATION_GAIN = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShootingSolution:
-    """Where the search ended: parameters, window starts of every track, and the problem there."""
+    """Solution of a search: parameters, window starts of every track, and the linearised problem there."""
 
     x: FloatArray
     X: States
@@ -44,130 +45,133 @@ class ShootingSolution:
 
 
 def project(
-    task: FitProblem, x: FloatArray, X: Sequence[FloatArray], tell: Callable[[int], None]
+    problem: FitProblem, x: FloatArray, X: Sequence[FloatArray], on_evaluation: Callable[[int], None]
 ) -> ShootingSolution | Failure:
-    """Minimise the cost of `task` by Gauss-Newton steps of the free numbers, each judged where the states have settled.
+    """Minimise the cost of `problem` by variable projection.
 
     Parameters
     ----------
-    task : FitProblem
-        The problem.
+    problem : FitProblem
+        Free parameters, recordings and noise.
     x, X : 1, SI
-        Free numbers, within their bounds, and window starts, one array a track.
-    tell : function(evaluations)
+        Free parameters, within their bounds, and window starts, one array per track.
+    on_evaluation : function(evaluations)
         Called at each evaluation.
 
     Returns
     -------
-    found : ShootingSolution
-        "converged" where a step would gain less than `SETTLED`, or gains less where less than `DOUBTED` was hoped for;
-        "stalled" where more is hoped for and no short step gains it, even with derivatives renewed.
+    solution : ShootingSolution
+        "converged" if a step predicts a gain below `CONVERGED_GAIN`, or gains less with a prediction below
+        `RELINEARISATION_GAIN`; "stalled" if a larger predicted gain is not achieved by any reduced step, also after a
+        new linearisation.
 
     References
     ----------
     Variable projection: Golub and Pereyra 1973.
     """
     counter = count(1)
-    way = _Way(task, loose(task), lambda: tell(next(counter)))
-    begin = way.begin(x, X)
-    if isinstance(begin, Failure):
-        return begin
-    here, longest, renewed = begin, LONGEST, False
+    projection = VariableProjection(problem, initial_damping(problem), lambda: on_evaluation(next(counter)))
+    start = projection.start(x, X)
+    if isinstance(start, Failure):
+        return start
+    current, radius, relinearised = start, MAX_RADIUS, False
 
-    def end(status: Literal["converged", "stalled", "limit"]) -> ShootingSolution:
-        return ShootingSolution(here.x, here.X, here, status, next(counter))
+    def solution(status: Literal["converged", "stalled", "limit"]) -> ShootingSolution:
+        return ShootingSolution(current.x, current.X, current, status, next(counter))
 
-    for _ in range(STEPS):
-        there, hoped, longest = way.step(here, longest)
-        gained, here = here.cost - there.cost, there
-        if gained >= SETTLED:
-            renewed = False
-        elif hoped < (DOUBTED if gained > 0.0 else SETTLED):
-            return end("converged")
-        elif renewed or hoped < DOUBTED:
-            return end("stalled")
+    for _ in range(MAX_STEPS):
+        candidate, predicted, radius = projection.step(current, radius)
+        gain, current = current.cost - candidate.cost, candidate
+        if gain >= CONVERGED_GAIN:
+            relinearised = False
+        elif predicted < (RELINEARISATION_GAIN if gain > 0.0 else CONVERGED_GAIN):
+            return solution("converged")
+        elif relinearised or predicted < RELINEARISATION_GAIN:
+            return solution("stalled")
         else:
-            again = way.begin(here.x, here.X)
-            if isinstance(again, Failure):
-                return again
-            here, longest, renewed = again, LONGEST, True
-    return end("limit")
+            restarted = projection.start(current.x, current.X)
+            if isinstance(restarted, Failure):
+                return restarted
+            current, radius, relinearised = restarted, MAX_RADIUS, True
+    return solution("limit")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Way:
-    """The way of a search: its problem, how firmly its windows are held by now, and who is told of each evaluation."""
+class VariableProjection:
+    """Steps of a search: its problem, the present damping of the windows, and a callback for each evaluation."""
 
-    task: FitProblem
+    problem: FitProblem
     damping: Damping
-    tell: Callable[[], None]
+    on_evaluation: Callable[[], None]
 
-    def begin(self, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
-        """The problem at `x`, its states settled from `X`, with derivatives of its own."""
-        self.tell()
-        here = linearise(self.task, x, X)
-        if isinstance(here, Failure):
-            return here
+    def start(self, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
+        """Linearise at `x` and `X`, and minimise over the states."""
+        self.on_evaluation()
+        current = linearise(self.problem, x, X)
+        if isinstance(current, Failure):
+            return current
+        states = with_theta_fixed(self.problem, current)
         return with_theta_free(
-            self.task, here, settle(self.task, with_theta_fixed(self.task, here), self.damping, self.tell)
+            self.problem, current, minimise_states(self.problem, states, self.damping, self.on_evaluation)
         )
 
-    def step(self, here: LinearisedProblem, longest: float) -> tuple[LinearisedProblem, float, float]:
-        """The problem after a step, or `here` where none gains; what a whole one would; the longest to try next."""
-        factor, chains = condense(self.task, here)
-        hoped = _gain(factor, bounded_step(self.task, factor, here.x))
-        if hoped < SETTLED:
-            return here, hoped, longest
-        for trial in range(1 + SHORTER):
-            step = bounded_step(self.task, factor, here.x, longest=longest)
-            there = self._reached(here, here.x + step, followed(self.task, here.X, chains, step))
-            if isinstance(there, LinearisedProblem):
-                return there, hoped, min(longest / PART, LONGEST) if trial == 0 else longest
-            longest *= PART
-        return here, hoped, longest
+    def step(self, current: LinearisedProblem, radius: float) -> tuple[LinearisedProblem, float, float]:
+        """The problem after a step, or `current` if none gains; predicted gain of a full step; radius of the next."""
+        factor, chains = condense(self.problem, current)
+        predicted = _predicted_gain(factor, bounded_step(self.problem, factor, current.x))
+        if predicted < CONVERGED_GAIN:
+            return current, predicted, radius
+        for trial in range(1 + MAX_REDUCTIONS):
+            step = bounded_step(self.problem, factor, current.x, radius=radius)
+            X = shifted_states(self.problem, current.X, chains, step)
+            candidate = self.evaluated(current, current.x + step, X)
+            if isinstance(candidate, LinearisedProblem):
+                return candidate, predicted, min(radius / SHRINK_FACTOR, MAX_RADIUS) if trial == 0 else radius
+            radius *= SHRINK_FACTOR
+        return current, predicted, radius
 
-    def _reached(self, here: LinearisedProblem, x: FloatArray, X: States) -> LinearisedProblem | Failure:
-        """The problem at `x`, its states settled from `X`, where that costs less than `here`."""
-        self.tell()
-        trial = attempt(self.task, here, x, X)
-        there = accept(self.task, trial, free=False) if isinstance(trial, Trial) else trial
-        if isinstance(there, Failure):
-            return there
-        settled = settle(self.task, there, self.damping, self.tell)
-        if settled.cost >= here.cost:
+    def evaluated(self, current: LinearisedProblem, x: FloatArray, X: States) -> LinearisedProblem | Failure:
+        """The problem at `x`, minimised over the states from `X`, if its cost is below that of `current`."""
+        self.on_evaluation()
+        trial = evaluate_step(self.problem, current, x, X)
+        candidate = accept(self.problem, trial, free=False) if isinstance(trial, Trial) else trial
+        if isinstance(candidate, Failure):
+            return candidate
+        minimised = minimise_states(self.problem, candidate, self.damping, self.on_evaluation)
+        if minimised.cost >= current.cost:
             return NO_GAIN
-        return with_theta_free(self.task, here, settled)
+        return with_theta_free(self.problem, current, minimised)
 
 
-def _gain(factor: FloatArray, step: FloatArray) -> float:
-    """By how much the cost falls with a step, were the problem linear."""
+def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
+    """Decrease of the cost by a step according to the linearisation."""
     before, after = factor[:, -1], factor[:, :-1] @ step + factor[:, -1]
     return float(before @ before - after @ after)
 
 
 def bounded_step(
-    task: FitProblem, factor: FloatArray, x: FloatArray, damping: float = 0.0, longest: float = LONGEST
+    problem: FitProblem, factor: FloatArray, x: FloatArray, damping: float = 0.0, radius: float = MAX_RADIUS
 ) -> FloatArray:
-    """The damped step of the free numbers from `x` that stays within their bounds.
+    """Damped Gauss-Newton step of the free parameters from `x` within their bounds and the trust region.
 
     Parameters
     ----------
-    task : FitProblem
-        Says the bounds.
+    problem : FitProblem
+        Gives the bounds.
     factor : (k + 1, k + 1)
-        Triangular factor of all rows on the free numbers, ``[R | q]``.
+        Triangular factor of all rows in the free parameters, ``[R | q]``.
     x : (k,)
-        Where the step begins.
+        Start of the step.
     damping : 1
         Of Levenberg and Marquardt, at least 0.
-    longest : 1
-        How far each number may move.
+    radius : 1
+        Largest step of each parameter.
     """
     R, q = factor[:, :-1], factor[:, -1]
     matrix = np.vstack([R, np.sqrt(damping) * np.diag(np.sqrt(np.sum(R**2, axis=0)))])
     target = -np.concatenate([q, np.zeros(x.size)])
-    low, high = task.bounds()
-    least, most = np.maximum(low - x, -longest), np.minimum(high - x, longest)
+    low, high = problem.bounds()
+    least, most = np.maximum(low - x, -radius), np.minimum(high - x, radius)
     step = np.linalg.lstsq(matrix, target, rcond=None)[0]
     if np.any(step < least) or np.any(step > most):
         from scipy.optimize import lsq_linear

@@ -1,4 +1,4 @@
-"""The search: from a problem that is nearly linear, because nothing is trusted much, to the one that is meant."""
+"""Search in stages (continuation): from a nearly linear problem with inflated standard deviations to the actual one."""
 
 from __future__ import annotations
 
@@ -12,77 +12,78 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
 from clutchid.smoother.projection import ShootingSolution, bounded_step, project
-from clutchid.smoother.settling import stepped
-from clutchid.smoother.trial import NO_GAIN, accept, attempt
+from clutchid.smoother.settling import stepped_states
+from clutchid.smoother.trial import NO_GAIN, accept, evaluate_step
 
-#: Factors on all standard deviations, stage by stage: from far away, and from a calibrated start.
-FROM_AFAR, FROM_NEAR = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0)
+#: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.
+STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0)
 
-#: Most steps of a coarse stage, which ends when the cost falls by less than this share.
-STEPS, ROUGH = 5, 1e-2
+#: Most steps of a coarse stage, and the relative decrease of the cost below which it has converged.
+MAX_STEPS, COARSE_TOLERANCE = 5, 1e-2
 
 
 def search(
-    task: FitProblem,
+    problem: FitProblem,
     x: FloatArray,
     X: Sequence[FloatArray],
     stages: Sequence[float],
     progress: Progress | None = None,
 ) -> ShootingSolution | Failure:
-    """Minimise the cost of `task` from `x` and `X`, in stages of growing trust.
+    """Minimise the cost of `problem` from `x` and `X` in stages of decreasing inflation.
 
-    In coarse stages parameters and states move together. With nothing trusted, the states follow what was measured and
-    the parameters move little; so a poor start does not end far away. In the one that is meant, `project`.
+    Coarse stages step parameters and states simultaneously. With inflated standard deviations the states follow the
+    measurement and the parameters change little, so that a poor start does not lead to a distant local minimum. The
+    stage without inflation is `project`.
     """
-    found: ShootingSolution | Failure = Failure("no stage to search in")
+    solution: ShootingSolution | Failure = Failure("no stage to search in")
     count = 0
-    for softness in stages:
-        tell = _counted(progress, softness, count)
-        if softness == 1.0:
-            found = project(task, x, X, tell)
+    for inflation in stages:
+        on_evaluation = _counted(progress, inflation, count)
+        if inflation == 1.0:
+            solution = project(problem, x, X, on_evaluation)
         else:
-            found = _stage(replace(task, noise=task.noise.softened(softness)), (x, X), tell)
-        if isinstance(found, Failure):
-            return found
-        x, X, count = found.x, found.X, count + found.evaluations
-    return replace(found, evaluations=count) if isinstance(found, ShootingSolution) else found
+            solution = _stage(replace(problem, noise=problem.noise.inflated(inflation)), (x, X), on_evaluation)
+        if isinstance(solution, Failure):
+            return solution
+        x, X, count = solution.x, solution.X, count + solution.evaluations
+    return replace(solution, evaluations=count) if isinstance(solution, ShootingSolution) else solution
 
 
-def _counted(progress: Progress | None, softness: float, before: int) -> Callable[[int], None]:
-    name = "fine" if softness == 1.0 else "coarse"
+def _counted(progress: Progress | None, inflation: float, before: int) -> Callable[[int], None]:
+    name = "fine" if inflation == 1.0 else "coarse"
     return lambda count: progress(name, before + count) if progress else None
 
 
 def _stage(
-    task: FitProblem, start: tuple[FloatArray, Sequence[FloatArray]], tell: Callable[[int], None]
+    problem: FitProblem, start: tuple[FloatArray, Sequence[FloatArray]], on_evaluation: Callable[[int], None]
 ) -> ShootingSolution | Failure:
     """Levenberg-Marquardt on parameters and states together, for a problem that is nearly linear."""
-    begin = linearise(task, *start)
+    begin = linearise(problem, *start)
     if isinstance(begin, Failure):
         return begin
-    here, damping, growth, steps = begin, 1e-3, 2.0, STEPS
-    for count in range(1, 4 * STEPS):
-        tell(count)
-        there = _step(task, here, damping)
-        if isinstance(there, LinearisedProblem):
-            settled = here.cost - there.cost < ROUGH * here.cost
-            here = there
+    current, damping, growth, steps = begin, 1e-3, 2.0, MAX_STEPS
+    for count in range(1, 4 * MAX_STEPS):
+        on_evaluation(count)
+        candidate = coarse_step(problem, current, damping)
+        if isinstance(candidate, LinearisedProblem):
+            converged = current.cost - candidate.cost < COARSE_TOLERANCE * current.cost
+            current = candidate
             damping, growth = max(damping / 5, 1e-7), 2.0
             steps -= 1
-            if settled or steps == 0:
-                return ShootingSolution(here.x, here.X, here, "converged" if settled else "limit", count + 1)
+            if converged or steps == 0:
+                return ShootingSolution(current.x, current.X, current, "converged" if converged else "limit", count + 1)
         else:
             damping, growth = max(damping * growth, 1e-4), 2 * growth
             if damping > 1e9:
-                return ShootingSolution(here.x, here.X, here, "stalled", count + 1)
-    return ShootingSolution(here.x, here.X, here, "limit", 4 * STEPS)
+                return ShootingSolution(current.x, current.X, current, "stalled", count + 1)
+    return ShootingSolution(current.x, current.X, current, "limit", 4 * MAX_STEPS)
 
 
-def _step(task: FitProblem, here: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
+def coarse_step(problem: FitProblem, current: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
     """The problem after a damped step of parameters, within their bounds, and states, where that costs less."""
-    factor, chains = condense(task, here, [np.full(len(track.windows), damping) for track in task.tracks])
-    step = bounded_step(task, factor, here.x, damping)
-    trial = attempt(task, here, here.x + step, stepped(task, here.X, chains, step))
+    factor, chains = condense(problem, current, [np.full(len(track.windows), damping) for track in problem.tracks])
+    step = bounded_step(problem, factor, current.x, damping)
+    trial = evaluate_step(problem, current, current.x + step, stepped_states(problem, current.X, chains, step))
     if isinstance(trial, Failure):
         return trial
-    return accept(task, trial) if trial.cost < here.cost else NO_GAIN
+    return accept(problem, trial) if trial.cost < current.cost else NO_GAIN

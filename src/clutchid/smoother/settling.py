@@ -1,7 +1,7 @@
-"""The states of all windows settle to what the free numbers say.
+"""Minimisation over the states of all windows, with fixed parameters.
 
-A few windows in which the piston sticks are so far from linear that a whole step of theirs costs more; all others would
-wait for them. So each window is held as firmly as it needs: where it did not do what the linear problem said.
+A few windows with stiction are strongly nonlinear, so that a full step there raises the cost. A common damping would
+slow down all other windows; each window therefore has a damping of its own, raised where the linear prediction failed.
 """
 
 from __future__ import annotations
@@ -15,95 +15,102 @@ from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
 from clutchid.smoother.elimination import Eliminated, recover
 from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense
-from clutchid.smoother.trial import Trial, accept, attempt
+from clutchid.smoother.trial import Trial, accept, evaluate_step
 
-#: Most steps of the states, most trials of one, and the gain that ends them.
-STEPS, TRIALS, CALM = 12, 6, 0.3
+#: Most steps, most trials of a step, and the decrease of the cost below which the states have converged.
+MAX_STEPS, MAX_TRIALS, CONVERGED_GAIN = 12, 6, 0.3
 
-#: How firmly windows are held: at first, at least after a step that went wrong, at least; by what factor more or less.
-LOOSE, FIRM, LOOSEST, HARDER = 1e-3, 1.0, 1e-6, 10.0
+#: Damping of a window: initial, least value after a failed prediction, least value, and factor of a change.
+INITIAL_DAMPING, REJECTED_DAMPING, MIN_DAMPING, DAMPING_FACTOR = 1e-3, 1.0, 1e-6, 10.0
 
-#: A step went wrong in a window where it cost more than was said, by this share of what was hoped for all.
-WRONG = 0.05
+#: The prediction failed in a window whose cost exceeds it by more than this fraction of the total predicted gain.
+REJECTED_EXCESS = 0.05
 
 States = tuple[FloatArray, ...]
 Damping = list[FloatArray]
 
 
-def loose(task: FitProblem) -> Damping:
-    """How firmly windows are held before any step: an array a track, which settling changes in place."""
-    return [np.full(len(track.windows), LOOSE) for track in task.tracks]
+def initial_damping(problem: FitProblem) -> Damping:
+    """Damping of all windows before the first step: one array per track, which the search changes in place."""
+    return [np.full(len(track.windows), INITIAL_DAMPING) for track in problem.tracks]
 
 
-def settle(task: FitProblem, here: LinearisedProblem, damping: Damping, tell: Callable[[], None]) -> LinearisedProblem:
-    """The problem of the states alone, from `here`, where it costs least.
+def minimise_states(
+    problem: FitProblem, current: LinearisedProblem, damping: Damping, on_evaluation: Callable[[], None]
+) -> LinearisedProblem:
+    """Minimise the cost over the states, with theta fixed.
 
     Parameters
     ----------
-    task : FitProblem
-        The problem.
-    here : LinearisedProblem
-        With theta held.
-    damping : an array a track
-        How firmly each window is held; changed in place, for the next time.
-    tell : function
+    problem : FitProblem
+        Recordings and noise.
+    current : LinearisedProblem
+        Start, with theta fixed.
+    damping : one array per track
+        Damping of each window; changed in place, for the next call.
+    on_evaluation : function
         Called at each step.
 
     Returns
     -------
-    settled : LinearisedProblem
-        Costs no more than `here`.
+    minimised : LinearisedProblem
+        With a cost of at most that of `current`.
     """
-    for _ in range(STEPS):
-        tell()
-        before = here.cost
-        here = _step(task, here, damping)
-        if before - here.cost < CALM:
+    for _ in range(MAX_STEPS):
+        on_evaluation()
+        before = current.cost
+        current = _step(problem, current, damping)
+        if before - current.cost < CONVERGED_GAIN:
             break
-    return here
+    return current
 
 
-def _step(task: FitProblem, here: LinearisedProblem, damping: Damping) -> LinearisedProblem:
-    """A step of the states that lowers the cost, or none."""
+def _step(problem: FitProblem, current: LinearisedProblem, damping: Damping) -> LinearisedProblem:
+    """The problem after a step of the states that lowers the cost, or `current`."""
     trial: Trial | None = None
-    for _ in range(TRIALS):
-        _, chains = condense(task, here, damping)
-        there = attempt(task, here, here.x, stepped(task, here.X, chains, np.zeros(0)), trial)
-        if isinstance(there, Failure):
-            damping[:] = [HARDER * held for held in damping]
+    for _ in range(MAX_TRIALS):
+        _, chains = condense(problem, current, damping)
+        X = stepped_states(problem, current.X, chains, np.zeros(0))
+        candidate = evaluate_step(problem, current, current.x, X, trial)
+        if isinstance(candidate, Failure):
+            damping[:] = [DAMPING_FACTOR * windows for windows in damping]
             continue
-        trial = there
-        hoped = _learn(here, trial, damping)
-        if trial.cost < here.cost:
-            reached = accept(task, trial, free=False)
-            if isinstance(reached, LinearisedProblem):
-                return reached
-        if hoped < CALM:
+        trial = candidate
+        predicted = _update_damping(current, trial, damping)
+        if trial.cost < current.cost:
+            accepted = accept(problem, trial, free=False)
+            if isinstance(accepted, LinearisedProblem):
+                return accepted
+        if predicted < CONVERGED_GAIN:
             break
-    return here
+    return current
 
 
-def _learn(here: LinearisedProblem, trial: Trial, damping: Damping) -> float:
-    """Hold windows in which a trial went wrong more firmly, others less where it gains; what was hoped to gain."""
-    known = [chain.windows.costs - chain.windows.linearised.cost for chain in here.chains]
-    excess = [now - before for now, before in zip(trial.excess, known, strict=True)]
-    gain = here.cost - trial.cost
-    hoped = gain + sum(float(more.sum()) for more in excess)
-    for held, more in zip(damping, excess, strict=True):
-        wrong = more > WRONG * max(hoped, CALM)
-        held[wrong] = np.maximum(held[wrong] * HARDER, FIRM)
+def _update_damping(current: LinearisedProblem, trial: Trial, damping: Damping) -> float:
+    """Raise the damping of windows whose prediction failed, lower the others after a gain; the predicted gain."""
+    before = [chain.windows.costs - chain.windows.linearised.cost for chain in current.chains]
+    excess = [now - then for now, then in zip(trial.excess, before, strict=True)]
+    gain = current.cost - trial.cost
+    predicted = gain + sum(float(more.sum()) for more in excess)
+    for windows, more in zip(damping, excess, strict=True):
+        failed = more > REJECTED_EXCESS * max(predicted, CONVERGED_GAIN)
+        windows[failed] = np.maximum(windows[failed] * DAMPING_FACTOR, REJECTED_DAMPING)
         if gain > 0.0:
-            held[~wrong] = np.maximum(held[~wrong] / HARDER, LOOSEST)
-    return hoped
+            windows[~failed] = np.maximum(windows[~failed] / DAMPING_FACTOR, MIN_DAMPING)
+    return predicted
 
 
-def stepped(task: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
-    """States `X` after their own step that goes with a `step` of the free numbers, empty where those are held."""
-    unit = units(task.actuator)
+def stepped_states(
+    problem: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray
+) -> States:
+    """States `X` after the Gauss-Newton step that belongs to a `step` of the parameters, empty if those are fixed."""
+    unit = units(problem.actuator)
     return tuple(x + recover(chain, step[:, None])[:, :, 0] * unit for x, chain in zip(X, chains, strict=True))
 
 
-def followed(task: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
-    """Settled states `X` as they follow a `step` of the free numbers."""
-    stay, go = (stepped(task, X, chains, by) for by in (np.zeros_like(step), step))
-    return tuple(x + (there - here) for x, here, there in zip(X, stay, go, strict=True))
+def shifted_states(
+    problem: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray
+) -> States:
+    """Minimised states `X` shifted, to first order, with a `step` of the parameters."""
+    without, with_step = (stepped_states(problem, X, chains, by) for by in (np.zeros_like(step), step))
+    return tuple(x + (after - before) for x, before, after in zip(X, without, with_step, strict=True))

@@ -1,53 +1,55 @@
-"""The states along the recordings that a search found, and how far the measurements are from them."""
+"""States and sensor outputs along the recordings at a solution, and noise scales from the residuals."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.simulation.run import Numbers, run
-from clutchid.simulation.sensors import seen
+from clutchid.simulation.run import KernelArrays, run
+from clutchid.simulation.sensors import sensor_output
 from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.projection import ShootingSolution
 
-#: A noise scale is re-estimated within these factors of what sensors usually have: a sensor may be better, but what the
-#: model leaves out within a window is not.
-LEAST, MOST = 1.0, 10.0
+#: Limits of a re-estimated noise scale, as multiples of the usual one: a sensor may be better than usual, but the model
+#: error within a window is not.
+MIN_SCALE, MAX_SCALE = 1.0, 10.0
 
 
-def trajectory(task: FitProblem, found: ShootingSolution, log: int) -> FloatArray:
+def trajectory(problem: FitProblem, solution: ShootingSolution, log: int) -> FloatArray:
     """States of recording `log` at its samples, shape (n, n_states); NaN between segments."""
-    mine = [(track, X) for track, X in zip(task.tracks, found.X, strict=True) if track.log == log]
+    mine = [(track, X) for track, X in zip(problem.tracks, solution.X, strict=True) if track.log == log]
     n = len(mine[0][0].measured) if mine else 0
-    states = np.full((n, len(task.actuator.states)), np.nan)
-    numbers = Numbers.of(task.actuator_of(found.x, task.stems[log]))
+    states = np.full((n, len(problem.actuator.states)), np.nan)
+    arrays = KernelArrays.of(problem.actuator_of(solution.x, problem.stems[log]))
     for track, X in mine:
         for window, start in zip(track.windows, X, strict=True):
-            out, _ = run(window, numbers, start)
+            out, _ = run(window, arrays, start)
             states[window.start : window.stop] = out
     return states
 
 
-def recorded(task: FitProblem, found: ShootingSolution, log: int, states: FloatArray) -> dict[str, FloatArray]:
-    """What the sensors would record along `states`: shifted by their lags and offsets."""
-    p = task.actuator_of(found.x, task.stems[log]).parameters
-    names = task.actuator.states
+def sensor_outputs(
+    problem: FitProblem, solution: ShootingSolution, log: int, states: FloatArray
+) -> dict[str, FloatArray]:
+    """Outputs of the sensors along `states`, with their lags and offsets."""
+    p = problem.actuator_of(solution.x, problem.stems[log]).parameters
+    names = problem.actuator.states
     y, p_A = (states[:, names.index(name)] for name in ("y", "p_A"))
-    time = next(track.measured.time for track in task.tracks if track.log == log)
-    return {"position": seen(y, time, p.tau_y, p.e_y), "pressure_a": seen(p_A, time, p.tau_p, p.e_p)}
+    time = next(track.measured.time for track in problem.tracks if track.log == log)
+    return {"position": sensor_output(y, time, p.tau_y, p.e_y), "pressure_a": sensor_output(p_A, time, p.tau_p, p.e_p)}
 
 
-def noise_scales(task: FitProblem, found: ShootingSolution) -> dict[str, float]:
-    """Noise scale of each measured column: the median residual, as a standard deviation, within bounds."""
+def noise_scales(problem: FitProblem, solution: ShootingSolution) -> dict[str, float]:
+    """Noise scale of each measured column: standard deviation from the median absolute residual, within limits."""
     scales = {}
-    for name in task.measure:
+    for name in problem.measure:
         residuals = [
-            recorded(task, found, log, trajectory(task, found, log))[name] - measured[name]
-            for log, measured in {track.log: track.measured for track in task.tracks}.items()
+            sensor_outputs(problem, solution, log, trajectory(problem, solution, log))[name] - measured[name]
+            for log, measured in {track.log: track.measured for track in problem.tracks}.items()
         ]
         size = np.abs(np.concatenate(residuals))
         size = size[np.isfinite(size)]
-        usual = task.noise.measured[name]
-        found_scale = 1.4826 * float(np.median(size)) if size.size else usual
-        scales[name] = float(np.clip(found_scale, LEAST * usual, MOST * usual))
+        usual = problem.noise.measured[name]
+        scale = 1.4826 * float(np.median(size)) if size.size else usual
+        scales[name] = float(np.clip(scale, MIN_SCALE * usual, MAX_SCALE * usual))
     return scales

@@ -1,4 +1,4 @@
-"""What a window says: its simulation, compared with what was measured, as rows of the least-squares problem."""
+"""Residual rows of one window: its simulation compared with the measurement, with derivatives."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from clutchid.simulation.simulation import failure_message
 from clutchid.simulation.windows import Track
 from clutchid.uncertainty.noise import Noise
 
-#: States whose derivatives a window needs at every sample: up to the last one that is measured.
-WATCHED = np.arange(3)
+#: States whose sensitivities are stored at every sample: up to the last measured one.
+OUTPUT_STATES = np.arange(3)
 
-#: A step of the integration looks this far beyond the positions that it stores, in m.
-BEYOND = 1e-4
+#: Within an integration step the position exceeds the stored samples by less than this, in m.
+STEP_OVERSHOOT = 1e-4
 
-#: A simulated position is expected to stay this near to the measured one, in m; where it does not the window is
-#: simulated again with all that it meets.
-EXPECTED = 3e-4
+#: Expected deviation of the simulated from the measured position in m; a window that exceeds it is simulated again with
+#: all load weights that it needs.
+EXPECTED_DEVIATION = 3e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """What a window says, and where it ends.
+class WindowRows:
+    """Residual rows and final state of a window.
 
-    `own` are rows ``[state | theta | r]``, of which only as many as there are states tell of the state; `end` is the
-    state at the end, with derivatives to start and theta.
+    `rows` are ``[state | theta | r]``, triangular, so that only the first n of them depend on the initial state. `end`
+    is the final state, `to_start` and `to_theta` are its derivatives with respect to initial state and theta.
     """
 
-    own: FloatArray
+    rows: FloatArray
     end: FloatArray
     to_start: FloatArray
     to_theta: FloatArray
@@ -48,45 +48,47 @@ class Rows:
 
 def window_rows(
     track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, measure: Sequence[str], noise: Noise
-) -> Rows | Failure:
-    """Simulate a window from `start` and compare it with what was measured.
+) -> WindowRows | Failure:
+    """Simulate a window from `start` with sensitivities and compare it with the measurement.
 
-    Load weights that the piston does not meet in the window have no influence in it and are left out of the simulation.
+    Load weights whose basis functions vanish over the positions of the window are left out of the simulation.
     """
-    n, by, met = start.size, _kernels(), _expected(track, window, start, mapped)
+    n, compiled, pieces = start.size, _kernels(), _expected_pieces(track, window, start, mapped)
     while True:
-        active = mapped.active_columns(met)
-        out, sens, end, failed = run_to_end(window, mapped.numbers, (start, active.start), active.which, WATCHED)
+        active = mapped.active_columns(pieces)
+        out, sens, end, failed = run_to_end(
+            window, mapped.numbers, (start, active.start), active.sensitivities, OUTPUT_STATES
+        )
         if failed >= 0 or not np.isfinite(end).all():
             return _failure(track, window, out, failed, mapped)
-        low, high = by.reach(out[:, 0], start[0])
-        needed = mapped.met(low - BEYOND, high + BEYOND)
-        if not mapped.bases or (met[0] <= needed[0] and needed[1] <= met[1]):
+        low, high = compiled.value_range(out[:, 0], start[0])
+        needed = mapped.load_pieces(low - STEP_OVERSHOOT, high + STEP_OVERSHOOT)
+        if not mapped.bases or (pieces[0] <= needed[0] and needed[1] <= pieces[1]):
             break
-        met = min(met[0], needed[0]), max(met[1], needed[1])
-    sensors, measured = _sensed(track, window, mapped, measure, noise)
-    rows, slopes = np.empty((measured.size, active.columns.size)), np.ones(active.columns.size - 1)
-    slopes[n:] = mapped.slopes[active.theta]
-    own = np.array([active.own[name] for name in measure])
-    rows = rows[: by.compare(out, sens[: measured.shape[1]], sensors, own, measured, slopes, rows)]
-    cost = robust(rows, noise.outlier)
-    small = triangular(rows)
-    if not np.isfinite(small).all():
+        pieces = min(pieces[0], needed[0]), max(pieces[1], needed[1])
+    sensors, measured = _sensors_and_samples(track, window, mapped, measure, noise)
+    rows, slopes = np.empty((measured.size, active.row_columns.size)), np.ones(active.row_columns.size - 1)
+    slopes[n:] = mapped.slopes[active.parameters]
+    sensor_columns = np.array([active.sensor_columns[name] for name in measure])
+    rows = rows[: compiled.compare(out, sens[: measured.shape[1]], sensors, sensor_columns, measured, slopes, rows)]
+    cost = downweight_outliers(rows, noise.outlier)
+    factor = triangular(rows)
+    if not np.isfinite(factor).all():
         return _failure(track, window, out, failed, mapped)
-    linearised, to_theta = np.empty((small.shape[0], n + mapped.size + 1)), np.empty((n, mapped.size))
-    by.spread(small, active.columns, linearised)
-    by.spread(end[:, n:] * slopes[n : end.shape[1]], active.carried, to_theta)
-    return Rows(linearised, out[-1], end[:, :n], to_theta, cost)
+    full, to_theta = np.empty((factor.shape[0], n + mapped.size + 1)), np.empty((n, mapped.size))
+    compiled.scatter_columns(factor, active.row_columns, full)
+    compiled.scatter_columns(end[:, n:] * slopes[n : end.shape[1]], active.theta_columns, to_theta)
+    return WindowRows(full, out[-1], end[:, :n], to_theta, cost)
 
 
 def window_cost(
     track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, measure: Sequence[str], noise: Noise
 ) -> tuple[FloatArray, float] | Failure:
-    """End of a window from `start`, and the cost of its residuals; without derivatives, so much cheaper."""
+    """Final state of a window from `start`, and the cost of its residuals, without derivatives."""
     out, failed = run(window, mapped.numbers, start)
     if failed >= 0:
         return _failure(track, window, out, failed, mapped)
-    sensors, measured = _sensed(track, window, mapped, measure, noise)
+    sensors, measured = _sensors_and_samples(track, window, mapped, measure, noise)
     stop = _compared_samples(track, window)
     return out[-1], _kernels().compare_cost(out[:stop], sensors, measured, noise.outlier)
 
@@ -95,23 +97,23 @@ def _kernels() -> Any:
     return kernels_in("clutchid.simulation.comparison")
 
 
-def _expected(track: Track, window: Segment, start: FloatArray, mapped: ParameterMap) -> tuple[int, int]:
-    """Parts of the load's table that a window will meet, as far as its start and its measured position tell."""
+def _expected_pieces(track: Track, window: Segment, start: FloatArray, mapped: ParameterMap) -> tuple[int, int]:
+    """First and last piece of the load over the measured positions of a window and its start."""
     if not mapped.bases:
         return 0, 0
-    low, high = _kernels().reach(track.measured["position"][window.start : window.stop], start[0])
-    return mapped.met(low - EXPECTED, high + EXPECTED)
+    low, high = _kernels().value_range(track.measured["position"][window.start : window.stop], start[0])
+    return mapped.load_pieces(low - EXPECTED_DEVIATION, high + EXPECTED_DEVIATION)
 
 
 def _compared_samples(track: Track, window: Segment) -> int:
-    """Samples of a window that are compared: the border belongs to the next one."""
+    """Number of samples of a window that are compared: the last one belongs to the next window."""
     return len(window) if window.stop == track.segment.stop else len(window) - 1
 
 
-def _sensed(
+def _sensors_and_samples(
     track: Track, window: Segment, mapped: ParameterMap, measure: Sequence[str], noise: Noise
 ) -> tuple[FloatArray, FloatArray]:
-    """Sensors as `kernels.compare` wants them, and what they measured in a window."""
+    """Sensors of a window, in the order of `comparison.compare`, and their measured samples."""
     step, at = float(window.dt[0]), slice(window.start, window.start + _compared_samples(track, window))
     states = mapped.actuator.states
     sensors = [
@@ -126,13 +128,13 @@ def _failure(track: Track, window: Segment, out: FloatArray, failed: int, mapped
     return Failure(failure_message(track.measured, window, out, max(failed, 0), names, mapped.actuator))
 
 
-def losses(r: FloatArray, outlier: float) -> FloatArray:
-    """Sum over each row of squared residuals, of which those beyond `outlier` count linearly only (Huber 1964)."""
+def huber_losses(r: FloatArray, outlier: float) -> FloatArray:
+    """Huber loss (1964) of each row of residuals: squares, linear beyond `outlier`."""
     cost = np.empty(r.shape[0])
     _kernels().row_losses(r, outlier, cost)
     return cost
 
 
-def robust(rows: FloatArray, outlier: float) -> float:
-    """Scale `rows` in place so that residuals beyond `outlier` count linearly only, see `losses`; their cost."""
-    return float(_kernels().robust(rows, outlier))
+def downweight_outliers(rows: FloatArray, outlier: float) -> float:
+    """Scale `rows` ``[J | r]`` in place so that their squares are the Huber losses of r; the sum of the losses."""
+    return float(_kernels().downweight_outliers(rows, outlier))

@@ -1,1 +1,1 @@
-"""What is known before the data, what the data add, and how uncertain the result is."""
+"""Priors, noise, identifiability, and uncertainty of estimates."""

@@ -1,4 +1,4 @@
-"""`Calibration`: what a fit with pressure leaves to fits of the same actuator without one."""
+"""`Calibration`: the part of a fit with pressure that later fits of the same actuator without pressure use."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from clutchid.log import FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Score:
-    """Where numbers that are held would go if they were free: by one Gauss-Newton step from the end of a search.
+    """Change of fixed parameters if they were free: one Gauss-Newton step from the solution of a search.
 
-    `shift` (k,) and its `covariance` (k, k) are shares of the value, or in the number's own unit where it may be 0.
+    `shift` (k,) and its `covariance` (k, k) are relative to the value, or in the parameter's unit if it may be 0.
     """
 
     names: tuple[str, ...]
@@ -22,12 +22,12 @@ class Score:
     covariance: FloatArray
 
     def of(self, names: Sequence[str]) -> Score:
-        """The score of `names` where all others stay held.
+        """The score of `names` with all others fixed.
 
         Raises
         ------
         ValueError
-            If a name is not of this score.
+            If a name is not in this score.
         """
         at = [self.names.index(name) for name in names]
         information = np.linalg.inv(self.covariance)
@@ -37,22 +37,22 @@ class Score:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """What is known of an actuator besides its values.
+    """Uncertainty and corrections of a calibrated actuator.
 
     Parameters
     ----------
     names, covariance
-        Calibrated parameters and their covariance in SI, shape (k, k): they are not estimated again, but their
-        uncertainty is counted in what is.
+        Calibrated parameters and their covariance in SI, shape (k, k). They are fixed in later fits, as consider
+        parameters.
     bias : N
-        What a fit to the position alone misses of the load weights on the calibration recordings, where the pressure
-        tells the truth; it is taken off later fits.
+        Error of the load weights in a fit to position alone of the calibration recordings, relative to the fit with
+        pressure; it is subtracted in later fits.
     data : {name: hash}
         The calibration recordings.
     method : 'shooting' or 'prediction-error'
-        How it was made; bias and score are of this method.
+        Method of the calibration; bias and score belong to it.
     score : Score, optional
-        Where position alone would move numbers that may change later, on the calibration recordings.
+        Change of fixed parameters in a fit to position alone of the calibration recordings.
     """
 
     names: tuple[str, ...]
@@ -62,8 +62,8 @@ class Calibration:
     method: str = "shooting"
     score: Score | None = None
 
-    def less_sure(self, names: tuple[str, ...], covariance: FloatArray) -> Calibration:
-        """The same with the `covariance` of `names` in SI, shape (k, k), added to what is known of them."""
+    def inflated(self, names: tuple[str, ...], covariance: FloatArray) -> Calibration:
+        """The same with the `covariance` of `names` in SI, shape (k, k), added."""
         known = tuple(dict.fromkeys((*self.names, *names)))
         at = [known.index(name) for name in names]
         wider = self.covariance_of(known)
@@ -71,7 +71,7 @@ class Calibration:
         return replace(self, names=known, covariance=wider)
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
-        """Covariance of `names`, 0 where a name was not calibrated."""
+        """Covariance of `names`; 0 for those that were not calibrated."""
         at = [self.names.index(name) if name in self.names else -1 for name in names]
         full = np.zeros((len(names), len(names)))
         known = [i for i, place in enumerate(at) if place >= 0]

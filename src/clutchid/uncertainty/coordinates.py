@@ -1,4 +1,4 @@
-"""Free numbers as dimensionless coordinates whose prior has mean 0 and standard deviation 1."""
+"""Free parameters as dimensionless coordinates with a prior of mean 0 and standard deviation 1."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters
 
-#: Standard deviation of what Appendix A or a data sheet says of a new actuator, as a share of the value: the prior is
-#: log-normal. Areas and stroke come from the drawing. docs/methods.md says why each has its size.
+#: Relative standard deviation of the parameters of a new actuator from Appendix A or a data sheet; the prior is
+#: log-normal. Areas and stroke are known from the drawing. Reasons: docs/methods.md.
 SHARES: Mapping[str, float] = {
     "A_A": 0.001, "A_B": 0.001, "V_0A": 0.15, "V_0B": 0.15, "P_0": 0.003, "T_0": 0.02, "R": 0.002, "M": 0.15,
     "P_S": 0.05, "D_v": 0.4, "K_z": 0.3, "D_zdot": 0.3, "F_C": 0.4, "C_vs": 0.15, "C_ve": 0.15, "C_r": 0.4,
@@ -23,43 +23,43 @@ SHARES: Mapping[str, float] = {
     "m_vs": 0.25, "m_ve": 0.25, "K_h": 0.5, "F_h": 0.5, "tau_G": 0.5,
 }  # fmt: skip
 
-#: The same for numbers that may be 0 or change sign, in their own unit: the prior is normal.
+#: Standard deviation of parameters that may be 0 or change sign, in their unit; the prior is normal.
 WIDTHS: Mapping[str, float] = {
     "R_0vs": 0.03, "R_0ve": 0.03, "R_1vs": 0.05, "R_1ve": 0.05, "B_vs": 0.8, "B_ve": 0.8, "B_in": 0.3, "B_out": 0.3,
     "R_S": 0.3, "s_vs": 0.1, "s_ve": 0.1, "s_pwm": 0.03, "tau_y": 2e-3, "tau_p": 2e-3, "e_y": 2e-5, "e_p": 2e3,
     "r_lam": 1e-3, "a_0vs": 0.1, "t_vs": 0.05, "t_ve": 0.05, "b_vs": 0.15, "b_ve": 0.15, "mu_h": 0.02, "a_0ve": 0.1,
 }  # fmt: skip
 
-#: Standard deviation of a load weight before any data, in its unit: the paper's splines in N/m, B-splines in N.
+#: Prior standard deviation of a load weight by its unit: N/m for the paper's splines, N for B-splines.
 WEIGHT_WIDTHS = {"N/m": 5e5, "N": 2e3}
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What is known of a parameter before the data: mean and standard deviation in SI."""
+    """Prior of a parameter: mean and standard deviation in SI."""
 
     mean: float
     std: float
 
 
-#: How far the far stop is from where a drawing, or the reach of a recording, puts it, as a standard deviation in m.
-STOP = 5e-4
+#: Standard deviation in m of the far stop from its position by the drawing, or by the reach of a recording.
+STOP_STD = 5e-4
 
 
 def far_stop(actuator: Actuator, reach: float) -> Prior:
-    """What is known of the stroke: as on the drawing, or as far as recordings `reach` in m where that is further.
+    """Prior of the stroke: that of the drawing, or the reach of recordings in m if it is larger.
 
-    With the engaged rest the zero of the position moves, so the far stop of a worn clutch does as well.
+    The zero of the position is the engaged rest, which shifts with wear; the position of the far stop shifts with it.
     """
-    return Prior(max(actuator.parameters.y_max, reach), STOP)
+    return Prior(max(actuator.parameters.y_max, reach), STOP_STD)
 
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """One free number: of all recordings, or of the recording `stem` alone.
+    """One free parameter, shared by all recordings or of the recording `stem`.
 
-    Its value is ``mean exp(width x)`` where `positive`, else ``mean + width x``, within the bounds; a priori x is
-    0 +- 1.
+    Its value is ``mean exp(width x)`` if `positive`, else ``mean + width x``, within the bounds. The prior of x is
+    0 ± 1.
     """
 
     base: str
@@ -72,7 +72,7 @@ class Coordinate:
 
     @property
     def name(self) -> str:
-        """Name as the user reads it: NAME, or NAME@STEM."""
+        """Name for the user: NAME, or NAME@STEM."""
         return self.base if self.stem is None else f"{self.base}@{self.stem}"
 
     def si(self, x: float) -> float:
@@ -82,7 +82,7 @@ class Coordinate:
         return min(max(value, self.low), self.high)
 
     def slope(self, x: float) -> float:
-        """Derivative of the value to x."""
+        """Derivative of the value with respect to x."""
         return self.width * self.si(x) if self.positive else self.width
 
     def of(self, value: float) -> float:
@@ -98,12 +98,12 @@ def coordinates(
     bounds: Mapping[str, tuple[float, float]],
     priors: Mapping[str, Prior],
 ) -> tuple[Coordinate, ...]:
-    """Coordinates of the free `names`, each NAME or NAME@STEM; priors by default around the actuator's values.
+    """Coordinates of the free `names`, NAME or NAME@STEM; default priors are centred on the values of the actuator.
 
     Raises
     ------
     ParameterError
-        If a parameter has no known spread and no prior is given, or a prior is not inside the bounds.
+        If there is neither a default prior nor a given one, or the mean of a prior is outside the bounds.
     """
     return tuple(_coordinate(actuator, name, bounds.get(name), priors.get(name)) for name in names)
 
@@ -124,17 +124,17 @@ def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | Non
     elif positive or base in WIDTHS:
         width = SHARES[base] if positive else WIDTHS[base]
     else:
-        raise ParameterError(f"{name}: nothing is known of it before the data; give --prior {name}=VALUE±STD.")
+        raise ParameterError(f"{name}: there is no default prior; give --prior {name}=VALUE±STD.")
     if not low <= mean <= high:
         raise ParameterError(f"{name}: the prior mean {mean:g} lies outside its bounds {low:g} to {high:g}.")
     return Coordinate(base, stem or None, mean, width, positive, low, high)
 
 
 def smoothness(actuator: Actuator, names: Sequence[str], reference: Sequence[float], curvature: float) -> FloatArray:
-    """Rows ``[d r / d theta | r]`` that keep the curvature of a B-spline load near that of the weights `reference`.
+    """Rows ``[d r / d theta | r]`` of a prior on the curvature of a B-spline load, centred on that of `reference`.
 
-    At each knot the second derivative differs by `curvature` N/m² a priori, over a millimetre; shape (m, k + 1) with
-    derivatives to the weights in SI among `names`, zero for the rest.
+    The prior standard deviation of the second derivative at a knot is `curvature` N/m², over a millimetre; shape
+    (m, k + 1), with derivatives with respect to the weights among `names` in SI, zero for the rest.
     """
     load = actuator.load
     knots = np.asarray(load.knots)

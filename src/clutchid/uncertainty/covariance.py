@@ -1,4 +1,4 @@
-"""Covariance of an estimate whose residuals are coloured."""
+"""Covariance of an estimate with autocorrelated residuals."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ MAX_BLOCKS = 4096
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Covariance:
-    """Covariance matrix of the estimate, shape (k, k), and the degrees of freedom behind it.
+    """Covariance matrix of the estimate, shape (k, k), and its degrees of freedom.
 
-    A parameter that the data say nothing about has infinite variance and zero covariances.
+    A parameter that the data do not determine has infinite variance and zero covariances.
     """
 
     matrix: FloatArray
@@ -59,8 +59,8 @@ def sandwich(
     k = R.shape[0]
     common = k if shared is None or shared == 0 else shared
     norms = np.sqrt(np.sum(R**2, axis=0))
-    heard = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
-    known = heard if known is None else heard & known
+    identifiable = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+    known = identifiable if known is None else identifiable & known
     matrix = np.full((k, k), 0.0)
     matrix[~known, ~known] = np.inf
     total = sum(s.shape[0] for s in scores)
@@ -89,7 +89,7 @@ def _square_root(matrix: FloatArray) -> FloatArray:
 
 
 def _pseudo_inverse(R: FloatArray) -> FloatArray:
-    """Inverse of R^T R by singular values; the floor keeps what the data cannot tell huge, yet finite."""
+    """Inverse of R^T R by singular values, with a floor that keeps the variance of unidentifiable directions finite."""
     _, s, Vt = np.linalg.svd(R)
     s = np.maximum(s, 1e-12 * s[0])
     result: FloatArray = (Vt.T / s**2) @ Vt

@@ -1,4 +1,4 @@
-"""How far measurements and the model itself are trusted."""
+"""Standard deviations of measurement noise and process noise."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _STATE_NOISE: Mapping[str, float] = MappingProxyType({name: state.noise for name
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviations: of the samples of each measured column, of the model's states, and of the air that flows.
+    """Standard deviations of the samples of each measured column, of the states, and of the flow of air.
 
-    `flow` is the part of the air through an open valve that the model misjudges at random in each window; `outlier` is
-    the number of standard deviations beyond which a residual counts linearly only. Residuals of the model last for
-    `memory` s: samples that are nearer to each other tell as much as one.
+    `flow` is the relative error of the flow through an open valve, random in each window; `outlier` the number of
+    standard deviations beyond which the loss is linear. `memory` is the correlation time of the model error in s:
+    samples within it have the information of one.
     """
 
     measured: Mapping[str, float] = field(
@@ -31,11 +31,11 @@ class Noise:
     memory: float = 0.0
 
     def of_samples(self, name: str, spacing: float) -> float:
-        """Standard deviation that each sample of a measured column is given where they are `spacing` s apart."""
+        """Standard deviation assigned to each sample of a measured column at intervals of `spacing` s."""
         return self.measured[name] * math.sqrt(max(1.0, self.memory / spacing))
 
-    def softened(self, factor: float) -> Noise:
-        """Everything `factor` times less certain: a problem nearer to a linear one."""
+    def inflated(self, factor: float) -> Noise:
+        """All standard deviations multiplied by `factor`, which makes the problem more nearly linear."""
         return replace(
             self,
             measured={name: value * factor for name, value in self.measured.items()},

@@ -1,3 +1,3 @@
 """Recordings and problems of the filter."""
 
-from fixtures.filter_recordings import duties, plant, recorded_by, task_of  # noqa: F401
+from fixtures.filter_recordings import duties, plant, problem_of, recorded_by  # noqa: F401

@@ -68,8 +68,8 @@ def test_the_pressure_is_found_from_position_alone_with_a_band(adapted, worn, re
 
 def test_the_notes_say_what_the_errors_look_like(adapted):
     said = re.fullmatch(
-        r"errors of prediction of position: mean square ([\d.]+) times what the filter expects, 1 where noise is as "
-        r"assumed; neighbours correlate at (-?[\d.]+), 0 where the model misses nothing\.",
+        r"prediction errors of position: mean square ([\d.]+) times the expected one, 1 if the noise is as "
+        r"assumed; correlation of neighbouring samples (-?[\d.]+), 0 for a correct model\.",
         adapted.notes[-1],
     )
     # 6000 samples tell a mean square to 2 %; the model made the recording, so the filter expects a little more
@@ -82,7 +82,7 @@ def test_the_errors_are_those_of_prediction(adapted):
     assert adapted.errors.pressure_a_rms is None
 
 
-def test_a_calibration_finds_what_the_recording_tells(calibrated, plant):
+def test_a_calibration_finds_the_parameters_that_the_data_determine(calibrated, plant):
     assert calibrated.status == "ok"
     for name in ("C_vs", "C_ve", "V_0A", "tau_y", "tau_p", "F_C"):
         estimate = calibrated.parameters[name]
@@ -107,31 +107,31 @@ def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
     assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ np.array(off), rel=1e-6)
 
 
-def test_the_search_tells_its_stages_and_counts_all_its_work(plant, worn_log):
-    told = []
+def test_the_search_reports_its_stages_and_all_evaluations(plant, worn_log):
+    reported = []
     wanted = FreeParameters(("theta_5",), ("position",))
     log = worn_log.slice(0, 800)
-    found = predict([log], plant, wanted, EXACT, lambda stage, count: told.append((stage, count))).solution
-    assert [stage for stage, _ in told] == sorted([stage for stage, _ in told])
-    assert [count for _, count in told] == [*range(1, len(told) + 1)]
-    assert found.evaluations == len(told)
+    found = predict([log], plant, wanted, EXACT, lambda stage, count: reported.append((stage, count))).solution
+    assert [stage for stage, _ in reported] == sorted([stage for stage, _ in reported])
+    assert [count for _, count in reported] == [*range(1, len(reported) + 1)]
+    assert found.evaluations == len(reported)
 
 
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
-    task, _ = fit_problem([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
-    seen = []
+    problem, _ = fit_problem([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
+    evaluated = []
 
-    def swinging(task, x, here, evaluate):
-        seen.append(float(x[0]))
+    def swinging(problem, x, here, evaluate):
+        evaluated.append(float(x[0]))
         target = x + np.array([3 * (0.01 - x[0]), 0.0, 0.0, 0.0])  # three times as far as it should
         at = replace(here.linearisation(), R=1e4 * np.eye(4))
         return module.Solution(target, at, "converged", 1)
 
-    monkeypatch.setattr(module, "_round", swinging)
-    found = module.search(task, np.zeros(4), 4)
+    monkeypatch.setattr(module, "minimise_round", swinging)
+    found = module.search(problem, np.zeros(4), 4)
     assert found.status == "limit"
     # a whole move; it is taken back: half a move; again: a quarter; it goes on: half
-    assert seen == pytest.approx([0.0, 0.03, 0.0, 0.0075])
+    assert evaluated == pytest.approx([0.0, 0.03, 0.0, 0.0075])
 
 
 def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, worn_log, monkeypatch):
@@ -152,5 +152,5 @@ def test_a_recording_whose_search_fails_says_nothing_of_the_bias(plant, worn_log
 def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):
     with pytest.raises(DataError, match="at least ten"):
         fit_with_priors(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
-    with pytest.raises(ParameterError, match="nothing is free"):
+    with pytest.raises(ParameterError, match="no parameter is free"):
         fit_with_priors(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))

@@ -63,11 +63,11 @@ def test_a_recording_is_verified_as_its_sensors_would_see_it(plant, recorded_by,
 
 
 def test_a_partition_is_refused(plant, recording):
-    with pytest.raises(ParameterError, match="from sample to sample"):
+    with pytest.raises(ParameterError, match="corrected at every sample"):
         fit(recording, plant, partition=Partition(every=100), method=METHOD)
 
 
-def test_a_misspelt_method_is_told_the_nearest(plant, recording):
+def test_a_misspelt_method_names_the_nearest(plant, recording):
     with pytest.raises(ParameterError, match="did you mean 'prediction-error'"):
         fit(recording, plant, method="prediction_error")
 
@@ -87,12 +87,12 @@ def test_the_papers_model_is_filtered_too(plant, recording):
     assert np.isfinite(found.covariance).all()
 
 
-def test_a_segment_that_was_planned_for_another_model_is_refused(plant, recording, task_of):
-    task = task_of(recording, plant, ("C_vs",))
+def test_a_segment_that_was_planned_for_another_model_is_refused(plant, recording, problem_of):
+    problem = problem_of(recording, plant, ("C_vs",))
     foreign = replace(plant, model="isothermal")
     with pytest.raises(ParameterError, match="plan the recording"):
         filtering.filtered(
-            task.tracks[0], replace(task, actuator=foreign).parameter_map(np.zeros(1), "log"), BOTH, Noise()
+            problem.tracks[0], replace(problem, actuator=foreign).parameter_map(np.zeros(1), "log"), BOTH, Noise()
         )
 
 

@@ -5,45 +5,45 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate.shooting.bootstrap import FEWEST, bootstrap, ratio, steps, strokes
+from clutchid.estimate.shooting.bootstrap import MIN_STROKES, bootstrap, gauss_newton_steps, scatter_ratio, strokes
 from clutchid.log import Log
 from clutchid.numerics.least_squares import triangular
 from clutchid.smoother.linearised_windows import LinearisedWindows
 from clutchid.smoother.problem import Chain, LinearisedProblem, SimulatedWindows, condense, linearise
-from clutchid.smoother.projection import SETTLED, ShootingSolution
-from clutchid.smoother.search import FROM_NEAR, search
+from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution
+from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
 from clutchid.uncertainty.noise import Noise
 
 STATES = 10
 
 
 @pytest.fixture(scope="module")
-def task(plant, recorded_by, task_of):
+def problem(plant, recorded_by, problem_of):
     """The load free, position only, with white noise exactly as large as the problem takes it for."""
-    task = task_of([recorded_by(plant, seed=4)], plant, plant.load.names, ("position",))
-    return replace(task, noise=Noise(measured={"position": 3e-5}))
+    problem = problem_of([recorded_by(plant, seed=4)], plant, plant.load.names, ("position",))
+    return replace(problem, noise=Noise(measured={"position": 3e-5}))
 
 
 @pytest.fixture(scope="module")
-def found(task, starts_of):
-    return search(task, np.zeros(22), starts_of(task), FROM_NEAR)
+def solution(problem, starts_of):
+    return search(problem, np.zeros(22), starts_of(problem), STAGES_FROM_CALIBRATION)
 
 
 @pytest.fixture(scope="module")
-def root(task, found):
+def root(problem, solution):
     """Square root of the covariance were all residuals independent."""
-    return np.linalg.inv(condense(task, found.at)[0][:-1, :-1])
+    return np.linalg.inv(condense(problem, solution.at)[0][:-1, :-1])
 
 
 @pytest.fixture(scope="module")
-def small(task, found):
+def small(problem, solution):
     """Twelve windows from a rest on, four strokes of them, so that a dense matrix holds them."""
-    track = replace(task.tracks[0], windows=task.tracks[0].windows[16:28])
-    few = replace(task, tracks=(track,))
-    return few, linearise(few, found.x, (found.X[0][16:28],)), (np.repeat([0, 1, 2, 3], [5, 1, 2, 4]),)
+    track = replace(problem.tracks[0], windows=problem.tracks[0].windows[16:28])
+    few = replace(problem, tracks=(track,))
+    return few, linearise(few, solution.x, (solution.X[0][16:28],)), (np.repeat([0, 1, 2, 3], [5, 1, 2, 4]),)
 
 
-def resting(task_of, plant, excursions, low=0.0, missing=(), name="log"):
+def resting(problem_of, plant, excursions, low=0.0, missing=(), name="log"):
     """A problem on a recording of half a second at `low`, half a second at 15 mm, and so on, resting at its end."""
     time = np.arange(0.0, excursions + 0.5, 1e-3)
     position = np.where(time % 1.0 < 0.5, low, 15e-3)
@@ -51,13 +51,13 @@ def resting(task_of, plant, excursions, low=0.0, missing=(), name="log"):
         position[round(1000 * start) : round(1000 * stop)] = np.nan
     duty = np.zeros(time.size)
     log = Log(time, {"duty_supply": duty, "duty_exhaust": duty, "position": position}, name)
-    return task_of([log], plant, ("F_C",), ("position",))
+    return problem_of([log], plant, ("F_C",), ("position",))
 
 
 def whole(chain):
     """Rows ``[state | theta | r]`` of every window of a chain."""
-    told = chain.windows.linearised
-    return np.concatenate([told.own, told.r[:, :, None]], axis=2)
+    linearised = chain.windows.linearised
+    return np.concatenate([linearised.jacobian, linearised.r[:, :, None]], axis=2)
 
 
 def dense_moves(linear, numbers):
@@ -73,14 +73,14 @@ def dense_moves(linear, numbers):
         if i < len(chain.links):
             placed.append((i, 2 * STATES, chain.links[i]))
             kinds.append(stroke + 1)
-    pulls, H = np.zeros((n + k, 2 + numbers[0].max())), np.zeros((n + k, n + k))
+    contributions, H = np.zeros((n + k, 2 + numbers[0].max())), np.zeros((n + k, n + k))
     for (at, width, rows), kind in zip(placed, kinds, strict=True):
         full = np.zeros((rows.shape[0], n + k))
         full[:, STATES * at : STATES * at + width] = rows[:, :width]
         full[:, n:] = rows[:, width:-1]
         H += full.T @ full
-        pulls[:, kind] += full.T @ rows[:, -1]
-    return -np.linalg.solve(H, pulls)[n:], np.linalg.inv(H)[n:, n:]
+        contributions[:, kind] += full.T @ rows[:, -1]
+    return -np.linalg.solve(H, contributions)[n:], np.linalg.inv(H)[n:, n:]
 
 
 def white(rng, count, k):
@@ -92,8 +92,8 @@ def white(rng, count, k):
     first = rng.standard_normal((STATES, width))
     nothing, end = np.zeros(windows), np.zeros((windows, STATES))
     to_start, to_theta = np.zeros((windows, STATES, STATES)), np.zeros((windows, STATES, k))
-    told = LinearisedWindows(own[:, :, :-1], own[:, :, -1], end, to_start, to_theta, nothing)
-    chain = Chain(first, SimulatedWindows(told, end, nothing, nothing), links)
+    linearised = LinearisedWindows(own[:, :, :-1], own[:, :, -1], end, to_start, to_theta, nothing)
+    chain = Chain(first, SimulatedWindows(linearised, end, nothing, nothing), links)
     return LinearisedProblem(np.zeros(k), (end,), np.zeros((0, k + 1)), (chain,), 0.0), (
         np.repeat(np.arange(count), 2),
     )
@@ -101,7 +101,7 @@ def white(rng, count, k):
 
 def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
     _, linear, numbers = small
-    known, moves = steps(linear, numbers)
+    known, moves = gauss_newton_steps(linear, numbers)
     wanted, covariance = dense_moves(linear, numbers)
     # in deviations of each number; the dense normal equations square a condition of some 1e5
     scale = np.sqrt(np.diag(covariance))[:, None]
@@ -109,52 +109,52 @@ def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
     assert np.abs(moves / scale).max() > 0.1
 
 
-def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, found, monkeypatch):
-    task, linear, numbers = small
+def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, solution, monkeypatch):
+    problem, linear, numbers = small
     monkeypatch.setattr("clutchid.estimate.shooting.bootstrap.strokes", lambda _: numbers)
-    x = bootstrap(task, ShootingSolution(found.x, (), linear, "converged", 1), draws=20000)
+    x = bootstrap(problem, ShootingSolution(solution.x, (), linear, "converged", 1), draws=20000)
     moves = dense_moves(linear, numbers)[0][:, 1:]
     # numbers of draws that add up to the number of strokes: less the part in which all strokes agree
     apart = moves - moves.mean(axis=1, keepdims=True)
     scatter, wanted = np.std(x, axis=0), np.linalg.norm(apart, axis=1)
-    told = wanted > 1e-6 * wanted.max()
+    linearised = wanted > 1e-6 * wanted.max()
     # 20000 draws know a deviation to 0.5 %
-    assert told.sum() > 10
-    assert scatter[told] == pytest.approx(wanted[told], rel=0.03)
+    assert linearised.sum() > 10
+    assert scatter[linearised] == pytest.approx(wanted[linearised], rel=0.03)
 
 
-def test_the_steps_of_all_strokes_add_up_to_the_step_of_the_whole_problem(task, found):
-    known, moves = steps(found.at, strokes(task))
-    factor, _ = condense(task, found.at)
+def test_the_steps_of_all_strokes_add_up_to_the_step_of_the_whole_problem(problem, solution):
+    known, moves = gauss_newton_steps(solution.at, strokes(problem))
+    factor, _ = condense(problem, solution.at)
     assert known + moves.sum(axis=1) == pytest.approx(-np.linalg.solve(factor[:-1, :-1], factor[:-1, -1]), abs=1e-8)
 
 
-def test_with_every_stroke_once_nothing_moves_because_the_search_has_ended_there(task, found, root):
-    assert found.status == "converged"
-    known, moves = steps(found.at, strokes(task))
+def test_with_every_stroke_once_nothing_moves_because_the_search_has_ended_there(problem, solution, root):
+    assert solution.status == "converged"
+    known, moves = gauss_newton_steps(solution.at, strokes(problem))
     # in deviations; the square of its length is what the cost would still fall by
-    assert np.sum(np.linalg.solve(root, known + moves.sum(axis=1)) ** 2) < SETTLED
+    assert np.sum(np.linalg.solve(root, known + moves.sum(axis=1)) ** 2) < CONVERGED_GAIN
 
 
-def test_draws_are_the_same_on_every_run_with_the_same_seed(task, found):
-    first = bootstrap(task, found, draws=20, seed=1)
+def test_draws_are_the_same_on_every_run_with_the_same_seed(problem, solution):
+    first = bootstrap(problem, solution, draws=20, seed=1)
     assert first.shape == (20, 22)
-    assert np.array_equal(first, bootstrap(task, found, draws=20, seed=1))
-    assert not np.array_equal(first, bootstrap(task, found, draws=20, seed=2))
+    assert np.array_equal(first, bootstrap(problem, solution, draws=20, seed=1))
+    assert not np.array_equal(first, bootstrap(problem, solution, draws=20, seed=2))
 
 
-def test_many_draws_are_spread_around_what_was_found(task, found, root):
-    x = bootstrap(task, found, draws=2000)
+def test_many_draws_are_spread_around_what_was_found(problem, solution, root):
+    x = bootstrap(problem, solution, draws=2000)
     # the mean of 2000 draws is known to a 45th of their deviation; the search may have stopped short of the minimum
-    stopped = np.sqrt(SETTLED) * np.linalg.norm(root, axis=1)
-    assert np.all(np.abs(x.mean(axis=0) - found.x) < 4 * np.std(x, axis=0) / np.sqrt(2000) + stopped)
+    stopped = np.sqrt(CONVERGED_GAIN) * np.linalg.norm(root, axis=1)
+    assert np.all(np.abs(x.mean(axis=0) - solution.x) < 4 * np.std(x, axis=0) / np.sqrt(2000) + stopped)
 
 
-def test_white_residuals_scatter_as_the_covariance_says(task):
+def test_white_residuals_scatter_as_the_covariance_says(problem):
     rng, k, count = np.random.default_rng(0), 5, 120
     linear, numbers = white(rng, count, k)
-    moves = steps(linear, numbers)[1]
-    factor = condense(task, linear)[0][:k, :k]
+    moves = gauss_newton_steps(linear, numbers)[1]
+    factor = condense(problem, linear)[0][:k, :k]
     apart = moves - moves.mean(axis=1, keepdims=True)
     # mean over k directions of chi-square with 119 degrees of freedom: 1 with a deviation of sqrt(2 / (119 k)) = 6 %
     assert np.sum((factor @ apart) ** 2) / k == pytest.approx(1.0, abs=0.18)
@@ -163,81 +163,81 @@ def test_white_residuals_scatter_as_the_covariance_says(task):
 def test_residuals_that_come_four_times_each_are_counted_once():
     linear, numbers = white(np.random.default_rng(1), 12, 5)
     chain = linear.chains[0]
-    told = chain.windows.linearised
-    twice = replace(chain.windows, linearised=replace(told, own=2 * told.own, r=2 * told.r))
+    linearised = chain.windows.linearised
+    twice = replace(chain.windows, linearised=replace(linearised, jacobian=2 * linearised.jacobian, r=2 * linearised.r))
     fourfold = Chain(2 * chain.first, twice, 2 * chain.links)
-    once, again = (steps(replace(linear, chains=(c,)), numbers)[1] for c in (chain, fourfold))
+    once, again = (gauss_newton_steps(replace(linear, chains=(c,)), numbers)[1] for c in (chain, fourfold))
     assert again == pytest.approx(once, abs=1e-9)
 
 
-def test_the_load_of_a_recording_with_white_noise_scatters_about_as_without_colour(task, found, root):
+def test_the_load_of_a_recording_with_white_noise_scatters_about_as_without_colour(problem, solution, root):
     # on eight recordings of other noise the load scattered with 0.81 of these deviations: the links count an error of
     # the model that is not there; 8 pieces know that to a quarter, and this is twice as much to either side
-    assert [part.max() + 1 for part in strokes(task)] == [8]
-    assert 0.37 < ratio(task, bootstrap(task, found), root) < 1.25
+    assert [part.max() + 1 for part in strokes(problem)] == [8]
+    assert 0.37 < scatter_ratio(problem, bootstrap(problem, solution), root) < 1.25
 
 
-def test_the_ratio_is_how_much_wider_the_load_scatters(task, found, root):
-    x = found.x + np.random.default_rng(0).standard_normal((200, 22)) @ root.T
+def test_the_ratio_is_how_much_wider_the_load_scatters(problem, solution, root):
+    x = solution.x + np.random.default_rng(0).standard_normal((200, 22)) @ root.T
     # 200 draws know a deviation to 5 %
-    assert ratio(task, x, root) == pytest.approx(1.0, abs=0.15)
-    assert ratio(task, x, 0.5 * root) == pytest.approx(2.0 * ratio(task, x, root), rel=1e-9)
+    assert scatter_ratio(problem, x, root) == pytest.approx(1.0, abs=0.15)
+    assert scatter_ratio(problem, x, 0.5 * root) == pytest.approx(2.0 * scatter_ratio(problem, x, root), rel=1e-9)
 
 
-def test_without_a_free_load_there_is_no_ratio(task_of, plant):
-    task = resting(task_of, plant, 9)
-    assert np.isnan(ratio(task, np.zeros((3, 1)), np.eye(1)))
+def test_without_a_free_load_there_is_no_ratio(problem_of, plant):
+    problem = resting(problem_of, plant, 9)
+    assert np.isnan(scatter_ratio(problem, np.zeros((3, 1)), np.eye(1)))
 
 
 @pytest.mark.parametrize("missing", [(), [(1.6, 1.9)], [(0.0, 0.3), (2.02, 2.37), (3.4, 3.55), (5.5, 5.9)]])
-def test_every_excursion_from_rest_is_a_stroke_also_where_position_is_missing(task_of, plant, missing):
-    task = resting(task_of, plant, 10, missing=missing)
-    (numbers,) = strokes(task)
-    starts = [window.start for window in task.tracks[0].windows]
+def test_every_excursion_from_rest_is_a_stroke_also_where_position_is_missing(problem_of, plant, missing):
+    problem = resting(problem_of, plant, 10, missing=missing)
+    (numbers,) = strokes(problem)
+    starts = [window.start for window in problem.tracks[0].windows]
     # rest and excursion take a second; the rest at the end has no excursion and belongs to the last one
     wanted = np.minimum(np.array(starts) // 1000, 9)
     assert np.mean(numbers == wanted) > 0.97
     assert np.array_equal(np.unique(numbers), np.arange(10))
 
 
-def test_a_recording_without_rest_is_cut_into_pieces_of_a_second(task_of, plant):
-    (numbers,) = strokes(resting(task_of, plant, 12, low=8e-3))
+def test_a_recording_without_rest_is_cut_into_pieces_of_a_second(problem_of, plant):
+    (numbers,) = strokes(resting(problem_of, plant, 12, low=8e-3))
     assert np.array_equal(np.unique(numbers), np.arange(12))
     assert np.ptp(np.bincount(numbers)) <= 1, "125 windows of 0.1 s"
     assert np.all(np.diff(numbers) >= 0)
 
 
-def test_a_recording_of_few_strokes_is_cut_into_pieces(task_of, plant):
-    few, enough = (strokes(resting(task_of, plant, count))[0] for count in (FEWEST - 1, FEWEST))
+def test_a_recording_of_few_strokes_is_cut_into_pieces(problem_of, plant):
+    few, enough = (strokes(resting(problem_of, plant, count))[0] for count in (MIN_STROKES - 1, MIN_STROKES))
     assert np.ptp(np.bincount(few)) <= 1
-    assert enough.max() + 1 == FEWEST
+    assert enough.max() + 1 == MIN_STROKES
     # the last stroke has the rest at the end
     assert np.bincount(enough)[-1] == 15
 
 
-def test_a_recording_without_position_is_cut_into_pieces_and_has_no_ratio(task_of, plant):
-    task = resting(task_of, plant, 9)
-    track = task.tracks[0]
+def test_a_recording_without_position_is_cut_into_pieces_and_has_no_ratio(problem_of, plant):
+    problem = resting(problem_of, plant, 9)
+    track = problem.tracks[0]
     blind = track.measured.with_columns(position=np.full(len(track.measured), np.nan))
-    task = replace(task, tracks=(replace(track, measured=blind),))
-    assert np.ptp(np.bincount(strokes(task)[0])) <= 1
-    free = replace(task, coordinates=task_of([], plant, plant.load.names).coordinates)
-    assert np.isnan(ratio(free, np.zeros((3, 22)), np.eye(22)))
+    problem = replace(problem, tracks=(replace(track, measured=blind),))
+    assert np.ptp(np.bincount(strokes(problem)[0])) <= 1
+    free = replace(problem, coordinates=problem_of([], plant, plant.load.names).coordinates)
+    assert np.isnan(scatter_ratio(free, np.zeros((3, 22)), np.eye(22)))
 
 
-def test_strokes_of_several_recordings_are_numbered_without_gaps(task_of, plant):
-    parts = [resting(task_of, plant, count).tracks[0] for count in (10, 3)]
-    task = resting(task_of, plant, 10)
-    task = replace(task, tracks=(parts[0], replace(parts[1], log=1)), stems=("a", "b"))
-    numbers = strokes(task)
+def test_strokes_of_several_recordings_are_numbered_without_gaps(problem_of, plant):
+    parts = [resting(problem_of, plant, count).tracks[0] for count in (10, 3)]
+    problem = resting(problem_of, plant, 10)
+    problem = replace(problem, tracks=(parts[0], replace(parts[1], log=1)), stems=("a", "b"))
+    numbers = strokes(problem)
     assert [len(part) for part in numbers] == [len(part.windows) for part in parts]
     assert np.array_equal(np.unique(np.concatenate(numbers)), np.arange(13)), "10 strokes and 3.499 s in 3 pieces"
     assert numbers[1].min() == 10
 
 
-def test_one_stroke_alone_does_not_say_how_it_scatters(small, found, task):
+def test_one_stroke_alone_does_not_say_how_it_scatters(small, solution, problem):
     few, linear, _ = small
-    second = replace(few.tracks[0], segment=replace(task.tracks[0].segment, dt=task.tracks[0].segment.dt[:1200]))
-    x = bootstrap(replace(few, tracks=(second,)), ShootingSolution(found.x, (), linear, "converged", 1), draws=3)
+    second = replace(few.tracks[0], segment=replace(problem.tracks[0].segment, dt=problem.tracks[0].segment.dt[:1200]))
+    x = bootstrap(replace(few, tracks=(second,)), ShootingSolution(solution.x, (), linear, "converged", 1), draws=3)
     assert np.isnan(x).all()
-    assert np.isnan(ratio(few, x, np.eye(22)))
+    assert np.isnan(scatter_ratio(few, x, np.eye(22)))

@@ -37,18 +37,18 @@ def test_a_profiled_number_has_its_own_interval_and_the_rest_is_as_before(shot, 
     assert any(note.startswith("F_C: ") and "by profile likelihood" in note for note in result.notes)
 
 
-def test_an_interval_that_the_covariance_misses_is_told_with_both(shot, plain, monkeypatch):
+def test_a_nonquadratic_interval_is_noted_with_both(shot, plain, monkeypatch):
     low, high = plain.parameters["F_C"].low, plain.parameters["F_C"].high
     monkeypatch.setattr(module, "profile_interval", lambda *_: (0.5 * low, high))
     note = checked(plain, shot, None, ("F_C",), 0).notes[-1]
     assert f"{0.5 * low:.4g} to {high:.4g} N by profile likelihood" in note
-    assert f"says {low:.4g} to {high:.4g}." in note
+    assert f"gives {low:.4g} to {high:.4g}." in note
 
 
 def test_the_interval_of_a_load_weight_is_shifted_as_its_value_is(shot, plain, monkeypatch):
     name = plain.actuator.load.names[8]
     value = plain.parameters[name].value
-    # what a calibration takes off: here 100 N
+    # bias of a calibration: 100 N
     moved = replace(plain, parameters={**plain.parameters, name: replace(plain.parameters[name], value=value - 100.0)})
     monkeypatch.setattr(module, "profile_interval", lambda *_: (value - 30.0, value + 40.0))
     estimate = checked(moved, shot, None, (name,), 0).parameters[name]
@@ -57,21 +57,21 @@ def test_the_interval_of_a_load_weight_is_shifted_as_its_value_is(shot, plain, m
 
 def test_the_bootstrap_says_over_how_many_strokes_and_how_far_the_load_scatters(shot, plain):
     result = checked(plain, shot, None, (), 50)
-    assert any(note.startswith("bootstrap over ") and "times as far" in note for note in result.notes)
+    assert any(note.startswith("bootstrap over ") and "times that of its interval" in note for note in result.notes)
     assert result.parameters == plain.parameters
 
 
 def test_bands_that_are_too_narrow_are_a_warning(shot, plain, monkeypatch):
-    monkeypatch.setattr(module, "ratio", lambda *_: 2.5)
+    monkeypatch.setattr(module, "scatter_ratio", lambda *_: 2.5)
     result = checked(plain, shot, None, (), 50)
     assert result.status == "warning"
     assert "2.5 times" in result.warnings[-1]
 
 
 def test_without_a_free_load_the_bootstrap_says_what_it_needs(shot, plain, monkeypatch):
-    monkeypatch.setattr(module, "ratio", lambda *_: float("nan"))
+    monkeypatch.setattr(module, "scatter_ratio", lambda *_: float("nan"))
     result = checked(plain, shot, None, (), 50)
-    assert "needs a free load" in result.notes[-1]
+    assert "a free load and two strokes are needed" in result.notes[-1]
     assert result.warnings == plain.warnings
 
 
@@ -85,8 +85,8 @@ def test_from_the_front_door_both_are_asked_for_by_name(plant, worn_log):
     ("options", "sentence"),
     [
         ({"profile": ("F_C",), "method": "shooting"}, "profile of F_C, which is not free"),
-        ({"profile": ("theta_1",), "method": "prediction-error"}, "belong to the method 'shooting'"),
-        ({"bootstrap": 10, "method": "simulation"}, "belong to the method 'shooting'"),
+        ({"profile": ("theta_1",), "method": "prediction-error"}, "need the method 'shooting'"),
+        ({"bootstrap": 10, "method": "simulation"}, "need the method 'shooting'"),
         ({"bootstrap": -1, "method": "shooting"}, "bootstrap = -1: 0 for none"),
         ({"bootstrap": 9}, "bootstrap = 9: 0 for none, or at least 10 draws"),
     ],

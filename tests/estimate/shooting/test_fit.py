@@ -43,12 +43,12 @@ def test_noise_scales_are_those_of_the_recording(plant, recorded_by):
 
 
 def test_evaluations_of_all_stages_are_counted(plant, drive_log):
-    told = []
+    reported = []
     log = drive_log.slice(0, 2000).without("pressure_a")
     wanted = FreeParameters(plant.load.names, ("position",))
-    shot = shoot([log], plant, wanted, EXACT, lambda stage, count: told.append(stage))
-    assert set(told) == {"coarse", "fine"}
-    assert shot.solution.evaluations >= len(told)
+    shot = shoot([log], plant, wanted, EXACT, lambda stage, count: reported.append(stage))
+    assert set(reported) == {"coarse", "fine"}
+    assert shot.solution.evaluations >= len(reported)
 
 
 def test_the_reference_of_the_shape_is_the_calibrated_load_or_none(plant, drive_log):
@@ -60,7 +60,7 @@ def test_the_reference_of_the_shape_is_the_calibrated_load_or_none(plant, drive_
 
 def test_a_start_that_cannot_be_simulated_is_a_failure_with_a_sentence(plant, drive_log, monkeypatch):
     failure = Failure("y is not finite at 0.1 s.")
-    monkeypatch.setattr(module, "first_guess", lambda *_: failure)
+    monkeypatch.setattr(module, "initial_states", lambda *_: failure)
     shot = shoot([drive_log.slice(0, 2000)], plant, FreeParameters(("theta_5",), ("position",)))
     assert shot.solution is failure
     assert len(shot.plans) == 1
@@ -107,9 +107,9 @@ def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):
 
 def test_the_phase_of_a_recording_is_found_with_and_without_pressure(switched, carried):
     for log, true in zip(carried, (0.3, -0.2), strict=True):
-        seen = pulsed(log, switched.replace({"s_pwm": 0.0}), True).actuator
+        identified = pulsed(log, switched.replace({"s_pwm": 0.0}), True).actuator
         blind = pulsed(log.without("pressure_a"), switched.replace({"s_pwm": 0.0}), False).actuator
-        assert seen.value("s_pwm") == pytest.approx(true, abs=0.05)
+        assert identified.value("s_pwm") == pytest.approx(true, abs=0.05)
         assert blind.value("s_pwm") == pytest.approx(true, abs=0.06)
 
 

@@ -16,7 +16,7 @@ from clutchid.smoother import projection
 from clutchid.smoother.search import search
 from clutchid.uncertainty import drift as module
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import DRIFT, DRIFT_WIDTH, drift
+from clutchid.uncertainty.drift import DRIFT_SHARES, DRIFT_WIDTHS, drift
 
 #: All numbers but the load are known as well as they drift.
 EXACT = Calibration((), np.zeros((0, 0)))
@@ -33,10 +33,10 @@ def test_the_band_counts_the_load_that_a_drift_of_the_supply_makes(plant, worn_l
     y = np.linspace(1e-3, 20e-3, 20)
     shot = shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
     whole = half_width(result(shot, EXACT), y)
-    monkeypatch.setattr(module, "DRIFT", {**DRIFT, "P_S": 0.0})
+    monkeypatch.setattr(module, "DRIFT_SHARES", {**DRIFT_SHARES, "P_S": 0.0})
     counted = np.sqrt(whole**2 - half_width(result(shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
-    monkeypatch.setattr(projection, "SETTLED", 1e-4)
+    monkeypatch.setattr(projection, "CONVERGED_GAIN", 1e-4)
     problem, found = shot.problem, shot.solution
     loads = []
     for supply in (9.09e5, 8.91e5):
@@ -53,7 +53,7 @@ def test_where_errors_last_as_long_as_assumed_the_band_of_the_load_is_as_wide_as
     for seed in range(recordings):
         rng = np.random.default_rng(seed)
         # an actuator that differs from the calibrated one as far as it may
-        drifted = {n: worn.value(n) + drift(worn, n) * rng.standard_normal() for n in (*DRIFT, *DRIFT_WIDTH)}
+        drifted = {n: worn.value(n) + drift(worn, n) * rng.standard_normal() for n in (*DRIFT_SHARES, *DRIFT_WIDTHS)}
         true = worn.replace(drifted)
         clean = recorded_by(true, seconds=6.0, seed=None, name="w", driven=1).without("pressure_a")
         # 50 µm whose neighbours correlate at 9/11, so that (1 + 9/11) / (1 - 9/11) = 10 samples, 10 ms, tell as one

@@ -12,7 +12,7 @@ from clutchid.estimate.shooting.fit import shoot
 from clutchid.estimate.shooting.result import result
 from clutchid.numerics.failure import Failure
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import scale
+from clutchid.uncertainty.drift import deviation_factor
 
 NAMES = ("C_vs", "P_S", "F_C")
 STD = np.array([2e-10, 5e3, 20.0])
@@ -53,10 +53,10 @@ def test_the_band_of_the_load_is_that_of_its_weights(fit, shot):
 
 
 def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit, shot):
-    found = shot.solution.x
+    solution = shot.solution.x
     assert list(fit.parameters) == list(shot.problem.names)
     for i, (name, estimate) in enumerate(fit.parameters.items()):
-        assert estimate.value == pytest.approx(shot.problem.si(found)[i])
+        assert estimate.value == pytest.approx(shot.problem.si(solution)[i])
         assert estimate.value == pytest.approx(fit.actuator.value(name.partition("@")[0]))
         assert estimate.std == pytest.approx(np.sqrt(fit.covariance[i, i]))
         if "@" in name:  # positive, so the interval is one of the logarithm
@@ -82,7 +82,7 @@ def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot,
     y = plain.load_curve.position
     taken = plain.actuator.load.phi(y) @ np.array(bias)
     assert shifted.load_curve.force == pytest.approx(plain.load_curve.force - taken)
-    half, by = plain.load_curve.high - plain.load_curve.force, scale(shot.problem.noise)
+    half, by = plain.load_curve.high - plain.load_curve.force, deviation_factor(shot.problem.noise)
     assert shifted.load_curve.high - shifted.load_curve.force == pytest.approx(np.hypot(half, 1.96 * by * taken))
     for number, name in enumerate(plain.actuator.load.names):
         estimate = shifted.parameters[name]
@@ -131,11 +131,12 @@ def test_a_fit_says_how_it_was_done_and_within_which_scales(fit, shot):
 
 
 def test_notes_name_what_the_recordings_tell_and_what_they_do_not(calibrated):
-    told, not_told = calibrated.notes
-    assert told.startswith("told by the recordings: ")
-    assert not_told.startswith("not told by the recordings, so what was known before stands: ")
+    determined, undetermined = calibrated.notes
+    assert determined.startswith("determined by the data: ")
+    assert undetermined.startswith("not determined by the data, so that the prior applies: ")
     names = [
-        set(note.removesuffix(".").partition(": ")[2].replace(" and ", ", ").split(", ")) for note in (told, not_told)
+        set(note.removesuffix(".").partition(": ")[2].replace(" and ", ", ").split(", "))
+        for note in (determined, undetermined)
     ]
     assert names[0] | names[1] == {name for name in calibrated.parameters if not name.startswith("theta_")}
     assert not names[0] & names[1]
@@ -157,15 +158,15 @@ def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, wo
     assert bounded.bounds["theta_9"] == (0.0, most)
 
 
-def test_a_search_that_did_not_settle_is_a_warning(shot, known):
+def test_a_search_that_did_not_converge_is_a_warning(shot, known):
     stopped = result(replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), known)
-    assert stopped.warnings == ("the search stopped after 7 evaluations without settling.",)
+    assert stopped.warnings == ("the search stopped after 7 evaluations without convergence.",)
     assert stopped.status == "warning"
     assert not stopped.settled
     assert result(shot, known).settled
 
 
-def test_a_search_that_failed_is_passed_on_and_told_as_a_result_without_numbers(shot):
+def test_a_failed_search_is_a_result_without_values(shot):
     failure = Failure("y is not finite at 0.3 s.")
     assert result(replace(shot, solution=failure), None) is failure
     bounds = dict.fromkeys(shot.problem.names, (0.0, 1.0))

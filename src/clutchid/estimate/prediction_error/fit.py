@@ -1,4 +1,4 @@
-"""The search for the least errors of prediction."""
+"""Search for the smallest prediction errors."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from clutchid.numerics.least_squares import Linearisation, Progress, Solution, m
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 
-#: A round ends when the cost falls by less than this share of it.
+#: Relative decrease of the cost below which a round has converged.
 TOLERANCE = 1e-5
 
-#: The search ends when a round wants to move the free numbers by less than this many standard deviations. Where a round
-#: wants to take back what the one before did, as stiction makes it, only half the share of a move is made, at least the
-#: least; where it goes on, twice.
-SETTLED, LEAST_SHARE = 0.5, 0.1
+#: The search has converged if the step of a round is below this many standard deviations. If the step reverses that of
+#: the round before, as stiction can cause, the step size is halved, down to the given fraction; otherwise it is
+#: doubled.
+CONVERGED_MOVE, MIN_STEP_SHARE = 0.5, 0.1
 
-#: Most rounds before the noise of the sensors is estimated again, and after; most evaluations of a round.
-COARSE, FINE, STEPS = 1, 12, 6
+#: Most rounds before and after the re-estimation of the sensor noise; most evaluations of a round.
+COARSE_ROUNDS, FINE_ROUNDS, MAX_EVALUATIONS = 1, 12, 6
 
 _METHOD = "prediction-error"
 
@@ -41,7 +41,7 @@ def predict(
     calibration: Calibration | None = None,
     progress: Progress | None = None,
 ) -> SearchResult[FilterSolution]:
-    """Search for the `free` parameters with the least errors of prediction.
+    """Estimate the `free` parameters by prediction error.
 
     Raises
     ------
@@ -49,59 +49,59 @@ def predict(
         As `clutchid.fit`.
     """
     problem, plans = fit_problem(logs, actuator, free, calibration)
-    coarse = search(problem, np.zeros(len(problem.coordinates)), COARSE, progress)
+    coarse = search(problem, np.zeros(len(problem.coordinates)), COARSE_ROUNDS, progress)
     if isinstance(coarse, Failure):
         return SearchResult(_METHOD, problem, plans, coarse)
     problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
-    return SearchResult(_METHOD, problem, plans, search(problem, coarse.x, FINE, progress, coarse.evaluations))
+    return SearchResult(_METHOD, problem, plans, search(problem, coarse.x, FINE_ROUNDS, progress, coarse.evaluations))
 
 
 def search(
-    task: FitProblem, x: FloatArray, rounds: int, progress: Progress | None = None, before: int = 0
+    problem: FitProblem, x: FloatArray, rounds: int, progress: Progress | None = None, before: int = 0
 ) -> FilterSolution | Failure:
-    """The free numbers at which the errors of prediction do not tell of better ones, from `x`, within their bounds.
+    """Pseudo-linear regression from `x` within the bounds: minimum of the prediction errors at fixed gains.
 
-    The least sum of squares would not be that: a filter that trusts less predicts errors with larger variances, so a
-    free number that makes the model less certain of itself would lower it. In each round gains and variances are those
-    of the filter where the round begins, and the sum of squares is made least with them; in the last one nothing moves.
+    Minimising over the gains as well would be wrong: the standardised errors decrease if the predicted variances grow,
+    so any parameter that increases the uncertainty of the model would lower the sum of squares. Each round minimises it
+    with gains and variances of the filter at the start of the round, until the step of a round is negligible.
     """
     count, name = before, "fine" if before else "coarse"
 
-    def evaluate(at: FloatArray, held: Prediction | None = None) -> Prediction | Failure:
+    def evaluate(at: FloatArray, fixed_gains: Prediction | None = None) -> Prediction | Failure:
         nonlocal count
         count += 1
         if progress:
             progress(name, count)
-        return predict_errors(task, at, held)
+        return predict_errors(problem, at, fixed_gains)
 
-    here, share, last = evaluate(x), 1.0, np.zeros(x.size)
+    current, step_share, previous_move = evaluate(x), 1.0, np.zeros(x.size)
     for _ in range(rounds):
-        if isinstance(here, Failure):
-            return here
-        done = _round(task, x, here, evaluate)
-        move, R = done.x - x, done.at.R
-        turned = float((R @ move) @ (R @ last)) < 0.0
-        share = max(0.5 * share, LEAST_SHARE) if turned else min(2.0 * share, 1.0)
-        there = evaluate(x + share * move)
-        if isinstance(there, Failure):
-            return FilterSolution(x, here, "stalled", count)
-        x, here, last = x + share * move, there, move
-        if float(np.linalg.norm(R @ move)) < SETTLED:
-            return FilterSolution(x, here, "converged", count)
-    return here if isinstance(here, Failure) else FilterSolution(x, here, "limit", count)
+        if isinstance(current, Failure):
+            return current
+        minimum = minimise_round(problem, x, current, evaluate)
+        move, R = minimum.x - x, minimum.at.R
+        reverses = float((R @ move) @ (R @ previous_move)) < 0.0
+        step_share = max(0.5 * step_share, MIN_STEP_SHARE) if reverses else min(2.0 * step_share, 1.0)
+        candidate = evaluate(x + step_share * move)
+        if isinstance(candidate, Failure):
+            return FilterSolution(x, current, "stalled", count)
+        x, current, previous_move = x + step_share * move, candidate, move
+        if float(np.linalg.norm(R @ move)) < CONVERGED_MOVE:
+            return FilterSolution(x, current, "converged", count)
+    return current if isinstance(current, Failure) else FilterSolution(x, current, "limit", count)
 
 
-def _round(
-    task: FitProblem, x: FloatArray, here: Prediction, evaluate: Callable[..., Prediction | Failure]
+def minimise_round(
+    problem: FitProblem, x: FloatArray, current: Prediction, evaluate: Callable[..., Prediction | Failure]
 ) -> Solution:
-    """The least sum of squares with the gains and variances of the filter at `x`."""
+    """Minimum of the sum of squares, with gains and variances of the filter at `x`."""
 
     def linearise(at: FloatArray) -> Linearisation | Failure:
-        found = evaluate(at, here)
-        return found if isinstance(found, Failure) else found.linearisation()
+        prediction = evaluate(at, current)
+        return prediction if isinstance(prediction, Failure) else prediction.linearisation()
 
-    start = x, here.linearisation()
-    return minimise(linearise, start, *task.bounds(), tolerance=TOLERANCE, max_evaluations=STEPS)
+    start = x, current.linearisation()
+    return minimise(linearise, start, *problem.bounds(), tolerance=TOLERANCE, max_evaluations=MAX_EVALUATIONS)
 
 
 #: Prediction error through a Kalman filter.

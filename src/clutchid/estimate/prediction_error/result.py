@@ -1,4 +1,4 @@
-"""From the end of a search by prediction error to the result that the user sees."""
+"""The `Fit` of a search by prediction error."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import SCALE, considered
+from clutchid.uncertainty.drift import DEVIATION_FACTOR, consider_parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spread:
-    """Covariance of the free numbers x and the considered ones together, and how it moves the pressure.
+class ParameterUncertainty:
+    """Covariance of the free parameters x, and of the consider parameters.
 
-    `full` is the covariance of both, shape (k + m, k + m); `matrix` that of x alone.
+    `full` is their joint covariance, shape (k + m, k + m); `matrix` that of x alone.
     """
 
     full: FloatArray
@@ -37,61 +37,64 @@ class Spread:
         return self.full[: self.size, : self.size]
 
 
-def result(done: SearchResult[FilterSolution], calibration: Calibration | None) -> Fit | Failure:
-    """The result of a search for the least errors of prediction.
-
-    Of the `calibration` the bias is taken off, and its covariance counts.
-    """
-    solution = done.solution
+def result(search_result: SearchResult[FilterSolution], calibration: Calibration | None) -> Fit | Failure:
+    """The `Fit` of a search by prediction error, corrected for the bias of the `calibration`."""
+    solution = search_result.solution
     if isinstance(solution, Failure):
         return solution
-    spread = uncertainty(done.problem, solution, calibration)
-    if isinstance(spread, Failure):
-        return spread
-    found = posterior(done, solution, spread.matrix, calibration, _recordings(done, solution, spread))
-    return replace(found, notes=(*found.notes, *_statistics(done.problem, solution)))
+    uncertain = parameter_uncertainty(search_result.problem, solution, calibration)
+    if isinstance(uncertain, Failure):
+        return uncertain
+    recordings = _recordings(search_result, solution, uncertain)
+    fit = posterior(search_result, solution, uncertain.matrix, calibration, recordings)
+    return replace(fit, notes=(*fit.notes, *_statistics(search_result.problem, solution)))
 
 
-def uncertainty(task: FitProblem, found: FilterSolution, calibration: Calibration | None) -> Spread | Failure:
-    """How uncertain the free numbers are: what the noise leaves, and what is only taken as known (Schmidt 1966).
+def parameter_uncertainty(
+    problem: FitProblem, solution: FilterSolution, calibration: Calibration | None
+) -> ParameterUncertainty | Failure:
+    """Uncertainty of the free parameters due to noise and to consider parameters (Schmidt 1966).
 
-    Errors of prediction are coloured where the model is not the truck; as many neighbours count as one as their own
-    correlation says.
+    The prediction errors are autocorrelated because of the model error; their autocorrelation gives the number of
+    samples that are weighted as one.
     """
-    k = len(task.coordinates)
-    extra, root = considered(task.actuator, task.coordinates, calibration)
-    wide = replace(task, coordinates=(*task.coordinates, *extra))
-    there = predict_errors(wide, np.concatenate([found.x, np.zeros(len(extra))]))
-    if isinstance(there, Failure):
-        return there
-    own = [*range(k), *range(k + len(extra), there.prior.shape[0])]
-    prior, data = there.prior[own, :-1], [segment.rows[:, :-1] for segment in there.segments]
-    searched = triangular(np.vstack([prior, *data]))
-    inner = np.linalg.pinv(searched[:k, :k])
-    moved = -inner @ searched[:k, k:] @ root
-    share = 1.0 / np.sqrt(max(innovations(found.at, name).colour for name in task.measure))
-    known = np.linalg.pinv(triangular(np.vstack([prior, *(share * rows for rows in data)]))[:k, :k])
-    both = np.vstack([moved, root])
+    k = len(problem.coordinates)
+    extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
+    wide = replace(problem, coordinates=(*problem.coordinates, *extra))
+    prediction = predict_errors(wide, np.concatenate([solution.x, np.zeros(len(extra))]))
+    if isinstance(prediction, Failure):
+        return prediction
+    without_extra = [*range(k), *range(k + len(extra), prediction.prior.shape[0])]
+    prior, data = prediction.prior[without_extra, :-1], [segment.rows[:, :-1] for segment in prediction.segments]
+    factor = triangular(np.vstack([prior, *data]))
+    inner = np.linalg.pinv(factor[:k, :k])
+    consider_shift = -inner @ factor[:k, k:] @ consider_root
+    weight = 1.0 / np.sqrt(max(innovations(solution.at, name).correlated_samples for name in problem.measure))
+    noise_root = np.linalg.pinv(triangular(np.vstack([prior, *(weight * rows for rows in data)]))[:k, :k])
+    both = np.vstack([consider_shift, consider_root])
     full = both @ both.T
-    full[:k, :k] += known @ known.T
-    return Spread(SCALE**2 * full, k)
+    full[:k, :k] += noise_root @ noise_root.T
+    return ParameterUncertainty(DEVIATION_FACTOR**2 * full, k)
 
 
-def _recordings(done: SearchResult[FilterSolution], solution: FilterSolution, spread: Spread) -> list[Compared]:
-    """The recordings as the filter's state after each sample, compared with what was predicted of each."""
+def _recordings(
+    search_result: SearchResult[FilterSolution], solution: FilterSolution, uncertain: ParameterUncertainty
+) -> list[Compared]:
+    """The recordings as filtered states, compared through their predictions."""
     compared = []
-    for number, plan in enumerate(done.plans):
-        tracks = zip(done.problem.tracks, solution.at.segments, strict=True)
+    for number, plan in enumerate(search_result.plans):
+        tracks = zip(search_result.problem.tracks, solution.at.segments, strict=True)
         mine = [(track, segment) for track, segment in tracks if track.log == number]
         states = np.full((len(plan.log), len(plan.actuator.states)), np.nan)
         half = np.full(len(plan.log), np.nan)
-        predicted = {name: np.full(len(plan.log), np.nan) for name in done.problem.measure}
+        predicted = {name: np.full(len(plan.log), np.nan) for name in search_result.problem.measure}
         for track, segment in mine:
             at = slice(track.segment.start, track.segment.stop)
             states[at] = segment.states
             rows = segment.pressures[:, :-1]
-            variance = np.einsum("ni,ij,nj->n", rows, spread.matrix, rows)
-            half[at] = QUANTILE * np.sqrt(np.maximum(variance, 0.0) + SCALE**2 * segment.pressures[:, -1] ** 2)
+            variance = np.einsum("ni,ij,nj->n", rows, uncertain.matrix, rows)
+            filtered = DEVIATION_FACTOR**2 * segment.pressures[:, -1] ** 2
+            half[at] = QUANTILE * np.sqrt(np.maximum(variance, 0.0) + filtered)
             for name, values in predicted.items():
                 values[at] = plan.log[name][at] - segment.errors[:, list(MEASURED).index(name), 0]
         starts = [position_and_pressure(plan.actuator, segment.states[0]) for _, segment in mine]
@@ -99,13 +102,13 @@ def _recordings(done: SearchResult[FilterSolution], solution: FilterSolution, sp
     return compared
 
 
-def _statistics(task: FitProblem, found: FilterSolution) -> tuple[str, ...]:
-    """What the errors of prediction look like, in words."""
+def _statistics(problem: FitProblem, solution: FilterSolution) -> tuple[str, ...]:
+    """Statistics of the prediction errors as sentences."""
     notes = []
-    for name in task.measure:
-        of = innovations(found.at, name)
+    for name in problem.measure:
+        statistics = innovations(solution.at, name)
         notes.append(
-            f"errors of prediction of {name}: mean square {of.nis:.2f} times what the filter expects, 1 where noise "
-            f"is as assumed; neighbours correlate at {of.lag_1:.2f}, 0 where the model misses nothing."
+            f"prediction errors of {name}: mean square {statistics.nis:.2f} times the expected one, 1 if the noise "
+            f"is as assumed; correlation of neighbouring samples {statistics.lag_1:.2f}, 0 for a correct model."
         )
     return tuple(notes)

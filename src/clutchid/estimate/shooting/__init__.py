@@ -1,7 +1,7 @@
-"""Fits by multiple shooting with soft continuity: many short simulations whose ends need only nearly meet.
+"""Estimation by multiple shooting with soft continuity constraints.
 
-A long simulation carries every small error of the model to its end; short windows that start anew forget the mass of
-air. Here the state at the start of each window is free, and what it costs to differ from the end of the window before
-is the model's own inaccuracy. The windows are eliminated one by one, so the cost of a step is linear in the length of
-a recording. docs/methods.md has the equations and what was tried beside it.
+A single long simulation accumulates the model error up to its end; short independent windows lose the information on
+the mass of air. Here the initial state of each window is free, and its deviation from the final state of the previous
+window is penalised with the process noise of the model. The states are eliminated window by window, so that the cost of
+an iteration is linear in the length of the recording. Equations and alternatives: docs/methods.md.
 """

@@ -1,7 +1,7 @@
-"""Bootstrap over strokes: how far a fit moves when it is repeated on strokes drawn at random from those recorded.
+"""Bootstrap over strokes: scatter of the estimate over resampled strokes.
 
-The covariance counts a fixed number of neighbouring residuals as one. The bootstrap does not: residuals of one stroke
-are drawn together, coloured as they are. What the model gets wrong in the same way in every stroke it does not see.
+The covariance assumes a fixed number of correlated samples. The bootstrap does not: the residuals of a stroke are
+resampled together, with their autocorrelation. It does not detect model errors that are the same in every stroke.
 """
 
 from __future__ import annotations
@@ -16,50 +16,51 @@ from clutchid.smoother.elimination import eliminate
 from clutchid.smoother.problem import FitProblem, LinearisedProblem
 from clutchid.smoother.projection import ShootingSolution
 
-#: Below this share of its stroke the piston rests.
-REST = 0.1
+#: The piston is at rest below this fraction of its stroke.
+REST_SHARE = 0.1
 
-#: Fewest strokes that say how they scatter: 8 know a deviation to 1/sqrt(2 x 7), a quarter. Else pieces of `PIECE` s.
-FEWEST, PIECE = 8, 1.0
+#: Fewest strokes for a bootstrap over strokes: 8 give a standard deviation with a relative error of 1/sqrt(2 x 7), a
+#: quarter. A recording with fewer is cut into pieces of this length in s.
+MIN_STROKES, PIECE_LENGTH = 8, 1.0
 
-Numbers = tuple[NDArray[np.int64], ...]
+StrokeNumbers = tuple[NDArray[np.int64], ...]
 
 
-def strokes(task: FitProblem) -> Numbers:
-    """The stroke that each window belongs to, an array a track; numbers go on from track to track.
+def strokes(problem: FitProblem) -> StrokeNumbers:
+    """Stroke number of each window, one array per track, consecutive over all tracks.
 
-    A stroke begins with the first window in which the piston is back at rest, and ends before the next such one: the
-    chamber is vented there, so strokes tell little of each other. A rest after the last stroke belongs to that stroke.
+    A stroke begins with the first window in which the piston is back at rest, and ends before the next such window. The
+    chamber is vented there, so that strokes are nearly independent. A rest after the last stroke belongs to it.
 
-    A recording of fewer than `FEWEST` strokes, or one that never returns to rest, is cut into equal pieces of about
-    `PIECE` instead. Blocks must be longer than residuals are correlated, or the bootstrap takes for independent what is
-    not; a second is long against what colours them, the lags of sensors and valves and the slip of the friction.
+    A recording with fewer than `MIN_STROKES` strokes, or one that never returns to rest, is cut into equal pieces of
+    about `PIECE_LENGTH`. The blocks of a bootstrap must be longer than the correlation time of the residuals; a second
+    is longer than the lags of sensors and valves and the stick-slip that cause it.
 
     Parameters
     ----------
-    task : FitProblem
-        The problem, its tracks in the order of their recordings.
+    problem : FitProblem
+        With its tracks in the order of the recordings.
 
     Returns
     -------
-    numbers : array a track
+    numbers : one array per track
         From 0, without gaps.
     """
-    found: list[NDArray[np.int64]] = []
+    result: list[NDArray[np.int64]] = []
     first = 0
-    for log in dict.fromkeys(track.log for track in task.tracks):
-        mine = [track for track in task.tracks if track.log == log]
-        cut = [_excursions(track, REST * task.actuator.parameters.y_max) for track in mine]
-        if sum(int(numbers[-1]) + 1 for numbers in cut) < FEWEST:
-            cut = [_pieces(track) for track in mine]
+    for log in dict.fromkeys(track.log for track in problem.tracks):
+        mine = [track for track in problem.tracks if track.log == log]
+        cut = [_excursions(track, REST_SHARE * problem.actuator.parameters.y_max) for track in mine]
+        if sum(int(numbers[-1]) + 1 for numbers in cut) < MIN_STROKES:
+            cut = [_equal_pieces(track) for track in mine]
         for numbers in cut:
-            found.append(first + numbers)
+            result.append(first + numbers)
             first += int(numbers[-1]) + 1
-    return tuple(found)
+    return tuple(result)
 
 
 def _excursions(track: Track, rest: float) -> NDArray[np.int64]:
-    """Strokes of a track by its returns below the position `rest` in m; one stroke where no position is measured."""
+    """Stroke numbers of a track, by its returns below the position `rest` in m; one stroke without a position."""
     level = np.full(len(track.windows), np.nan)
     for i, window in enumerate(track.windows):
         position = track.measured["position"][window.start : window.stop]
@@ -76,116 +77,116 @@ def _excursions(track: Track, rest: float) -> NDArray[np.int64]:
     return np.cumsum(begins)
 
 
-def _pieces(track: Track) -> NDArray[np.int64]:
-    """Equal pieces of a track of about `PIECE`."""
+def _equal_pieces(track: Track) -> NDArray[np.int64]:
+    """Numbers of equal pieces of a track, of about `PIECE_LENGTH`."""
     windows = len(track.windows)
-    pieces = min(windows, max(1, round(float(track.segment.dt.sum()) / PIECE)))
+    pieces = min(windows, max(1, round(float(track.segment.dt.sum()) / PIECE_LENGTH)))
     return np.arange(windows, dtype=np.int64) * pieces // windows
 
 
-def bootstrap(task: FitProblem, found: ShootingSolution, draws: int = 200, seed: int = 0) -> FloatArray:
-    """Free numbers x as they would be found on strokes drawn with replacement, shape (draws, k).
+def bootstrap(problem: FitProblem, solution: ShootingSolution, draws: int = 200, seed: int = 0) -> FloatArray:
+    """Estimates of the free parameters x from strokes drawn with replacement, shape (draws, k).
 
-    Each is one Gauss-Newton step from the end of the search, so no simulation is repeated. Bounds of x are not kept:
-    the covariance, which this is to check, does not know them either.
+    Each is one Gauss-Newton step from the solution, so that no simulation is repeated. The bounds of x are ignored, as
+    in the covariance that the bootstrap checks.
 
     Parameters
     ----------
-    task : FitProblem
-        The problem.
-    found : ShootingSolution
-        Where its search ended.
+    problem : FitProblem
+        Free parameters and recordings.
+    solution : ShootingSolution
+        Its solution.
     draws : 1
-        How many, above 0; 200 know a deviation to 5 %, the strokes seldom do.
+        Number of draws, above 0; 200 give a standard deviation to 5 %, apart from the small number of strokes.
     seed : 1
-        Of the generator.
+        Of the random generator.
 
     Returns
     -------
     x : (draws, k)
-        NaN where there is one stroke only: it does not say how strokes scatter.
+        NaN for a single stroke.
 
     References
     ----------
-    Blocks of coloured residuals: Künsch 1989. Resampled gradients at a fixed information: Kline and Santos 2012.
+    Block bootstrap: Künsch 1989. Resampled gradients with fixed information matrix: Kline and Santos 2012.
     """
-    numbers = strokes(task)
-    known, moves = steps(found.at, numbers)
-    count = moves.shape[1]
+    numbers = strokes(problem)
+    prior_step, stroke_steps = gauss_newton_steps(solution.at, numbers)
+    count = stroke_steps.shape[1]
     if count < 2:
-        return np.full((draws, found.x.size), np.nan)
+        return np.full((draws, solution.x.size), np.nan)
     times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), size=draws)
-    return found.x + known + times @ moves.T
+    return solution.x + prior_step + times @ stroke_steps.T
 
 
-def steps(linear: LinearisedProblem, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
-    """The Gauss-Newton step as the sum of what is known before the data, shape (k,), and of each stroke, (k, strokes).
+def gauss_newton_steps(linear: LinearisedProblem, numbers: StrokeNumbers) -> tuple[FloatArray, FloatArray]:
+    """The Gauss-Newton step, split into the parts due to the prior, shape (k,), and to each stroke, (k, strokes).
 
-    A stroke that is drawn n times pulls n times; the information, so how far a pull moves, stays that of all strokes.
-    To draw the rows themselves would cut the chain at every stroke that is left out, and with it the tie to the vented
-    rest that tells the pressure: on recordings of the model itself the load then scattered two to three times too far.
+    A stroke that is drawn n times contributes n times its gradient; the information matrix stays that of all strokes.
+    Resampling the rows instead would cut the chain at every omitted stroke, and with it the link to the vented rest
+    that determines the pressure: for recordings simulated with the model itself, the load then scattered two to three
+    times too much.
 
-    A residual stands in the column of its stroke, so one elimination serves all draws.
+    The residuals of each stroke have a column of their own, so that one elimination serves all draws.
     """
     k = linear.prior.shape[1] - 1
     count = 2 + max(int(track.max()) for track in numbers)
-    parts = [_spread_out(linear.prior, 0, count)]
+    parts = [_by_stroke(linear.prior, 0, count)]
     for chain, track in zip(linear.chains, numbers, strict=True):
         linearised, at = chain.windows.linearised, track + 1
-        own, links = _spread_out(linearised.of_states, at, count), _spread_out(chain.links, at[:-1], count)
-        parts.append(eliminate(_spread_out(chain.first, 0, count), own, links).rows)
-        alone = linearised.of_theta
-        parts.append(_spread_out(alone, np.repeat(at, alone.shape[0] // at.size), count))
+        windows, links = _by_stroke(linearised.state_rows, at, count), _by_stroke(chain.links, at[:-1], count)
+        parts.append(eliminate(_by_stroke(chain.first, 0, count), windows, links).rows)
+        theta_rows = linearised.theta_rows
+        parts.append(_by_stroke(theta_rows, np.repeat(at, theta_rows.shape[0] // at.size), count))
     factor = triangular(np.vstack(parts))[:k]
-    pulls = -np.linalg.lstsq(factor[:, :k], factor[:, k:], rcond=None)[0].astype(np.float64)
-    return pulls[:, 0], pulls[:, 1:]
+    contributions = -np.linalg.lstsq(factor[:, :k], factor[:, k:], rcond=None)[0].astype(np.float64)
+    return contributions[:, 0], contributions[:, 1:]
 
 
-def _spread_out(rows: FloatArray, places: NDArray[np.int64] | int, count: int) -> FloatArray:
-    """`rows` with their residual in column `places` of `count`; places are those of the first axis."""
+def _by_stroke(rows: FloatArray, places: NDArray[np.int64] | int, count: int) -> FloatArray:
+    """`rows` with their residual in column `places` of `count`, one place for each element of the first axis."""
     residual = np.zeros((*rows.shape[:-1], count))
     residual[np.arange(rows.shape[0]), ..., places] = rows[..., -1]
     return np.concatenate([rows[..., :-1], residual], axis=-1)
 
 
-def ratio(task: FitProblem, x: FloatArray, known: FloatArray) -> float:
-    """How many times wider the load scatters in the draws `x` than the covariance of the noise says.
+def scatter_ratio(problem: FitProblem, x: FloatArray, noise_root: FloatArray) -> float:
+    """Ratio of the standard deviation of the load over the draws `x` to that of the covariance due to noise.
 
-    The median over those points of the load's grid that the piston has passed: beyond, what was known before stands,
-    which no draw moves. 1 where the covariance counts coloured residuals rightly; the number of residuals that it
-    counts as one is to be taken by the square. It reads low where much was known before, and 8 strokes tell it to a
-    quarter only.
+    The median over the points of the load's grid that the piston has passed; beyond, the prior determines the load. It
+    is 1 if the assumed number of correlated samples is right, and proportional to the square root of the actual number.
+    A strong prior makes it too small, and 8 strokes determine it to a quarter only.
 
     Parameters
     ----------
-    task : FitProblem
-        The problem.
+    problem : FitProblem
+        Free parameters and recordings.
     x : (draws, k)
         Draws of `bootstrap`.
-    known : (k, m)
-        Square root of the covariance that the recording's noise leaves, as `Spread.known`.
+    noise_root : (k, m)
+        Square root of the covariance due to noise, `ParameterUncertainty.noise_root`.
 
     Returns
     -------
     ratio : 1
-        NaN where no load is free, the draws are NaN, or no position is measured.
+        NaN if no load is free, the draws are NaN, or no position is measured.
     """
-    load = task.actuator.load
-    places = [(i, load.names.index(c.base)) for i, c in enumerate(task.coordinates) if c.base in load.names]
-    y = _moved_windows(task)
+    load = problem.actuator.load
+    places = [(i, load.names.index(c.base)) for i, c in enumerate(problem.coordinates) if c.base in load.names]
+    y = _passed_positions(problem)
     if not places or not y.size or not np.isfinite(x).all():
         return float("nan")
     rows, columns = (list(side) for side in zip(*places, strict=True))
-    phi = load.phi(y)[:, columns] * task.slopes(np.mean(x, axis=0))[rows]
-    drawn, expected = np.std(phi @ x[:, rows].T, axis=1), np.linalg.norm(phi @ known[rows], axis=1)
-    known_at = expected > 0.0
-    return float(np.median(drawn[known_at] / expected[known_at]))
+    phi = load.phi(y)[:, columns] * problem.slopes(np.mean(x, axis=0))[rows]
+    drawn, expected = np.std(phi @ x[:, rows].T, axis=1), np.linalg.norm(phi @ noise_root[rows], axis=1)
+    determined = expected > 0.0
+    return float(np.median(drawn[determined] / expected[determined]))
 
 
-def _moved_windows(task: FitProblem) -> FloatArray:
+def _passed_positions(problem: FitProblem) -> FloatArray:
     """Points of the load's grid, in m, between the lowest and the highest measured position."""
-    y = np.linspace(0.0, task.actuator.parameters.y_max, 101)
-    measured = [track.measured["position"][track.segment.start : track.segment.stop] for track in task.tracks]
+    y = np.linspace(0.0, problem.actuator.parameters.y_max, 101)
+    measured = [track.measured["position"][track.segment.start : track.segment.stop] for track in problem.tracks]
     position = np.concatenate(measured)
     position = position[np.isfinite(position)]
     return y[(y >= position.min()) & (y <= position.max())] if position.size else y[:0]

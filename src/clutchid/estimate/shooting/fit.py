@@ -1,4 +1,4 @@
-"""The search by multiple shooting, and what belongs to it."""
+"""The method 'shooting': search, result and checks."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
-from clutchid.simulation.windows import first_guess
+from clutchid.simulation.windows import initial_states
 from clutchid.smoother.projection import ShootingSolution
-from clutchid.smoother.search import FROM_AFAR, FROM_NEAR, search
+from clutchid.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
 from clutchid.smoother.trajectory import noise_scales
 from clutchid.uncertainty.calibration import Calibration
 
-#: What the model gets wrong of a position lasts so long in s. A load that is read from position alone was nearer to the
-#: truth with one sample in ten counted, at 1 kHz: docs/methods.md.
+#: Correlation time in s of the model error in position. A load from position alone was closer to the truth if ten
+#: samples at 1 kHz were weighted as one, see docs/methods.md.
 MEMORY = 0.01
 
 _METHOD = "shooting"
@@ -39,7 +39,7 @@ def shoot(
 ) -> SearchResult[ShootingSolution]:
     """Fit the `free` parameters to recordings by multiple shooting.
 
-    With a `calibration` the search starts near its end, from the calibrated values.
+    With a `calibration` the search starts from the calibrated values and needs fewer stages.
 
     Raises
     ------
@@ -51,13 +51,13 @@ def shoot(
         problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
     X: list[FloatArray] = []
     for track in problem.tracks:
-        guess = first_guess(track, plans[track.log].actuator, "pressure_a" in free.measure)
+        guess = initial_states(track, plans[track.log].actuator, "pressure_a" in free.measure)
         if isinstance(guess, Failure):
             return SearchResult(_METHOD, problem, plans, guess)
         X.append(guess)
-    # from what is known of every parameter: a start far outside a narrow prior is out of reach of bounded steps
+    # start at the prior means: bounded steps cannot return from a start far outside a narrow prior
     x = np.zeros(len(problem.coordinates))
-    stages = FROM_NEAR if calibration else FROM_AFAR
+    stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
     coarse = search(problem, x, X, stages[:-1], progress)
     if isinstance(coarse, Failure):
         return SearchResult(_METHOD, problem, plans, coarse)

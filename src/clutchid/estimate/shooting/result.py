@@ -1,4 +1,4 @@
-"""From the end of a search by multiple shooting to the result that the user sees."""
+"""The `Fit` of a search by multiple shooting."""
 
 from __future__ import annotations
 
@@ -8,44 +8,48 @@ from clutchid.estimate.outcome import Compared, compare, position_and_pressure
 from clutchid.estimate.posterior import QUANTILE, posterior
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_result import SearchResult
-from clutchid.estimate.shooting.uncertainty import Spread, pressure_spread, spread
+from clutchid.estimate.shooting.uncertainty import ParameterUncertainty, parameter_uncertainty, pressure_deviations
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.projection import ShootingSolution
-from clutchid.smoother.trajectory import recorded, trajectory
+from clutchid.smoother.trajectory import sensor_outputs, trajectory
 from clutchid.uncertainty.calibration import Calibration
 
 
-def result(done: SearchResult[ShootingSolution], calibration: Calibration | None) -> Fit | Failure:
+def result(search_result: SearchResult[ShootingSolution], calibration: Calibration | None) -> Fit | Failure:
     """The result of a search by multiple shooting."""
-    solution = done.solution
+    solution = search_result.solution
     if isinstance(solution, Failure):
         return solution
-    uncertain = spread(done.problem, solution, calibration)
+    uncertain = parameter_uncertainty(search_result.problem, solution, calibration)
     if isinstance(uncertain, Failure):
         return uncertain
-    return posterior(done, solution, uncertain.matrix, calibration, _recordings(done, solution, uncertain))
+    return posterior(
+        search_result, solution, uncertain.matrix, calibration, _recordings(search_result, solution, uncertain)
+    )
 
 
-def _recordings(done: SearchResult[ShootingSolution], solution: ShootingSolution, spread_: Spread) -> list[Compared]:
-    """The simulated recordings, compared as their sensors would record the simulation."""
-    task = done.problem
-    deviations = pressure_spread(spread_)
+def _recordings(
+    search_result: SearchResult[ShootingSolution], solution: ShootingSolution, uncertain: ParameterUncertainty
+) -> list[Compared]:
+    """The simulated recordings, compared through the sensor models."""
+    problem = search_result.problem
+    deviations = pressure_deviations(uncertain)
     compared = []
-    for number, plan in enumerate(done.plans):
-        states = trajectory(task, solution, number)
-        first = [X[0] for track, X in zip(task.tracks, solution.X, strict=True) if track.log == number]
-        starts = [position_and_pressure(task.actuator, state) for state in first]
-        half = _half_width(task, number, deviations, len(states))
-        compared.append(compare(plan, states, starts, recorded(task, solution, number, states), half))
+    for number, plan in enumerate(search_result.plans):
+        states = trajectory(problem, solution, number)
+        first = [X[0] for track, X in zip(problem.tracks, solution.X, strict=True) if track.log == number]
+        starts = [position_and_pressure(problem.actuator, state) for state in first]
+        half = _half_width(problem, number, deviations, len(states))
+        compared.append(compare(plan, states, starts, sensor_outputs(problem, solution, number, states), half))
     return compared
 
 
-def _half_width(task: FitProblem, log: int, deviations: list[FloatArray], samples: int) -> FloatArray:
-    """Half the width of the 95 % band of the pressure, between window starts by interpolation."""
+def _half_width(problem: FitProblem, log: int, deviations: list[FloatArray], samples: int) -> FloatArray:
+    """Half width of the 95 % interval of the pressure, interpolated between window starts."""
     half = np.full(samples, np.nan)
-    for track, deviation in zip(task.tracks, deviations, strict=True):
+    for track, deviation in zip(problem.tracks, deviations, strict=True):
         if track.log == log:
             at = [window.start for window in track.windows]
             inside = np.arange(track.segment.start, track.segment.stop)

@@ -1,4 +1,4 @@
-"""Honest uncertainty: what is estimated, what is only taken as known, and what the model does not say."""
+"""Uncertainty of a fit by multiple shooting: measurement noise, consider parameters, and autocorrelated residuals."""
 
 from __future__ import annotations
 
@@ -13,75 +13,82 @@ from clutchid.smoother.elimination import Eliminated, recover
 from clutchid.smoother.problem import Chain, FitProblem, condense, linearise
 from clutchid.smoother.projection import ShootingSolution
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import considered, scale
+from clutchid.uncertainty.drift import consider_parameters, deviation_factor
 
-#: Residuals are coloured: this many neighbouring samples tell what one would, were they independent. The bootstrap over
-#: strokes finds 1 to 4 on trucks.
-COLOUR = 2.0
+#: Residuals are autocorrelated: this many neighbouring samples have the information of one independent sample. The
+#: bootstrap over strokes gives 1 to 4 on trucks.
+CORRELATED_SAMPLES = 2.0
 
-#: Draws from the distribution of the states, for the band of the pressure.
+#: Draws from the distribution of the states for the interval of the pressure.
 DRAWS = 48
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spread:
-    """Covariance of the free numbers x, and what else is needed to draw states that go with them.
+class ParameterUncertainty:
+    """Covariance of the free parameters x in two parts, and the chains to draw states for given parameters.
 
-    `known` is the part that the recording's noise leaves, `moved` the shift of x with the considered numbers.
+    `noise_root` is the square root of the covariance due to noise, `consider_shift` the shift of x by the consider
+    parameters, and `consider_root` the square root of their covariance.
     """
 
-    task: FitProblem
+    problem: FitProblem
     chains: tuple[Eliminated, ...]
-    known: FloatArray
-    moved: FloatArray
-    root: FloatArray
+    noise_root: FloatArray
+    consider_shift: FloatArray
+    consider_root: FloatArray
 
     @property
     def matrix(self) -> FloatArray:
         """Covariance of x, shape (k, k)."""
-        return scale(self.task.noise) ** 2 * (self.known @ self.known.T + self.moved @ self.moved.T)
+        noise, shift = self.noise_root, self.consider_shift
+        return deviation_factor(self.problem.noise) ** 2 * (noise @ noise.T + shift @ shift.T)
 
 
-def spread(task: FitProblem, found: ShootingSolution, calibration: Calibration | None) -> Spread | Failure:
-    """How uncertain the free numbers are.
+def parameter_uncertainty(
+    problem: FitProblem, solution: ShootingSolution, calibration: Calibration | None
+) -> ParameterUncertainty | Failure:
+    """Uncertainty of the free parameters at a solution.
 
-    The considered numbers (Schmidt 1966) are not estimated: their spread moves the estimate through the information
-    that the recording has on both.
+    Consider parameters (Schmidt 1966) are fixed at uncertain values; their covariance shifts the estimate through the
+    joint information matrix.
     """
-    k = len(task.coordinates)
-    extra, root = considered(task.actuator, task.coordinates, calibration)
-    wide = replace(task, coordinates=(*task.coordinates, *extra))
-    linear = linearise(wide, np.concatenate([found.x, np.zeros(len(extra))]), found.X)
+    k = len(problem.coordinates)
+    extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
+    wide = replace(problem, coordinates=(*problem.coordinates, *extra))
+    linear = linearise(wide, np.concatenate([solution.x, np.zeros(len(extra))]), solution.X)
     if isinstance(linear, Failure):
         return linear
-    own = [*range(k), *range(k + len(extra), linear.prior.shape[0])]
-    linear = replace(linear, prior=linear.prior[own])
-    searched, _ = condense(wide, linear)
-    moved = -np.linalg.pinv(searched[:k, :k]) @ searched[:k, k : k + len(extra)] @ root
-    factor, chains = condense(wide, replace(linear, chains=tuple(_counted(chain) for chain in linear.chains)))
-    known = np.linalg.pinv(factor[:k, :k]).astype(np.float64)
-    return Spread(wide, tuple(chains), known, moved, root)
+    without_extra = [*range(k), *range(k + len(extra), linear.prior.shape[0])]
+    linear = replace(linear, prior=linear.prior[without_extra])
+    factor, _ = condense(wide, linear)
+    consider_shift = -np.linalg.pinv(factor[:k, :k]) @ factor[:k, k : k + len(extra)] @ consider_root
+    factor, chains = condense(wide, replace(linear, chains=tuple(_thinned(chain) for chain in linear.chains)))
+    noise_root = np.linalg.pinv(factor[:k, :k]).astype(np.float64)
+    return ParameterUncertainty(wide, tuple(chains), noise_root, consider_shift, consider_root)
 
 
-def _counted(chain: Chain) -> Chain:
-    """A chain with `COLOUR` neighbouring samples counted as one; what is known of its first state stands."""
-    share, linearised = 1.0 / np.sqrt(COLOUR), chain.windows.linearised
-    windows = replace(chain.windows, linearised=replace(linearised, own=share * linearised.own, r=share * linearised.r))
-    return replace(chain, windows=windows, links=share * chain.links)
+def _thinned(chain: Chain) -> Chain:
+    """A chain with `CORRELATED_SAMPLES` neighbouring samples weighted as one; the prior of its first state is kept."""
+    weight, linearised = 1.0 / np.sqrt(CORRELATED_SAMPLES), chain.windows.linearised
+    linearised = replace(linearised, jacobian=weight * linearised.jacobian, r=weight * linearised.r)
+    return replace(chain, windows=replace(chain.windows, linearised=linearised), links=weight * chain.links)
 
 
-def pressure_spread(of: Spread) -> list[FloatArray]:
-    """Standard deviation of the pressure at the start of every window in Pa, an array a track."""
+def pressure_deviations(uncertain: ParameterUncertainty) -> list[FloatArray]:
+    """Standard deviation of the pressure at the start of every window in Pa, one array per track."""
     rng = np.random.default_rng(0)
-    moved = rng.standard_normal((of.root.shape[0], DRAWS))
-    theta = of.known @ rng.standard_normal((of.known.shape[0], DRAWS)) + of.moved @ moved
-    at = of.task.actuator.states.index("p_A")
-    unit = units(of.task.actuator)[at]
+    noise_root, problem = uncertain.noise_root, uncertain.problem
+    considered = rng.standard_normal((uncertain.consider_root.shape[0], DRAWS))
+    theta = noise_root @ rng.standard_normal((noise_root.shape[0], DRAWS)) + uncertain.consider_shift @ considered
+    at = problem.actuator.states.index("p_A")
+    unit = units(problem.actuator)[at]
     result = []
-    for chain in of.chains:
-        own = chain.own.copy()
-        own[:, :, -1] = 0.0
-        noise = rng.standard_normal((*own.shape[:2], DRAWS))
-        draws = recover(replace(chain, own=own), np.vstack([theta, of.root @ moved]), noise)
-        result.append(scale(of.task.noise) * np.std(draws[:, at, :], axis=1) * unit)
+    for chain in uncertain.chains:
+        rows = chain.state_rows.copy()
+        rows[:, :, -1] = 0.0
+        noise = rng.standard_normal((*rows.shape[:2], DRAWS))
+        draws = recover(
+            replace(chain, state_rows=rows), np.vstack([theta, uncertain.consider_root @ considered]), noise
+        )
+        result.append(deviation_factor(problem.noise) * np.std(draws[:, at, :], axis=1) * unit)
     return result

@@ -1,4 +1,4 @@
-"""A fit by simulation error: the paper's method, in two stages (Section 3.1)."""
+"""The method 'simulation': simulation error in two stages, as in the paper (Section 3.1)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from clutchid.estimate.free import bounds_of, free_names
 from clutchid.estimate.outcome import failed_fit, plan_warnings
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
-from clutchid.estimate.simulation_error.problem import Problem, problem
+from clutchid.estimate.simulation_error.problem import Problem, build_problem
 from clutchid.estimate.simulation_error.result import bounds_in_si, result
 from clutchid.estimate.simulation_error.search import two_stages
 from clutchid.log import Log
@@ -25,7 +25,7 @@ from clutchid.simulation.stiffness import stiffness_over, top_speed
 def fit_simulation_error(
     logs: Sequence[Log], actuator: Actuator, request: FitRequest, progress: Progress | None = None
 ) -> Fit:
-    """Fit ballistic or partitioned simulations; a start that cannot be simulated is a fit of status "failed".
+    """Fit ballistic or partitioned simulations; status "failed" if the start values cannot be simulated.
 
     Raises
     ------
@@ -38,24 +38,24 @@ def fit_simulation_error(
     rate = stiffness_over(start, limits, top_speed(request.partition))
     with_pressure = "pressure_a" in request.measure
     plans = [plan(log, start, rate, request.partition, with_pressure) for log in logs]
-    task = problem(start, plans, names, request.measure, limits)
-    _check_size(task)
-    solution, scales = two_stages(task, progress)
+    problem = build_problem(start, plans, names, request.measure, limits)
+    _check_size(problem)
+    solution, scales = two_stages(problem, progress)
     if isinstance(solution, Failure):
         message = " ".join([solution.message, *plan_warnings(plans)])
-        return failed_fit(task.actuator, bounds_in_si(task), "simulation", message, ())
-    return result(task, solution, scales)
+        return failed_fit(problem.actuator, bounds_in_si(problem), "simulation", message, ())
+    return result(problem, solution, scales)
 
 
-def _check_size(task: Problem) -> None:
+def _check_size(problem: Problem) -> None:
     samples = sum(
         int(np.isfinite(plan.log[name][s.start : s.stop]).sum())
-        for plan in task.plans
+        for plan in problem.plans
         for s in plan.segments
-        for name in task.measure
+        for name in problem.measure
     )
-    if samples <= task.x0.size:
+    if samples <= problem.x0.size:
         raise DataError(
-            f"{task.plans[0].log.name}: {samples} measured samples for {task.x0.size} free parameters "
-            f"({len(task.names)} parameters and the unknown starts); record at least a full stroke."
+            f"{problem.plans[0].log.name}: {samples} measured samples for {problem.x0.size} free parameters "
+            f"({len(problem.names)} parameters and the unknown starts); record at least a full stroke."
         )

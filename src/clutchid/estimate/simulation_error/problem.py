@@ -1,4 +1,4 @@
-"""A fit as a problem: which numbers are free, which samples are compared, residuals and their exact Jacobian."""
+"""Simulation error as a least-squares problem: free parameters, compared samples, residuals and exact Jacobian."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import (
     POSITION_START,
     PRESSURE_START,
-    Numbers,
+    KernelArrays,
     columns,
     guessed_pressure,
     run,
@@ -30,17 +30,17 @@ from clutchid.simulation.simulation import failure_message
 
 IntArray = NDArray[np.int64]
 
-#: A recording whose position stays within this many m does not move.
-REST = 5e-4
+#: A recording with a smaller range of positions, in m, has no motion.
+REST_RANGE = 5e-4
 
-#: Natural size of a load weight by its unit, and of the start of a segment in m and Pa.
+#: Natural size of a load weight by its unit, and of start values in m and Pa.
 WEIGHT_UNITS = {"N/m": 1e5, "N": 1e3}
 _START_UNITS = {POSITION_START: 1e-3, PRESSURE_START: 1e5}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
-    """One segment of one recording in the problem; `start` is the place of its free start in x, if it has one."""
+class ProblemSegment:
+    """One segment of one recording; `start` are the indices in x of its free start values, if it has any."""
 
     log: int
     segment: Segment
@@ -50,48 +50,48 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Free numbers ``x`` = shared parameters `names`, then the free starts of segments, each divided by its `unit`.
+    """Free parameters x: shared parameters `names`, then free start values of segments, each divided by its `unit`.
 
-    `measure` names the measured columns that are compared; `low` and `high` bound x. The units make all of x of order
-    one, so that thresholds do not depend on whether a number is a conductance or a pressure.
+    `measure` are the compared columns, `low` and `high` the bounds of x. The units make all elements of x of order one,
+    so that thresholds are independent of the physical quantity.
     """
 
     actuator: Actuator
     plans: tuple[Plan, ...]
     names: tuple[str, ...]
     measure: tuple[str, ...]
-    parts: tuple[Part, ...]
+    segments: tuple[ProblemSegment, ...]
     unit: FloatArray
     x0: FloatArray
     low: FloatArray
     high: FloatArray
 
     @property
-    def moves(self) -> bool:
-        """Whether the piston moves in any recording; where it rests, nothing is told about the actuator."""
+    def has_motion(self) -> bool:
+        """Whether the piston moves in any recording; without motion no parameter of the actuator can be determined."""
         spans = [p.log["position"][np.isfinite(p.log["position"])] for p in self.plans]
-        return any(span.size > 0 and float(np.ptp(span)) > REST for span in spans)
+        return any(span.size > 0 and float(np.ptp(span)) > REST_RANGE for span in spans)
 
     def si(self, x: FloatArray) -> FloatArray:
         """`x` in SI units."""
         return x * self.unit
 
     def actuator_at(self, x: FloatArray) -> Actuator:
-        """The actuator with the free parameters of `x`; ParameterError where they contradict each other."""
+        """The actuator with the free parameters of `x`; ParameterError if they contradict each other."""
         return self.actuator.replace(dict(zip(self.names, self.si(x).tolist(), strict=False)))
 
     def starts_at(self, x: FloatArray, log: int, actuator: Actuator) -> list[tuple[float, float]]:
         """Position and pressure at the start of every segment of a recording."""
-        return [self.start_of(part, x, actuator) for part in self.parts if part.log == log]
+        return [self.start_of(part, x, actuator) for part in self.segments if part.log == log]
 
-    def start_of(self, part: Part, x: FloatArray, actuator: Actuator) -> tuple[float, float]:
+    def start_of(self, part: ProblemSegment, x: FloatArray, actuator: Actuator) -> tuple[float, float]:
         """Position and pressure at the start of one segment."""
         values = dict(zip(part.start_names, (float(self.si(x)[i]) for i in part.start), strict=True))
         position = values.get(POSITION_START, part.segment.position_start)
         return position, values.get(PRESSURE_START, guessed_pressure(part.segment, actuator))
 
 
-def problem(
+def build_problem(
     actuator: Actuator,
     plans: Sequence[Plan],
     names: Sequence[str],
@@ -102,12 +102,12 @@ def problem(
     x0 = [actuator.value(name) for name in names]
     unit = [_unit(name, actuator) for name in names]
     low, high = [bounds[name][0] for name in names], [bounds[name][1] for name in names]
-    parts = []
+    segments = []
     for number, prepared in enumerate(plans):
         for segment in prepared.segments:
             free = _free_start(segment, actuator)
             place = tuple(range(len(x0), len(x0) + len(free)))
-            parts.append(Part(number, segment, place, tuple(name for name, *_ in free)))
+            segments.append(ProblemSegment(number, segment, place, tuple(name for name, *_ in free)))
             for name, value, lowest, highest in free:
                 x0.append(value)
                 unit.append(_START_UNITS[name])
@@ -115,7 +115,7 @@ def problem(
                 high.append(highest)
     scale = np.array(unit)
     return Problem(
-        actuator, tuple(plans), tuple(names), tuple(measure), tuple(parts), scale,
+        actuator, tuple(plans), tuple(names), tuple(measure), tuple(segments), scale,
         np.clip(np.array(x0), low, high) / scale, np.array(low) / scale, np.array(high) / scale,
     )  # fmt: skip
 
@@ -125,7 +125,7 @@ def _unit(name: str, actuator: Actuator) -> float:
 
 
 def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, float, float]]:
-    """Name, value and bounds of the unknown start of a segment; nothing where Eq. (24) holds."""
+    """Name, value and bounds of the unknown start values of a segment; none if Eq. (24) holds."""
     if segment.vented:
         return []
     p, y = actuator.parameters, segment.position_start
@@ -135,12 +135,12 @@ def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, 
     return free
 
 
-def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Linearisation | Failure:
-    """Compressed residuals and Jacobian at `x`; a failed simulation or contradicting parameters are an answer."""
+def linearise(problem: Problem, x: FloatArray, scales: Mapping[str, float]) -> Linearisation | Failure:
+    """Compressed residuals and Jacobian at `x`; a `Failure` if a simulation fails or parameters are contradictory."""
     width = x.size
     factor = np.zeros((0, width + 1))
     count, cost = 0, 0.0
-    for answer in residuals(task, x, scales):
+    for answer in residuals(problem, x, scales):
         if isinstance(answer, Failure):
             return answer
         part, r, J, _ = answer
@@ -149,9 +149,9 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
             local = compress(J, r)
             cost += 0.5 * float(np.sum(local[:, -1] ** 2))
         if not (np.isfinite(local).all() and np.isfinite(cost)):
-            return Failure(f"{task.plans[part.log].log.name}: the simulation grows beyond all bounds")
+            return Failure(f"{problem.plans[part.log].log.name}: the simulation grows beyond all bounds")
         rows = np.zeros((local.shape[0], width + 1))
-        rows[:, [*range(len(task.names)), *part.start, width]] = local
+        rows[:, [*range(len(problem.names)), *part.start, width]] = local
         factor = np.vstack([factor, rows])
     if count == 0:
         return Failure("no measured sample can be compared with the simulation")
@@ -162,40 +162,40 @@ def linearise(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> Line
 
 
 def residuals(
-    task: Problem, x: FloatArray, scales: Mapping[str, float]
-) -> Iterator[tuple[Part, FloatArray, FloatArray, IntArray] | Failure]:
-    """For each segment: scaled residuals (m,), their Jacobian to x (m, k_local), and the sample of each residual.
+    problem: Problem, x: FloatArray, scales: Mapping[str, float]
+) -> Iterator[tuple[ProblemSegment, FloatArray, FloatArray, IntArray] | Failure]:
+    """For each segment: scaled residuals (m,), Jacobian (m, k_local), and the sample of each residual.
 
     Missing samples are left out, element by element.
     """
     try:
-        actuator = task.actuator_at(x)
+        actuator = problem.actuator_at(x)
     except ParameterError as error:
         yield Failure(str(error))
         return
-    numbers = Numbers.of(actuator)
+    arrays = KernelArrays.of(actuator)
     states_of = actuator.states
-    watched = [states_of.index(MEASURED[name].state) for name in task.measure]
-    for part in task.parts:
-        log, segment = task.plans[part.log].log, part.segment
-        which = columns(actuator, [*task.names, *part.start_names])
-        x0 = start_state(segment, actuator, task.start_of(part, x, actuator))
+    watched = [states_of.index(MEASURED[name].state) for name in problem.measure]
+    for part in problem.segments:
+        log, segment = problem.plans[part.log].log, part.segment
+        which = columns(actuator, [*problem.names, *part.start_names])
+        x0 = start_state(segment, actuator, problem.start_of(part, x, actuator))
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(part.start))
-        states, sens, failed = run_with_sensitivities(segment, numbers, start, which, watched)
+        states, sens, failed = run_with_sensitivities(segment, arrays, start, which, watched)
         if failed >= 0:
             yield Failure(failure_message(log, segment, states, failed, states_of, actuator))
             return
-        unit = task.unit[[*range(len(task.names)), *part.start]]
-        yield part, *_compared(task, part, states, sens * unit, scales)
+        unit = problem.unit[[*range(len(problem.names)), *part.start]]
+        yield part, *_compared(problem, part, states, sens * unit, scales)
 
 
 def _compared(
-    task: Problem, part: Part, states: FloatArray, sens: FloatArray, scales: Mapping[str, float]
+    problem: Problem, part: ProblemSegment, states: FloatArray, sens: FloatArray, scales: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    log, segment = task.plans[part.log].log, part.segment
+    log, segment = problem.plans[part.log].log, part.segment
     r_parts, J_parts, at_parts = [], [], []
-    names = task.actuator.states
-    for i, name in enumerate(task.measure):
+    names = problem.actuator.states
+    for i, name in enumerate(problem.measure):
         difference = states[:, names.index(MEASURED[name].state)] - log[name][segment.start : segment.stop]
         known = np.isfinite(difference)
         at_parts.append(np.flatnonzero(known))
@@ -210,13 +210,13 @@ def _compared(
     return np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
 
 
-def simulated_states(task: Problem, x: FloatArray, log: int) -> FloatArray:
+def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
     """States of recording `log` at `x`, shape (n, n_states); NaN outside segments and after a failure."""
-    actuator = task.actuator_at(x)
-    numbers = Numbers.of(actuator)
-    states = np.full((len(task.plans[log].log), len(actuator.states)), np.nan)
-    for part in task.parts:
+    actuator = problem.actuator_at(x)
+    arrays = KernelArrays.of(actuator)
+    states = np.full((len(problem.plans[log].log), len(actuator.states)), np.nan)
+    for part in problem.segments:
         if part.log == log:
-            x0 = start_state(part.segment, actuator, task.start_of(part, x, actuator))
-            states[part.segment.start : part.segment.stop] = run(part.segment, numbers, x0)[0]
+            x0 = start_state(part.segment, actuator, problem.start_of(part, x, actuator))
+            states[part.segment.start : part.segment.stop] = run(part.segment, arrays, x0)[0]
     return states

@@ -1,4 +1,4 @@
-"""From the solution of a search to the result that the user sees: intervals, load band, errors, warnings."""
+"""The `Fit` of a search by simulation error: intervals, load curve, errors, warnings."""
 
 from __future__ import annotations
 
@@ -18,57 +18,58 @@ from clutchid.uncertainty.covariance import Covariance, sandwich
 from clutchid.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 
 
-def result(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
-    """The result of a search that ended at `solution`."""
-    x, k = solution.x, len(task.names)
-    covariance = _covariance(task, solution, scales)
-    shared = covariance.matrix[:k, :k] * np.outer(task.unit[:k], task.unit[:k])
-    fitted = task.actuator_at(x)
-    compared = _recordings(task, x, fitted)
+def result(problem: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:
+    """The `Fit` at the solution of a search."""
+    x, k = solution.x, len(problem.names)
+    covariance = _covariance(problem, solution, scales)
+    shared = covariance.matrix[:k, :k] * np.outer(problem.unit[:k], problem.unit[:k])
+    fitted = problem.actuator_at(x)
+    compared = _recordings(problem, x, fitted)
     recordings = {one.recording.measured.name: one.recording for one in compared}
-    warnings = plan_warnings(task.plans)
-    if task.moves:
+    warnings = plan_warnings(problem.plans)
+    if problem.has_motion:
         reach = furthest([recording.measured for recording in recordings.values()])
-        warnings += identifiability_warnings(solution.at.R, task.names, fitted, reach, "pressure_a" in task.measure)
+        with_pressure = "pressure_a" in problem.measure
+        warnings += identifiability_warnings(solution.at.R, problem.names, fitted, reach, with_pressure)
         warnings += _does_not_move(recordings)
     else:
-        warnings.append(_resting(task.names))
-    warnings += _at_bounds(task, x)
-    settled = solution.status != "limit"
-    if not settled:
-        warnings.append(f"the search stopped after {solution.evaluations} evaluations without settling.")
+        warnings.append(_resting(problem.names))
+    warnings += _at_bounds(problem, x)
+    converged = solution.status != "limit"
+    if not converged:
+        warnings.append(f"the search stopped after {solution.evaluations} evaluations without convergence.")
     return Fit(
         status="warning" if warnings else "ok",
         message=f"{solution.status} after {solution.evaluations} evaluations",
         actuator=fitted,
-        parameters=_estimates(task, x, covariance),
+        parameters=_estimates(problem, x, covariance),
         covariance=shared,
-        load_curve=load_curve(fitted, task.names, shared, covariance.quantile()),
+        load_curve=load_curve(fitted, problem.names, shared, covariance.quantile()),
         recordings=recordings,
         errors=errors_over(one.shown for one in compared),
         scales=dict(scales),
-        bounds=bounds_in_si(task),
+        bounds=bounds_in_si(problem),
         evaluations=solution.evaluations,
         warnings=tuple(warnings),
-        settled=settled,
+        settled=converged,
     )
 
 
 def furthest(logs: Sequence[Log]) -> float:
-    """Furthest finite position in m; 0 where there is none."""
+    """Largest finite position in m; 0 if there is none."""
     positions = [log["position"][np.isfinite(log["position"])] for log in logs]
     return max((float(position.max()) for position in positions if position.size), default=0.0)
 
 
 def _resting(names: Sequence[str]) -> str:
     return (
-        "the recording does not move, so it says nothing about "
-        f"{listed(names) or 'the actuator'}; the start values are kept, the intervals are infinite."
+        f"the recording has no motion, so it cannot determine {listed(names) or 'the actuator'}; the start values are "
+        "kept, the intervals are infinite."
     )
 
 
 def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
-    """A warning where the measured piston strokes and the simulated one hardly moves."""
+    """A warning if the measured piston strokes and the simulated one hardly moves."""
     stuck = [
         name
         for name, recording in recordings.items()
@@ -81,66 +82,67 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
     ]
 
 
-def _recordings(task: Problem, x: FloatArray, fitted: Actuator) -> list[Compared]:
+def _recordings(problem: Problem, x: FloatArray, fitted: Actuator) -> list[Compared]:
     return [
-        compare(plan, simulated_states(task, x, number), task.starts_at(x, number, fitted))
-        for number, plan in enumerate(task.plans)
+        compare(plan, simulated_states(problem, x, number), problem.starts_at(x, number, fitted))
+        for number, plan in enumerate(problem.plans)
     ]
 
 
-def _covariance(task: Problem, solution: Solution, scales: Mapping[str, float]) -> Covariance:
+def _covariance(problem: Problem, solution: Solution, scales: Mapping[str, float]) -> Covariance:
     scores = []
-    for answer in residuals(task, solution.x, scales):
-        assert not isinstance(answer, Failure)
-        part, r, J, at = answer
-        # all that is measured at one sample is one score, so that what they have in common is counted
+    for evaluated in residuals(problem, solution.x, scales):
+        assert not isinstance(evaluated, Failure)
+        part, r, J, at = evaluated
+        # all columns of a sample share one score, which includes their correlation
         local = np.zeros((len(part.segment), J.shape[1]))
         np.add.at(local, at, J * r[:, None])
         rows = np.zeros((len(part.segment), solution.x.size))
-        rows[:, [*range(len(task.names)), *part.start]] = local
+        rows[:, [*range(len(problem.names)), *part.start]] = local
         scores.append(rows)
-    known = identifiable(solution.at.R) & ~_held(task, solution) & task.moves
-    return sandwich(solution.at.R, scores, known, len(task.names))
+    known = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & problem.has_motion
+    return sandwich(solution.at.R, scores, known, len(problem.names))
 
 
-def _held(task: Problem, solution: Solution) -> NDArray[np.bool_]:
-    """Parameters held by a bound against the data, load weights excepted: they are as if fixed there.
+def _at_active_bound(problem: Problem, solution: Solution) -> NDArray[np.bool_]:
+    """Parameters at an active bound, except load weights: their covariance is that of fixed parameters.
 
-    A weight at its bound stays uncertain in the load band: it may be larger.
+    A weight at its bound stays uncertain in the interval of the load, because it may be larger.
     """
     x, gradient = solution.x, solution.at.R.T @ solution.at.q
-    held = ((x <= task.low) & (gradient > 0)) | ((x >= task.high) & (gradient < 0))
-    held[[i for i, name in enumerate(task.names) if name in task.actuator.load.names]] = False
-    held[len(task.names) :] = False
-    return held
+    active = ((x <= problem.low) & (gradient > 0)) | ((x >= problem.high) & (gradient < 0))
+    active[[i for i, name in enumerate(problem.names) if name in problem.actuator.load.names]] = False
+    active[len(problem.names) :] = False
+    return active
 
 
-def _estimates(task: Problem, x: FloatArray, covariance: Covariance) -> dict[str, Estimate]:
+def _estimates(problem: Problem, x: FloatArray, covariance: Covariance) -> dict[str, Estimate]:
     quantile = covariance.quantile()
     estimates = {}
-    for i, name in enumerate(task.names):
-        std, unit = float(np.sqrt(covariance.matrix[i, i])), float(task.unit[i])
+    for i, name in enumerate(problem.names):
+        std, unit = float(np.sqrt(covariance.matrix[i, i])), float(problem.unit[i])
         low, high = x[i] - quantile * std, x[i] + quantile * std
         if np.isfinite(std):
-            low, high = max(task.low[i], low), min(task.high[i], high)
+            low, high = max(problem.low[i], low), min(problem.high[i], high)
         estimates[name] = Estimate(
-            float(x[i]) * unit, task.actuator.unit(name), std * unit, float(low) * unit, float(high) * unit
+            float(x[i]) * unit, problem.actuator.unit(name), std * unit, float(low) * unit, float(high) * unit
         )
     return estimates
 
 
-def _at_bounds(task: Problem, x: FloatArray) -> list[str]:
+def _at_bounds(problem: Problem, x: FloatArray) -> list[str]:
     warnings = []
-    for i, name in enumerate(task.names):
-        for bound, word in ((task.low[i], "lower"), (task.high[i], "upper")):
+    for i, name in enumerate(problem.names):
+        for bound, word in ((problem.low[i], "lower"), (problem.high[i], "upper")):
             if x[i] == bound:
-                shown = f"{bound * task.unit[i]:g}{task.actuator.unit_behind(name)}"
-                fixed = "" if name in task.actuator.load.names else "; the others' intervals take it as fixed there"
+                shown = f"{bound * problem.unit[i]:g}{problem.actuator.unit_behind(name)}"
+                others = "; the intervals of the others assume that it is fixed there"
+                fixed = "" if name in problem.actuator.load.names else others
                 warnings.append(f"{name} lies at its {word} bound {shown}{fixed}.")
     return warnings
 
 
-def bounds_in_si(task: Problem) -> dict[str, tuple[float, float]]:
+def bounds_in_si(problem: Problem) -> dict[str, tuple[float, float]]:
     """Bounds of the free parameters by name, in SI."""
-    low, high = task.si(task.low).tolist(), task.si(task.high).tolist()
-    return {name: (low[i], high[i]) for i, name in enumerate(task.names)}
+    low, high = problem.si(problem.low).tolist(), problem.si(problem.high).tolist()
+    return {name: (low[i], high[i]) for i, name in enumerate(problem.names)}

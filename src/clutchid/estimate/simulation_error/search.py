@@ -1,4 +1,4 @@
-"""The search of a fit in two stages, as the paper conducts it: coarse from afar, then fine."""
+"""Search in two stages, as in the paper: coarse from the start values, then fine."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise
 
-#: Factors on the load weights that the coarse stage tries from the start values.
+#: Factors on the initial load weights that the coarse stage tries.
 COARSE_FACTORS = (1.0, 0.6, 0.8, 1.25, 1.6)
 
 
-def two_stages(task: Problem, progress: Progress | None) -> tuple[Solution | Failure, Mapping[str, float]]:
-    """Where the search ends, or why it cannot start, and the noise scales that it ended with.
+def two_stages(problem: Problem, progress: Progress | None) -> tuple[Solution | Failure, Mapping[str, float]]:
+    """Solution of the search, or a `Failure` of its start, and the final noise scales.
 
-    The coarse stage tries some factors on the load and stops early; the fine stage goes on from the best with the
-    rms residuals as noise scales. The paper conducts the optimisation twice in the same way (Section 3.1).
+    The coarse stage tries factors on the load and stops early; the fine stage continues from the best with the rms
+    residuals as noise scales. The paper also optimises twice (Section 3.1).
     """
-    scales = {name: MEASURED[name].first_scale for name in task.measure}
+    scales = {name: MEASURED[name].first_scale for name in problem.measure}
     count = 0
 
     def evaluate(x: FloatArray, stage: str) -> Linearisation | Failure:
@@ -31,50 +31,50 @@ def two_stages(task: Problem, progress: Progress | None) -> tuple[Solution | Fai
         count += 1
         if progress:
             progress(stage, count)
-        return linearise(task, x, scales)
+        return linearise(problem, x, scales)
 
-    begin = _best_start(task, lambda x: evaluate(x, "coarse"))
+    begin = _best_start(problem, lambda x: evaluate(x, "coarse"))
     if isinstance(begin, Failure):
         return begin, scales
-    if not task.moves:
-        return Solution(task.x0, begin[1], "converged", count), scales
-    coarse = minimise(lambda x: evaluate(x, "coarse"), begin, task.low, task.high, tolerance=1e-3)
-    scales = _noise_scales(task, coarse.x, scales)
+    if not problem.has_motion:
+        return Solution(problem.x0, begin[1], "converged", count), scales
+    coarse = minimise(lambda x: evaluate(x, "coarse"), begin, problem.low, problem.high, tolerance=1e-3)
+    scales = _noise_scales(problem, coarse.x, scales)
     again = evaluate(coarse.x, "fine")
     assert isinstance(again, Linearisation)
-    fine = minimise(lambda x: evaluate(x, "fine"), (coarse.x, again), task.low, task.high, tolerance=1e-9)
+    fine = minimise(lambda x: evaluate(x, "fine"), (coarse.x, again), problem.low, problem.high, tolerance=1e-9)
     return replace(fine, evaluations=count), scales
 
 
 def _best_start(
-    task: Problem, evaluate: Callable[[FloatArray], Linearisation | Failure]
+    problem: Problem, evaluate: Callable[[FloatArray], Linearisation | Failure]
 ) -> tuple[FloatArray, Linearisation] | Failure:
-    """The best of some multiples of the load at the start values, where any load weight is free."""
-    weights = [i for i, name in enumerate(task.names) if name in task.actuator.load.names]
+    """The best of several multiples of the initial load, if any load weight is free."""
+    weights = [i for i, name in enumerate(problem.names) if name in problem.actuator.load.names]
     best: tuple[FloatArray, Linearisation] | None = None
     failure: Failure | None = None
     for factor in COARSE_FACTORS if weights else (1.0,):
-        x = task.x0.copy()
+        x = problem.x0.copy()
         x[weights] *= factor
-        x = np.clip(x, task.low, task.high)
+        x = np.clip(x, problem.low, problem.high)
         answer = evaluate(x)
         if isinstance(answer, Failure):
             failure = failure or answer
         elif best is None or answer.cost < best[1].cost:
             best = x, answer
-    return best or failure or Failure("there is nothing to simulate")
+    return best or failure or Failure("no start can be simulated")
 
 
-def _noise_scales(task: Problem, x: FloatArray, scales: Mapping[str, float]) -> dict[str, float]:
-    """Rms residual of every measured column, but not below a thousandth of the first scale."""
-    sums = {name: [0.0, 0] for name in task.measure}
-    for answer in residuals(task, x, scales):
+def _noise_scales(problem: Problem, x: FloatArray, scales: Mapping[str, float]) -> dict[str, float]:
+    """Rms residual of every measured column, at least a thousandth of the first scale."""
+    sums = {name: [0.0, 0] for name in problem.measure}
+    for answer in residuals(problem, x, scales):
         if isinstance(answer, Failure):
             return dict(scales)
         part, r, _, _ = answer
-        log, at = task.plans[part.log].log, slice(part.segment.start, part.segment.stop)
-        sizes = [int(np.isfinite(log[name][at]).sum()) for name in task.measure]
-        for name, piece in zip(task.measure, np.split(r, np.cumsum(sizes)[:-1]), strict=True):
+        log, at = problem.plans[part.log].log, slice(part.segment.start, part.segment.stop)
+        sizes = [int(np.isfinite(log[name][at]).sum()) for name in problem.measure]
+        for name, piece in zip(problem.measure, np.split(r, np.cumsum(sizes)[:-1]), strict=True):
             sums[name][0] += float(np.sum(piece**2)) * scales[name] ** 2
             sums[name][1] += piece.size
     return {

@@ -10,7 +10,7 @@ from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.compiled import VARIANTS, kernels
 from clutchid.simulation import simulate
-from clutchid.simulation.culprit import culprit
+from clutchid.simulation.failing_term import failing_term
 
 ENGAGED = {
     "y": 5e-3, "v": 0.1, "p_A": 4e5, "p_B": 1.2e5, "z": 1e-6, "T_A": 300.0, "T_B": 290.0, "p_S": 9e5, "p_G": 9.1e5,
@@ -23,7 +23,7 @@ def at(actuator: Actuator, duty=(1.0, 0.0), **changes) -> str:
     state = np.array([{**ENGAGED, **changes}[name] for name in VARIANTS[actuator.model]])
     inputs = np.zeros(len(kernels(actuator.model).INPUTS))
     inputs[:2] = duty
-    return culprit(actuator, state, inputs)
+    return failing_term(actuator, state, inputs)
 
 
 def opened() -> Log:
@@ -60,24 +60,24 @@ def test_the_first_term_that_is_not_finite_is_named_with_its_parameters(variant,
     actuator = Actuator(model=variant)
     if "y" in changes and changes["y"] > 1:
         actuator = actuator.replace({"theta_2": 1e200})
-    told = at(actuator, (1.0, 1.0), **changes)
+    message = at(actuator, (1.0, 1.0), **changes)
     for word in words:
-        assert word in told
+        assert word in message
 
 
 def test_where_all_terms_are_finite_the_fastest_state_is_named_with_what_drives_it():
-    told = at(Actuator().replace({"theta_1": -1e9}))
+    message = at(Actuator().replace({"theta_1": -1e9}))
     # 5 mm of -1e9 N/m, flattened by the spline: an acceleration of some 1e5 m/s² of 10 kg
-    assert told.startswith("all terms are finite and v changes fastest, by ")
-    assert "f_l = -" in told
-    assert told.endswith("M = 10 kg")
+    assert message.startswith("all terms are finite and v changes fastest, by ")
+    assert "f_l = -" in message
+    assert message.endswith("M = 10 kg")
     assert at(Actuator().replace({"V_0A": 1e-9}), y=0.0).startswith("all terms are finite and p_A changes fastest")
 
 
 def test_a_state_that_falls_fast_counts_as_one_that_rises_fast():
     # 5 mm of 1e9 N/m push back: -1e5 m/s² and more, beside which everything else is slow
-    told = at(Actuator().replace({"theta_1": 1e9}))
-    assert told.startswith("all terms are finite and v changes fastest, by -")
+    message = at(Actuator().replace({"theta_1": 1e9}))
+    assert message.startswith("all terms are finite and v changes fastest, by -")
 
 
 def test_a_failed_simulation_says_state_time_term_and_parameters_in_one_sentence():
@@ -85,7 +85,7 @@ def test_a_failed_simulation_says_state_time_term_and_parameters_in_one_sentence
     assert failed.status == "failed"
     position = failed.log["position"]
     last = int(np.flatnonzero(np.isfinite(position))[-1])
-    assert f"left the finite numbers at {(last + 1) * 1e-3:.3f} s in y, " in failed.message
+    assert f"diverged at {(last + 1) * 1e-3:.3f} s in y, " in failed.message
     assert f"; at {last * 1e-3:.3f} s " in failed.message
     assert " f_l = -" in failed.message
     assert " M = 10 kg" in failed.message

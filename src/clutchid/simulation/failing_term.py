@@ -1,4 +1,4 @@
-"""Which term of the equations drives a simulation out of the finite numbers."""
+"""The term of the equations that makes a simulation diverge."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class _Term(NamedTuple):
     made_of: tuple[str, ...]
 
 
-def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
-    """What is wrong with the equations at `state`, in words: the first term that is not finite, and what stands in it.
+def failing_term(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
+    """The first term of the equations that is not finite at `state`, with its arguments, as a sentence.
 
-    Where all are finite it is the state that changes fastest, beside what is a large rate for it.
+    If all are finite: the state that changes fastest relative to its `State.fast`.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
     Below absolute zero no air flows out:
 
     >>> state = np.array([1e-3, 0.0, 2e5, 1.1e5, 0.0, -5.0, 293.0, 9e5, 9e5, 0.0])
-    >>> culprit(Actuator(model="energy-balance"), state, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[:67]
-    'the term w_ve is not finite; in it stand p_A = 2e+05, T_A = -5, y_v'
+    >>> failing_term(Actuator(model="energy-balance"), state, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[:67]
+    'the term w_ve is not finite; it depends on p_A = 2e+05, T_A = -5, y'
     """
     known = dict(zip(actuator.states, state.tolist(), strict=True))
     rates: list[_Term] = []
@@ -54,7 +54,7 @@ def culprit(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> str:
 
 
 def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterator[_Term]:
-    """The load and every term; the last one is NaN where it cannot be computed."""
+    """The load and every term; the last one is NaN if it cannot be computed."""
     module, load = kernels(actuator.model), actuator.load
     y = state[[actuator.states.index("y")]]
     with np.errstate(all="ignore"):
@@ -65,13 +65,13 @@ def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterato
     for name, parameters, made_of in module.TERMS:
         try:
             yield _Term(name, next(values), parameters, made_of)
-        except (ArithmeticError, ValueError):  # as Python's numbers and square roots say it
+        except (ArithmeticError, ValueError):  # Python raises where the kernels return NaN
             yield _Term(name, math.nan, parameters, made_of)
             return
 
 
 def _made_of(actuator: Actuator, term: _Term, known: Mapping[str, float]) -> str:
-    """The states, terms and parameters that stand in a term, with their values."""
+    """The states, terms and parameters that a term depends on, with their values."""
     shown = [f"{name} = {known[name]:.3g}" for name in term.made_of]
     shown += [f"{name} = {actuator.value(name):g}{actuator.unit_behind(name)}" for name in term.parameters]
-    return f"; in it stand {', '.join(shown)}" if shown else ""
+    return f"; it depends on {', '.join(shown)}" if shown else ""
