@@ -1,7 +1,8 @@
 """Speed of the Numba kernels against C, in paired runs on one log: ``python benchmarks/kernels.py``.
 
 The C is the project's own, compiled with ``gcc -O3 -march=native -ffast-math``. All variants run in turn, round after
-round, so that what else the machine does hits them alike; the ratio of a round is free of slow drifts.
+round, so that what else the machine does hits them alike; the ratio of a round is free of slow drifts. Last comes what
+a calibration waits for: windows of 100 samples of the richest model, with derivatives to all that it can free.
 """
 
 from __future__ import annotations
@@ -21,13 +22,16 @@ from numpy.typing import NDArray
 
 from clutchid.codegen.c99 import c99_source
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels
+from clutchid.model.compiled import VARIANTS, kernels
 from clutchid.model.isothermal import isothermal
 from clutchid.parameters import Parameters
 
 FloatArray = NDArray[np.float64]
 FLAGS = ("-std=c99", "-O3", "-march=native", "-ffast-math", "-fPIC")
 NONE = np.zeros(0, np.int64)
+
+#: The richest model, the samples of a window, and the parameters that it does not know.
+RICH, WINDOW, SENSORS = "energy-balance-stribeck", 100, ("tau_y", "tau_p", "e_y", "e_p")
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,7 @@ def numba_run(d: Drive, out: FloatArray) -> Callable[[], int]:
 
 def numba_table(d: Drive, out: FloatArray) -> Callable[[], int]:
     """The kernel with the derivatives to the three load weights."""
-    return _with_columns(d, out, "run_table", 3, np.arange(3), ())
+    return _with_columns(d, out, 3, np.arange(3), ())
 
 
 def numba_all(d: Drive, out: FloatArray) -> Callable[[], int]:
@@ -86,13 +90,13 @@ def numba_all(d: Drive, out: FloatArray) -> Callable[[], int]:
     chosen = Parameters.names()[: Parameters.names().index("B_out") + 1]
     slots = kernels("isothermal").SLOTS
     fills = [(number, row, column) for number, (row, column) in enumerate(slots) if column < len(chosen)]
-    return _with_columns(d, out, "run_all", len(chosen), NONE, fills)
+    return _with_columns(d, out, len(chosen), NONE, fills)
 
 
 def _with_columns(
-    d: Drive, out: FloatArray, name: str, columns: int, table: NDArray[np.int64], fills: Sequence[tuple[int, int, int]]
+    d: Drive, out: FloatArray, columns: int, table: NDArray[np.int64], fills: Sequence[tuple[int, int, int]]
 ) -> Callable[[], int]:
-    kernel, n = getattr(kernels("isothermal"), name), out.shape[0]
+    kernel, n = kernels("isothermal").run_all, out.shape[0]
     jump, measured = np.zeros(n, np.uint8), np.zeros((n, 2))
     fill = np.array(fills, np.int64).reshape(-1, 3).T.copy()
     sens, watched, S = np.zeros((n, 1, columns)), np.array([0]), np.zeros((5, columns))
@@ -104,6 +108,39 @@ def _with_columns(
             table, table, *fill, watched, out, sens,
         )  # fmt: skip
         return status
+
+    return run
+
+
+def windows(d: Drive, names: Sequence[str]) -> Callable[[], int]:
+    """Ten states over windows of 100 samples, with the derivatives to three load weights and the parameters `names`."""
+    actuator = Actuator(model=RICH)
+    p, load = actuator.parameters, actuator.load
+    at = {"p_A": p.P_0, "p_B": p.P_0, "T_A": p.T_w, "T_B": p.T_w, "p_S": p.P_S, "p_G": p.P_S}
+    x, columns = np.array([at.get(state, 0.0) for state in VARIANTS[RICH]]), len(names) + 3
+    place = {Parameters.names().index(name): 3 + c for c, name in enumerate(names)}
+    fills = [(i, row, place[q]) for i, (row, q) in enumerate(kernels(RICH).SLOTS) if q in place]
+    fill = np.array(fills, np.int64).reshape(-1, 3).T.copy()
+    u = np.zeros((d.u.shape[0], len(kernels(RICH).INPUTS)))
+    u[:, :2], u[:, 3], u[:, 4:] = d.u, 1e-3 / p.T_pwm if p.T_pwm else 0.0, np.roll(d.u, 10, axis=0)
+    out, sens, weights = np.empty((WINDOW, x.size)), np.empty((WINDOW, 2, columns)), np.arange(3)
+    jump, measured, watched = np.zeros(WINDOW, np.uint8), np.zeros((WINDOW, 2)), np.array([0, 2])
+    basis = np.ascontiguousarray(load.coefficients)
+    free = (weights, weights, *fill)
+    table, kept = (load.breakpoints, load.combined()), (jump, measured)
+
+    def run() -> int:
+        state = x.copy()
+        for k in range(0, u.shape[0] - WINDOW, WINDOW):
+            common = (u[k : k + WINDOW], p.array(), d.dt[k : k + WINDOW - 1], d.substeps[k : k + WINDOW - 1], *kept)
+            if names:
+                S = np.zeros((x.size, columns))
+                failed: int = kernels(RICH).run_all(state, S, *common, *table, basis, *free, watched, out, sens)
+            else:
+                failed = kernels(RICH).run(state, *common, *table, out)
+            if failed >= 0:
+                return failed
+        return -1
 
     return run
 
@@ -191,10 +228,12 @@ def main() -> None:
             numba_run(d, outs[1]),
             numba_table(d, outs[2]),
             numba_all(d, outs[3]),
+            windows(d, ()),
+            windows(d, [name for name in Parameters.names() if name not in SENSORS]),
         ]
         times = paired_times(variants, options.rounds)
-    names = ("C", "run", "run_table, 3 columns", "run_all, 25 columns")
-    print(report(names, times, [(1, 0, 1.2), (2, 1, 4.0), (3, 1, 20.0)]))
+    names = ("C", "run", "3 columns", "25 columns", "ten states", f"{len(Parameters.names()) - 1} columns")
+    print(report(names, times, [(1, 0, 1.2), (2, 1, 4.0), (3, 1, 20.0), (5, 4, 20.0)]))
     print("\nlargest difference between the states of C and of run:")
     for name, one, other in zip(("y", "v", "p_A", "p_B", "z"), outs[0].T, outs[1].T, strict=True):
         print(f"  {name:4s} {np.abs(one - other).max():.2e} of {np.abs(other).max():.3g}")

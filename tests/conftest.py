@@ -11,7 +11,7 @@ from hypothesis import settings
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS, kernels, system
+from clutchid.model.compiled import VARIANTS, compile_ahead, kernels, system
 from fixtures.model_recordings import (  # noqa: F401, fixtures of several packages
     adapted,
     calibrated,
@@ -55,9 +55,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels once, before workers start that would all do it; no test compiles for itself."""
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        compile_ahead()
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _compiled() -> None:
-    """Load the kernels of every variant from the user's cache once; no test compiles for itself."""
+    """Load the kernels of every variant from the user's cache once."""
     for variant in VARIANTS:
         kernels(variant)
 

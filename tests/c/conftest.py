@@ -25,6 +25,12 @@ class Table(ctypes.Structure):
     _fields_ = (("n", ctypes.c_int), ("breakpoints", ctypes.c_void_p), ("coefficients", ctypes.c_void_p))
 
 
+class Basis(ctypes.Structure):
+    """NAME_basis_t."""
+
+    _fields_ = (("n", ctypes.c_int), ("coefficients", ctypes.c_void_p))
+
+
 @dataclass(frozen=True)
 class Compiled:
     """A shared library of generated C."""
@@ -55,6 +61,23 @@ class Compiled:
         status = getattr(self.library(), f"{self.name}_run")(*arrays, ctypes.c_int(dt.size + 1), *tables, pointer(out))
         return status, out, x
 
+    def step(self, x, S, u, p, h, substeps, table: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None):
+        """x and S after an interval of h seconds, by NAME_step_columns; `table` are breakpoints, load and basis."""
+        x, S, u, p = (self.array(values) for values in (x, S, u, p))
+        library, step = self.library(), ctypes.c_float if self.real is np.float32 else ctypes.c_double
+        constants, held = ctypes.create_string_buffer(1 << 14), ctypes.create_string_buffer(1 << 14)
+        kept = [self.array(part) for part in table or ()]
+        tables = []
+        if table:
+            basis = Basis(kept[2].shape[0], kept[2].ctypes.data)
+            tables = [ctypes.byref(self.table(*kept[:2])), ctypes.byref(basis), ctypes.create_string_buffer(64)]
+        getattr(library, f"{self.name}_constants")(pointer(p), constants)
+        getattr(library, f"{self.name}_hold")(pointer(u), pointer(p), constants, held)
+        common = (ctypes.c_int(S.shape[1]), pointer(p), constants, held, *tables, step(h / substeps))
+        for _ in range(substeps):
+            getattr(library, f"{self.name}_step_columns")(pointer(x), pointer(S), *common)
+        return x, S
+
 
 def pointer(array: NDArray) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)
@@ -72,8 +95,14 @@ def compiler() -> str:
 def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Compiled]:
     """Compiles a system's C strictly; further flags may be given."""
 
-    def make(system: System, real: str = "double", flags: tuple[str, ...] = ("-O2",)) -> Compiled:
-        code, folder = c99_source(system, real=real), tmp_path_factory.mktemp(f"{system.name}_{real}")
+    def make(
+        system: System,
+        real: str = "double",
+        flags: tuple[str, ...] = ("-O2",),
+        derivatives: tuple[str, ...] | None = None,
+    ) -> Compiled:
+        code = c99_source(system, real=real, derivatives=derivatives)
+        folder = tmp_path_factory.mktemp(f"{system.name}_{real}")
         (folder / f"{system.name}.h").write_text(code.header)
         (folder / f"{system.name}.c").write_text(code.source)
         compile_only = [compiler, *STRICT, *flags, "-fPIC", "-c", "-o", "c.o", f"{system.name}.c"]

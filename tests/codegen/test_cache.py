@@ -1,13 +1,16 @@
 """Generated modules on disk."""
 
+import errno
 import os
+import sys
 import tempfile
 import threading
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
-from clutchid.codegen.cache import load_module
+from clutchid.codegen.cache import load_module, when_compiling
 
 
 @pytest.fixture
@@ -37,6 +40,21 @@ def test_other_contents_or_another_name_of_a_source_make_another_module(source):
     third = load_module("numbers", [renamed], lambda: "value = 3\n")
     assert [m.value for m in (first, second, third)] == [1, 2, 3]
     assert len({m.__file__ for m in (first, second, third)}) == 3
+
+
+def test_comments_and_docstrings_of_a_source_do_not_matter(source):
+    source.write_text("def f(x):\n    return x + 1\n")
+    load_module("numbers", [source], lambda: "value = 1\n")
+    source.write_text('"""A module."""\n\n\ndef f(x):\n    """A function."""\n    return x + 1  # one more\n')
+    assert load_module("numbers", [source], _never).value == 1
+    source.write_text("def f(x):\n    return x + 2\n")
+    assert load_module("numbers", [source], lambda: "value = 2\n").value == 2
+
+
+def test_sources_that_give_the_same_text_share_its_machine_code(source):
+    first = load_module("numbers", [source], lambda: "value = 1\n")
+    source.write_text("x = 2")
+    assert load_module("numbers", [source], lambda: "value = 1\n").__file__ == first.__file__
 
 
 def test_the_order_of_the_sources_does_not_matter(source):
@@ -73,8 +91,35 @@ def test_a_temporary_folder_that_others_can_write_to_is_not_trusted(source, tmp_
     planted = tmp_path / f"clutchid-{os.getuid()}"
     planted.mkdir()
     planted.chmod(0o777)
-    module = load_module("numbers", [source], lambda: "value = 1\n")
+    with pytest.warns(RuntimeWarning, match=f"{planted.name} is not used"):
+        module = load_module("numbers", [source], lambda: "value = 1\n")
     assert not Path(module.__file__).is_relative_to(planted)
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+def test_a_cache_folder_that_others_can_write_to_is_refused_with_a_sentence(source, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache").chmod(0o770)
+    with pytest.warns(RuntimeWarning, match="others may write to it; chmod 700"):
+        module = load_module("numbers", [source], lambda: "value = 1\n")
+    assert not Path(module.__file__).is_relative_to(tmp_path / "cache")
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+def test_a_cache_folder_of_somebody_else_is_refused(source, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(os, "getuid", lambda: tmp_path.stat().st_uid + 1)
+    with pytest.warns(RuntimeWarning, match="is not used"):
+        module = load_module("numbers", [source], lambda: "value = 1\n")
+    assert not Path(module.__file__).is_relative_to(tmp_path / "cache")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+def test_a_new_cache_folder_is_the_users_alone(source):
+    load_module("numbers", [source], lambda: "value = 1\n")
+    assert (source.parent / "cache").stat().st_mode & 0o777 == 0o700
 
 
 def test_a_user_without_a_name_can_use_the_cache(source, monkeypatch):
@@ -104,8 +149,9 @@ def test_concurrent_writers_leave_one_whole_module_and_nothing_else(source):
     for thread in threads:
         thread.join()
     assert [m.value_1999 for m in modules] == [1999] * 8
-    (folder,) = (source.parent / "cache").iterdir()
-    assert [path.name for path in folder.iterdir() if path.is_file()] == ["numbers.py"]
+    files = [path for path in (source.parent / "cache").rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    assert [path.name for path in files if path.parent.name != "texts"] == ["numbers.py"]
+    assert not [path for path in files if path.suffix == ".tmp"]
 
 
 def test_a_failed_build_leaves_no_module_behind(source):
@@ -156,7 +202,7 @@ def test_a_damaged_compiled_file_of_python_is_made_again(source, rest, monkeypat
     assert load_module("numbers", [source], _never).value == 42
 
 
-def test_an_error_in_a_module_is_told_as_it_is(source):
+def test_an_error_in_a_module_is_raised_as_it_is(source):
     with pytest.raises(ValueError, match="as the module has it"):
         load_module("numbers", [source], lambda: "raise ValueError('as the module has it')\n")
 
@@ -176,5 +222,89 @@ def test_a_temporary_folder_is_trusted_where_neither_the_group_nor_others_write(
     there = tmp_path / f"clutchid-{os.getuid()}"
     there.mkdir()
     there.chmod(mode)
-    module = load_module("numbers", [source], lambda: "value = 1\n")
+    with nullcontext() if trusted else pytest.warns(RuntimeWarning, match="others may write to it"):
+        module = load_module("numbers", [source], lambda: "value = 1\n")
     assert Path(module.__file__).is_relative_to(there) == trusted
+
+
+def test_a_full_disk_is_named_and_the_module_goes_without_a_file(source, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "mkstemp", full)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    with pytest.warns(RuntimeWarning, match="No space left on device") as said:
+        module = load_module("numbers", [source], lambda: "value = 1\n")
+    assert module.value == 1
+    assert str(tmp_path / "cache") in str(said[0].message)
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [source]
+
+
+KERNEL = """
+from clutchid.codegen.kernels import kernel
+
+@kernel
+def twice(x):
+    return 2.0 * x
+"""
+
+
+def _twice(source):
+    """The kernel as a process finds it that has not compiled it, and whether it had to compile."""
+    name = next((name for name in sys.modules if name.startswith("clutchid_generated_doubling_")), None)
+    sys.modules.pop(name, None)
+    kernel = load_module("doubling", [source], lambda: KERNEL).twice
+    assert kernel(21.0) == 42.0
+    return bool(kernel.stats.cache_misses)
+
+
+def _machine_code(source, suffix):
+    (path,) = (source.parent / "cache").rglob(f"*.{suffix}")
+    return path
+
+
+def test_a_second_process_finds_the_machine_code(source):
+    assert [_twice(source), _twice(source)] == [True, False]
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda _: b"",
+        lambda code: code[: len(code) // 2],
+        lambda code: code[:-1] + bytes([code[-1] ^ 1]),
+        lambda _: b"x",
+    ],
+    ids=["empty", "halved", "a bit changed", "one byte"],
+)
+def test_damaged_machine_code_is_compiled_once_more(source, suffix, damage):
+    _twice(source)
+    path = _machine_code(source, suffix)
+    path.write_bytes(damage(path.read_bytes()))
+    assert [_twice(source), _twice(source)] == [True, False]
+
+
+def test_machine_code_that_a_full_disk_cannot_keep_is_named_and_used(source, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    kernel = load_module("doubling", [source], lambda: KERNEL).twice
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.warns(RuntimeWarning, match="cannot keep machine code: .*No space left on device"):
+        assert kernel(21.0) == 42.0
+    assert kernel(21) == 42.0  # nor does it try again
+    assert list((source.parent / "cache").rglob("*.nb*")) == []
+
+
+def test_compiling_is_announced_once(source, monkeypatch):
+    said = []
+    when_compiling(said.append)
+    _twice(source)
+    load_module("numbers", [source], lambda: "value = 1\n")
+    assert said == ["compiling the model, once per machine ..."]
+    when_compiling(said.append)
+    assert not _twice(source)
+    assert len(said) == 1
+    when_compiling(lambda _: None)

@@ -1,5 +1,8 @@
 """The assembled model in its compiled form: rest is rest, and the Jacobian is the derivative of the rates."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -94,3 +97,24 @@ def test_at_equal_pressures_chamber_b_still_feels_that_they_could_differ():
     psi = 0.5 * np.sqrt(1 - 0.999**2) + 0.5 * np.sqrt(1 - ((0.999 - 0.582) / 0.418) ** 2)
     V_B = 1.2e-4 + 11.848e-3 * 20e-3
     assert jacobian[0, 3, 3] == pytest.approx(-288 * 293 / V_B * 1.185 * 5e-8 * psi / 1e-3, rel=1e-9)
+
+
+def test_simulations_call_the_kernels_with_the_signatures_that_are_compiled_ahead():
+    code = (
+        "import numpy as np, clutchid\n"
+        "from clutchid.model.compiled import compile_ahead, functions, kernels\n"
+        "from clutchid.simulation.stiffness import stiffness\n"
+        "compile_ahead(('isothermal',))\n"
+        "log = clutchid.Log(np.arange(100) * 1e-3, {'duty_supply': np.ones(100), 'duty_exhaust': np.zeros(100)})\n"
+        "spline = clutchid.Actuator(load=clutchid.Load.on_b_splines())\n"
+        "for actuator in (clutchid.Actuator(), spline):\n"
+        "    clutchid.simulate(actuator, log)\n"
+        "    clutchid.simulate(actuator, log, sensitivities=('theta_1',))\n"
+        "    clutchid.simulate(actuator, log, sensitivities=('theta_1', 'C_vs'))\n"
+        "    stiffness(actuator)\n"
+        "module = kernels('isothermal')\n"
+        "for kernel in (module.run, module.run_all, module.linearise, module.opening, module.passed_pulses):\n"
+        "    assert len(kernel.signatures) == 1, (kernel, kernel.signatures)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -23,13 +23,13 @@ def mistaken(actuator: Actuator, log: Log, starts=None, partition: Partition | N
     """For every name the largest error of a sensitivity at the best step, in units of what is allowed.
 
     Both carry the same integration steps, so the derivative of the numbers themselves is exact. Allowed is what a
-    central difference cannot do better: the rounding of 3000 steps (1e-13 of the largest state) over the step, and
+    central difference cannot do better: the rounding of 3000 steps (2e-13 of the largest state) over the step, and
     1e-5 of the largest sensitivity for stages that lie on the other side of a kink (knot, |v|, r_lam, stop) in one of
     the two runs. A number that is 0 switches something off and has no relative step; those are left out.
     """
     names = [name for name in actuator.names if actuator.value(name) != 0]
     whole = simulate(actuator, log, partition=partition, starts=starts, sensitivities=names)
-    rounding = 1e-13 * np.abs(stack(whole.log)).max(axis=0)
+    rounding = 2e-13 * np.abs(stack(whole.log)).max(axis=0)
     worst = {}
     for name in names:
         value, exact = actuator.value(name), whole.sensitivities[name]

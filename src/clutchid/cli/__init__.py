@@ -7,6 +7,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 from importlib.metadata import version
 from io import TextIOWrapper
 
@@ -22,6 +23,7 @@ from clutchid.cli.look import look
 from clutchid.cli.paper import paper
 from clutchid.cli.prove import prove
 from clutchid.cli.simulate import simulate
+from clutchid.codegen.cache import when_compiling
 
 
 def app() -> App:
@@ -42,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # an unprintable unit or name must not prevent the output
+    if sys.stderr.isatty():
+        when_compiling(partial(print, file=sys.stderr))
     try:
         code = _run(tokens)
         print(end="", flush=True)

@@ -1,7 +1,12 @@
-"""Generated modules on disk, so that a warm process neither derives, prints nor compiles."""
+"""Generated modules on disk, so that a warm process neither derives, prints nor compiles.
+
+Two keys lead to machine code. The sources of a text, without comments and docstrings, find the text; the text finds the
+folder that it lies in with its machine code. So an edit that leaves the text as it is compiles nothing.
+"""
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib.util
 import os
@@ -9,36 +14,78 @@ import platform
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 
-_LIBRARIES = ("numba", "sympy", "numpy")
+_LIBRARIES = ("numba", "llvmlite", "sympy", "numpy")
 
 #: First line of a module: this and the SHA-256 of all that follows, so that a damaged file is known.
 _MARK = b"# made by clutchid, sha256 of the rest: "
+
+#: Whom `announce` tells, if anybody.
+_listeners: list[Callable[[str], None]] = []
+
+
+def when_compiling(say: Callable[[str], None]) -> None:
+    """Have `say` called with a sentence when this process compiles for the first time; None must wait in silence."""
+    _listeners[:] = [say]
+
+
+def announce() -> None:
+    """Say, once a process, that somebody has to wait for the compiler."""
+    for say in _listeners[:]:
+        _listeners.remove(say)
+        say("compiling the model, once per machine ...")
 
 
 def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) -> ModuleType:
     """The generated module `name`, built by `build` unless a cached one fits.
 
-    The cache folder is keyed by the contents of `sources`, the versions of the libraries and the processor type; Numba
-    keeps the machine code beside the module and checks the processor's features itself. The file appears under a
-    temporary name and is renamed, so processes that build at the same time do not disturb each other. Its first line
-    holds the hash of the rest: a truncated or damaged file is built again. Where the user's cache folder cannot be
-    written, a temporary folder serves.
+    Keys hold the versions of the libraries and the processor type; Numba keeps the machine code beside the module and
+    checks the processor's features itself. A file appears under a temporary name and is renamed, so processes that
+    build at the same time do not disturb each other. The first line of a module holds the hash of the rest: a truncated
+    or damaged file is built again. The cache is a folder of the user's own, which nobody else can write to; where there
+    is none, a temporary folder serves, and where nothing can be written, the module goes without a file.
 
     Raises
     ------
-    OSError
-        If not even a temporary folder can be written.
+    Exception
+        As `build` and the module itself do.
     """
-    key = _key(sources)
-    path = _folder(key) / f"{name}.py"
-    if not _whole(path):
-        _write(path, build())
-    spec = importlib.util.spec_from_file_location(f"clutchid_generated_{name}_{key}", path)
+    paths = sorted(sources)
+    for folder in _folders():
+        try:
+            return _executed(name, _cached(folder, name, paths, build))
+        except OSError as problem:  # a full disk
+            warnings.warn(f"{folder} cannot keep compiled models: {problem}.", RuntimeWarning, stacklevel=2)
+    return _unwritten(name, build())
+
+
+def _cached(folder: Path, name: str, sources: Sequence[Path], build: Callable[[], str]) -> Path:
+    """The module's file, found by the files as they are, else by what they mean, else built."""
+    signs: list[Path] = []
+    for key in _keys(sources):
+        sign = folder / "texts" / f"{name}-{key}"
+        path = folder / _read(sign) / f"{name}.py"
+        if _whole(path):
+            break
+        signs.append(sign)
+    else:
+        announce()
+        text = build().encode()
+        path = folder / _digest([text, *_versions()]) / f"{name}.py"
+        if not _whole(path):
+            _write(path, _mark(text) + b"\n" + text)
+    for sign in signs:
+        _write(sign, path.parent.name.encode())
+    return path
+
+
+def _executed(name: str, path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"clutchid_generated_{name}_{path.parent.name}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -48,6 +95,14 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
     except (EOFError, ValueError, TypeError, ImportError):  # how Python's own compiled file beside it shows damage
         Path(importlib.util.cache_from_source(str(path))).unlink(missing_ok=True)
         spec.loader.exec_module(module)
+    return module
+
+
+def _unwritten(name: str, text: str) -> ModuleType:
+    """The module without a file: its kernels are compiled in every process."""
+    module = ModuleType(f"clutchid_generated_{name}")
+    sys.modules[module.__name__] = module
+    exec(compile(text, f"<{module.__name__}>", "exec"), module.__dict__)
     return module
 
 
@@ -64,36 +119,71 @@ def _mark(text: bytes) -> bytes:
     return _MARK + hashlib.sha256(text).hexdigest().encode()
 
 
-def _key(sources: Iterable[Path]) -> str:
+def _read(sign: Path) -> str:
+    """The folder that a sign points to; one that is not there points nowhere."""
+    try:
+        return sign.read_text("ascii").strip() or "nowhere"
+    except (OSError, UnicodeDecodeError):
+        return "nowhere"
+
+
+def _keys(sources: Sequence[Path]) -> Iterator[str]:
+    """The key of the sources as they are, which is quick, and that of what they mean to the compiler."""
+    contents = [(path, path.read_bytes()) for path in sources]
+    for meaning in (lambda _, content: content, _meaning):
+        parts = [part for path, content in contents for part in (path.name.encode(), meaning(path, content))]
+        yield _digest([*parts, *_versions()])
+
+
+def _meaning(path: Path, content: bytes) -> bytes:
+    """A Python file without comments and docstrings."""
+    if path.suffix != ".py":
+        return content
+    tree = ast.parse(content)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            del node.body[0]
+    return ast.dump(tree).encode()
+
+
+def _versions() -> list[bytes]:
+    libraries = [f"{library} {version(library)}" for library in _LIBRARIES]
+    return [part.encode() for part in (*libraries, platform.python_version(), platform.machine())]
+
+
+def _digest(parts: Iterable[bytes]) -> str:
     digest = hashlib.sha256()
-    for path in sorted(sources):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    for library in _LIBRARIES:
-        digest.update(f"{library} {version(library)}".encode())
-    digest.update(f"{platform.python_version()} {platform.machine()}".encode())
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "little") + part)
     return digest.hexdigest()[:16]
 
 
-def _folder(key: str) -> Path:
+def _folders() -> Iterator[Path]:
+    """Folders of the user's own that files can be written to, the chosen or usual one first."""
     from platformdirs import user_cache_path
 
     chosen = os.environ.get("CLUTCHID_CACHE")
     preferred = Path(chosen) if chosen else user_cache_path("clutchid", appauthor=False)
-    fallback = Path(tempfile.gettempdir()) / f"clutchid-{_user()}"
-    for base in (preferred, fallback):
-        folder = base / key
+    for folder in (preferred, Path(tempfile.gettempdir()) / f"clutchid-{_user()}"):
         try:
-            if base is fallback:
-                base.mkdir(mode=0o700, parents=True, exist_ok=True)
-                if not _own(base):  # others may write to the temporary folder, and what lies there is executed
-                    continue
-            folder.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
-                return folder
+                pass
         except OSError:
             continue
-    return Path(tempfile.mkdtemp(prefix="clutchid-"))
+        if _own(folder):
+            yield folder
+        else:  # what lies there is executed
+            warnings.warn(
+                f"{folder} is not used for compiled models, because others may write to it; chmod 700 it, or choose "
+                f"another folder with CLUTCHID_CACHE.",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+    try:
+        yield Path(tempfile.mkdtemp(prefix="clutchid-"))
+    except OSError:
+        return
 
 
 def _user() -> str:
@@ -105,13 +195,19 @@ def _own(folder: Path) -> bool:
     """Whether `folder` is the user's and nobody else can write to it."""
     if not hasattr(os, "getuid"):
         return True
-    status = folder.lstat()
+    status = folder.stat() if folder.is_symlink() else folder.lstat()
     return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
 
 
-def _write(path: Path, text: str) -> None:
-    content = text.encode("utf-8")
+def _write(path: Path, content: bytes) -> None:
+    """Write a file at once; the time of one does not depend on who wrote it, because Numba's cache holds it."""
+    path.parent.mkdir(exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    with os.fdopen(handle, "wb") as file:
-        file.write(_mark(content) + b"\n" + content)
-    Path(temporary).replace(path)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.utime(temporary, (0, 0))
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -7,18 +7,42 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from clutchid.codegen.cache import load_module
+
+#: What a compiler may do with sums and products of a generated kernel, in LLVM's words. Without nnan and ninf: a run
+#: that leaves the finite numbers must be seen.
+FAST = "reassoc nsz arcp contract afn"
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
 def kernel(function: _Function) -> _Function:
-    """Compile a function of numbers and arrays, with the settings of the generated kernels."""
+    """Compile a function of numbers and arrays that is written by hand."""
+    return _compiled(function, fastmath={"contract", "reassoc"})
+
+
+def generated(function: _Function) -> _Function:
+    """Compile a generated kernel: the loops around the functions of a system."""
+    return _compiled(function, fastmath=set(FAST.split()))
+
+
+def inlined(function: _Function) -> _Function:
+    """What several generated kernels have in common; its statements are put into each of them."""
+    import numba
+
+    return cast(_Function, numba.njit(inline="always")(function))
+
+
+def _compiled(function: _Function, **options: Any) -> _Function:
     import numba  # slow to import, which a process that runs no kernel need not wait for
 
-    made = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})(function)
+    from clutchid.codegen.machine_code import MachineCode
+
+    made: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+    if Path(function.__code__.co_filename).is_file():
+        made._cache = MachineCode(function)
     return cast(_Function, made)
 
 

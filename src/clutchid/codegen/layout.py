@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import sympy as sp
 
 from clutchid.codegen.differentiation import Derivatives, differentiate
-from clutchid.codegen.program import Statement, live, lower, right_hand_side
+from clutchid.codegen.program import Assign, Branch, Statement, live, lower, right_hand_side
 from clutchid.codegen.staging import Staged, staged
-from clutchid.codegen.system import Expr, Jump, System
+from clutchid.codegen.system import Expr, System
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +22,13 @@ class Entry:
     value: Expr
 
 
+#: The number of a jump, in the program of all jumps; 0 changes nothing.
+JUMP = sp.Dummy("jump", real=True)
+
+
 @dataclass(frozen=True, slots=True)
 class JumpProgram:
-    """A jump: statements, the new states, and their derivatives to states and parameter slots."""
+    """All jumps of a system, of which `JUMP` is taken: new states, their derivatives to states and parameter slots."""
 
     statements: tuple[Statement, ...]
     states: tuple[Expr, ...]
@@ -45,7 +49,7 @@ class Layout:
     table_entries: tuple[Entry, ...]
     slots: tuple[tuple[int, int], ...]
     slot_values: tuple[Expr, ...]
-    jumps: tuple[JumpProgram, ...]
+    jump: JumpProgram
 
 
 def layout(system: System) -> Layout:
@@ -61,10 +65,9 @@ def layout(system: System) -> Layout:
     extended, by = differentiate(statements, seeds)
     jacobian = _entries(by, rates, system.states)
     table_entries = _entries(by, rates, [system.table.value]) if system.table else ()
-    jumps = [_differentiated(system, jump) for jump in system.jumps]
+    jumped, outputs, jump_by = _jumps(system)
     slots = {(e.row, e.column) for e in _entries(by, rates, system.parameters)}
-    for _, outputs, jump_by in jumps:
-        slots |= {(e.row, e.column) for e in _entries(jump_by, outputs, system.parameters)}
+    slots |= {(e.row, e.column) for e in _entries(jump_by, outputs, system.parameters)}
     ordered = tuple(sorted(slots))
     slot_values = _slot_values(system, by, rates, ordered)
 
@@ -83,14 +86,11 @@ def layout(system: System) -> Layout:
         table_entries=table_entries,
         slots=ordered,
         slot_values=slot_values,
-        jumps=tuple(
-            JumpProgram(
-                tuple(statements),
-                outputs,
-                _entries(jump_by, outputs, system.states),
-                _slot_values(system, jump_by, outputs, ordered),
-            )
-            for statements, outputs, jump_by in jumps
+        jump=JumpProgram(
+            tuple(jumped),
+            outputs,
+            _entries(jump_by, outputs, system.states),
+            _slot_values(system, jump_by, outputs, ordered),
         ),
     )
 
@@ -110,11 +110,14 @@ def _slot_values(
     return tuple(by.get(rows[i], {}).get(system.parameters[j], sp.Integer(0)) for i, j in slots)
 
 
-def _differentiated(system: System, jump: Jump) -> tuple[list[Statement], tuple[Expr, ...], Derivatives]:
+def _jumps(system: System) -> tuple[list[Statement], tuple[Expr, ...], Derivatives]:
+    """The program of all jumps, the symbols of the new states, and their derivatives."""
     outputs = tuple(sp.Symbol(f"new_{state}", real=True) for state in system.states)
     taken = {str(symbol) for symbol in (*system.states, *system.parameters, *system.measured, *outputs)}
-    statements: list[Statement] = []
-    for output, value in zip(outputs, jump.states, strict=True):
-        statements += lower(output, value, taken)
-    extended, by = differentiate(statements, [*system.states, *system.parameters])
+    arms: list[tuple[Expr, tuple[Statement, ...]]] = []
+    for number, jump in enumerate(system.jumps, start=1):
+        pairs = zip(outputs, jump.states, strict=True)
+        arms.append((sp.Eq(JUMP, number), tuple(new for pair in pairs for new in lower(*pair, taken))))
+    arms.append((sp.true, tuple(Assign(*pair) for pair in zip(outputs, system.states, strict=True))))
+    extended, by = differentiate([Branch(tuple(arms))], [*system.states, *system.parameters])
     return extended, outputs, by

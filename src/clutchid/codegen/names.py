@@ -12,14 +12,10 @@ import sympy as sp
 from clutchid.codegen.language import FUNCTIONS
 from clutchid.codegen.system import Expr, System, Table
 
-_PYTHON = """
-    math numba np run run_table run_all linearise SLOTS INPUTS JUMPS range max abs
-    x0 x S u p dt substeps jump measured breakpoints load basis table_basis table_column fill_slot fill_row fill_column
-    watched out sens rates jacobian columns jac source slot k n i c q phi h half sixth seg offset stage reach weight
-"""
+_PYTHON = "math x u p"
 _C = """
     x u p c held table memory dx n h half sixth stage reach weight sum at i k a offset argument segment
-    lookup rhs step constants hold run out dt substeps
+    lookup rhs step constants hold run out dt substeps table_slope
     auto break case char const continue default do double else enum extern float for goto if inline int long register
     restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
     isfinite fabs fabsf INFINITY NAN
@@ -64,8 +60,7 @@ def _longer(name: str) -> str:
 
 def _derived(state: str) -> set[str]:
     """Variables that the generated code makes of a state."""
-    stages = {f"k{i}_{state}" for i in range(4)} | {f"z{i}_{state}" for i in range(1, 4)}
-    return stages | {f"{state}_0"} | {f"{prefix}_{state}" for prefix in ("sum", "s", "d", "new")}
+    return {f"d_{state}", f"new_{state}"}
 
 
 def _nothing(_: str) -> set[str]:

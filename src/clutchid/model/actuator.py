@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
-from clutchid.model.compiled import VARIANTS, check_variant, kernels
+from clutchid.model.compiled import VARIANTS, check_variant, functions, kernels
 from clutchid.model.equipment import Equipment
 from clutchid.parameters import Parameters, unknown_name
 
@@ -164,7 +164,7 @@ class Load:
 
 @cache
 def _paper_table(knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
-    breakpoints, coefficients = kernels("isothermal").paper_table(*knots, phi2_slope)
+    breakpoints, coefficients = functions().paper_table(*knots, phi2_slope)
     return _frozen(np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64))
 
 
@@ -174,9 +174,10 @@ def _b_splines(knots: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
 
 
 def _frozen(*table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    for array in table:
+    breakpoints, coefficients = (np.ascontiguousarray(array) for array in table)  # the layout that kernels read
+    for array in (breakpoints, coefficients):
         array.flags.writeable = False
-    return table[0], table[1]
+    return breakpoints, coefficients
 
 
 @dataclass(frozen=True)

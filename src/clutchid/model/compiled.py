@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -55,10 +55,9 @@ def check_variant(variant: str) -> None:
 
 @cache
 def kernels(variant: str) -> ModuleType:
-    """Kernels of `variant`: ``run``, ``run_table``, ``run_all`` and ``linearise``, and what else is made of its text.
+    """Kernels of `variant`: ``run``, ``run_all`` and ``linearise``, and its ``terms`` one after the other.
 
-    That is ``terms`` one after the other, the ``paper_table`` of the load, and ``opening`` and ``passed_pulses`` of
-    the valves for arrays. A warm call neither imports SymPy nor compiles.
+    The module has ``opening`` and ``passed_pulses`` of `functions` too. A warm call neither imports SymPy nor compiles.
 
     Raises
     ------
@@ -66,31 +65,74 @@ def kernels(variant: str) -> ModuleType:
         If there is no such variant.
     """
     check_variant(variant)
+    module = load_module(variant.replace("-", "_"), _sources(), lambda: _kernels_text(variant))
+    for name in ("opening", "passed_pulses"):
+        setattr(module, name, getattr(functions(), name))
+    return module
+
+
+@cache
+def functions() -> ModuleType:
+    """What is made of the equations for all variants.
+
+    ``paper_table`` is the table of the load's basis, ``opening`` and ``passed_pulses`` those of the valves for arrays.
+    """
+    return load_module("functions", _sources(), _functions_text)
+
+
+def compile_ahead(variants: Iterable[str] = tuple(VARIANTS)) -> None:
+    """Compile all kernels of some variants with the signatures that `clutchid.simulation` calls them with.
+
+    What has been compiled before is only loaded. Processes that start afterwards need not compile.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    from numba import types
+
+    x, matrix, cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))
+    fixed, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 3))
+    places, counts, flags = (types.Array(kind, 1, "C") for kind in (types.int64, types.int32, types.uint8))
+    plan = (matrix, x, x, counts, flags, matrix)
+    for variant in variants:
+        module = kernels(variant)
+        module.run.compile((x, *plan, fixed, matrix, matrix))
+        module.run_all.compile((x, matrix, *plan, fixed, matrix, basis, *[places] * 5, places, matrix, cube))
+        module.linearise.compile((matrix, matrix, x, fixed, matrix, matrix, cube))
+    functions().opening.compile((x, types.float64, types.float64))
+    functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))
+
+
+def _sources() -> list[Path]:
+    """The files that the generated text depends on."""
     code = [path for folder in (_HERE, _HERE.parent / "codegen") for path in folder.rglob("*") if path.is_file()]
-    sources = [path for path in code if path.suffix in (".py", ".j2")]
-    return load_module(variant.replace("-", "_"), [*sources, _HERE.parent / "parameters.py"], _builder(variant))
+    return [*(path for path in code if path.suffix in (".py", ".j2")), _HERE.parent / "parameters.py"]
 
 
-def _builder(variant: str) -> Callable[[], str]:
-    def build() -> str:
-        import sympy as sp
+def _kernels_text(variant: str) -> str:
+    from clutchid.codegen.numba_source import numba_source
+    from clutchid.codegen.terms import terms_source
 
-        from clutchid.codegen.numba_source import elementwise_source, function_source, numba_source
-        from clutchid.codegen.terms import terms_source
-        from clutchid.model.load import table_expressions
-        from clutchid.model.opening import opening, passed_pulses
+    text = system(variant)
+    return numba_source(text) + terms_source(text)
 
-        text = system(variant)
-        knots = sp.symbols("t_1:5 phi2_slope", real=True)
-        u, R_0, R_1, a, b, s, e, c, d = sp.symbols("u R_0 R_1 a b s e c d", real=True)
-        return "".join(
-            (
-                numba_source(text),
-                terms_source(text),
-                function_source("paper_table", knots, table_expressions(*knots)),
-                elementwise_source("opening", (u,), (R_0, R_1), opening(u, R_0, R_1)),
-                elementwise_source("passed_pulses", (a, b, c, d), (s, e), passed_pulses(a, b, s, e, c, d)),
-            )
+
+def _functions_text() -> str:
+    import sympy as sp
+
+    from clutchid.codegen.numba_source import elementwise_source, function_source, module_head
+    from clutchid.model.load import table_expressions
+    from clutchid.model.opening import opening, passed_pulses
+
+    knots = sp.symbols("t_1:5 phi2_slope", real=True)
+    u, R_0, R_1, a, b, s, e, c, d = sp.symbols("u R_0 R_1 a b s e c d", real=True)
+    return "".join(
+        (
+            module_head("functions"),
+            function_source("paper_table", knots, table_expressions(*knots)),
+            elementwise_source("opening", (u,), (R_0, R_1), opening(u, R_0, R_1)),
+            elementwise_source("passed_pulses", (a, b, c, d), (s, e), passed_pulses(a, b, s, e, c, d)),
         )
-
-    return build
+    )

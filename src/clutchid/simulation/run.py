@@ -163,9 +163,7 @@ def run_to_end(
     out = np.empty((len(segment), start[0].size))
     sens = np.empty((len(segment), len(watched), len(which.names)))
     end = start[1].copy()
-    module = kernels(arrays.model)
-    kernel = module.run_all if which.needs_parameters else module.run_table
-    failed = kernel(
+    failed = kernels(arrays.model).run_all(
         start[0].copy(), end, inputs_of(segment, arrays.model), arrays.parameters, segment.dt,
         segment.substeps, segment.jump, segment.measured, arrays.breakpoints, arrays.load, arrays.basis,
         which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column,

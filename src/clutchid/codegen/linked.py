@@ -1,0 +1,91 @@
+"""Functions in LLVM's text as functions that Numba's kernels call."""
+
+# mypy: disallow-untyped-calls=False
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter, Signature
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from llvmlite import binding, ir
+from numba.core import cgutils, types
+from numba.core.errors import RequireLiteralValue, TypingError
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+
+_NUMBERS = {"double": types.float64, "i64": types.int64}
+
+#: Functions that each library of machine code has been given.
+_given: WeakKeyDictionary[Any, set[str]] = WeakKeyDictionary()
+
+
+def linked(name: str, arguments: Mapping[str, str], text: str) -> Any:
+    """The function `name` of the LLVM module `text`, to be called from compiled code.
+
+    Parameters
+    ----------
+    arguments : Mapping[str, str]
+        The LLVM type of each argument: "double", "i64", or "ptr" for an array of float64, contiguous in the order of
+        C, of which the address of the first element is passed. Nothing is returned.
+
+    Raises
+    ------
+    numba.core.errors.TypingError
+        When a kernel is compiled that passes an array of another layout or element type.
+    """
+
+    def definition(_typing: Any, *passed: Any) -> Any:
+        pairs = zip(arguments.items(), passed, strict=True)
+        taken = tuple(_array(name, of, given) if kind == "ptr" else _NUMBERS[kind] for (of, kind), given in pairs)
+        return types.void(*taken), _call(name, text)
+
+    # Numba matches arguments by the names of a signature; it cannot count a tuple of them
+    definition.__signature__ = Signature(  # type: ignore[attr-defined]
+        [Parameter(argument, Parameter.POSITIONAL_OR_KEYWORD) for argument in ("typing", *arguments)]
+    )
+    return intrinsic(definition)
+
+
+def _array(name: str, argument: str, kind: Any) -> Any:
+    if not isinstance(kind, types.Array) or kind.layout != "C" or kind.dtype != types.float64:
+        raise TypingError(f"{name}: {argument} is {kind}; wanted is an array of float64 in the order of C.")
+    return kind
+
+
+def _call(name: str, text: str) -> Callable[..., Any]:
+    def call(context: Any, builder: Any, signature: Any, values: Sequence[Any]) -> Any:
+        # a name for each kernel: of two definitions of one name the first that is loaded would serve both kernels, and
+        # they round differently
+        library, own = context.active_code_library, f"{name}.{builder.function.name}"
+        if own not in _given.setdefault(library, set()):
+            _given[library].add(own)
+            library.add_llvm_module(binding.parse_assembly(text.replace(f"@{name}(", f'@"{own}"(')))
+        passed = [
+            context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
+            for kind, value in zip(signature.args, values, strict=True)
+        ]
+        kind = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
+        builder.call(cgutils.get_or_insert_function(builder.module, kind, own), passed)
+        return context.get_dummy_value()
+
+    return call
+
+
+@intrinsic
+def room(_typing: Any, size: Any) -> Any:
+    """An array of so many numbers, a literal, on the stack: it dies with the kernel, and may become registers."""
+    if not isinstance(size, types.IntegerLiteral):
+        raise RequireLiteralValue("the size of a room on the stack")
+    kind, count = types.Array(types.float64, 1, "C"), size.literal_value
+
+    def place(context: Any, builder: Any, _signature: Any, _values: Sequence[Any]) -> Any:
+        numbers = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count))
+        array = context.make_array(kind)(context, builder)
+        extent, step = context.get_constant(types.intp, count), context.get_constant(types.intp, 8)
+        first = builder.bitcast(numbers, ir.DoubleType().as_pointer())
+        populate_array(array, first, [extent], [step], step, None)
+        return array._getvalue()
+
+    return kind(size), place
