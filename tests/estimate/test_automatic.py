@@ -20,7 +20,8 @@ from clutchid.estimate.automatic import (
 )
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import VARIANTS
-from clutchid.preparation.carrier import centred, duty_grid
+from clutchid.preparation.carrier import centred
+from clutchid.signals.duty_cycle import duty_grid
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.truck import drive, truck

@@ -9,17 +9,14 @@ from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import (
-    MIN_CHANGES,
     PERIODS,
     centred,
-    duty_grid,
     find_carrier,
-    grid_phase,
     on_off,
-    resolves_carrier,
 )
 from clutchid.preparation.pulses import find_phase, pulsed
 from clutchid.study.proving.ground import proof
+from fixtures.duty_cycles import commanded
 
 PERIOD, PHASE = 0.01, 0.3
 
@@ -113,26 +110,6 @@ def test_a_centred_phase_is_the_same_phase():
         assert turns == pytest.approx(round(turns), abs=1e-12)
 
 
-def test_duty_cycles_that_change_once_a_period_tell_it_and_its_phase():
-    t = np.arange(4000) * 1e-3
-    duty = np.repeat(np.random.default_rng(1).random(200), 20)
-    log = Log(t, {"duty_supply": np.roll(duty, 7), "duty_exhaust": np.zeros(t.size)})
-    period, phase = duty_grid(log)
-    assert period == pytest.approx(0.02)
-    assert phase == pytest.approx(0.35)
-    assert grid_phase(log, 0.02) == pytest.approx(0.35)
-    assert grid_phase(log, 0.01) == pytest.approx(0.7), "two periods of the carrier in one of the grid"
-    assert grid_phase(log, 0.012) is None
-
-
-def test_duty_cycles_that_change_at_any_time_have_no_grid():
-    t = np.arange(4000) * 1e-3
-    log = Log(t, {"duty_supply": np.random.default_rng(1).random(4000), "duty_exhaust": np.zeros(t.size)})
-    assert duty_grid(log) == (0.0, 0.0)
-    assert duty_grid(log.slice(0, 40)) == (0.0, 0.0), "too few changes"
-    assert grid_phase(log, 0.01) is None
-
-
 def test_the_phase_of_a_recording_with_a_grid_is_that_of_the_grid(plant, recorded_by):
     log = recorded_by(plant, seconds=4.0)
     duty = np.repeat(np.random.default_rng(2).random(len(log) // 10), 10)
@@ -140,60 +117,6 @@ def test_the_phase_of_a_recording_with_a_grid_is_that_of_the_grid(plant, recorde
     actuator = plant.replace({"T_pwm": 0.01})
     for with_pressure in (True, False):
         assert pulsed(command, actuator, with_pressure).actuator.parameters.s_pwm == pytest.approx(0.3, abs=1e-6)
-
-
-def commanded(samples, every, step=1e-3, shift=0):
-    """An on/off unit: both valves opened and closed on a grid of `every` samples of `step` seconds."""
-    rng = np.random.default_rng(6)
-    command = np.repeat(rng.integers(0, 3, samples // every + 1), every)[:samples]
-    command = np.roll(command, shift)
-    return Log(np.arange(samples) * step, {"duty_supply": 1.0 * (command == 1), "duty_exhaust": 1.0 * (command == 2)})
-
-
-def test_an_on_off_unit_is_distinguished_from_a_proportional_one(drive_log):
-    bang = commanded(4000, 2)
-    assert on_off(bang)
-    assert not on_off(drive_log)
-    for name in ("duty_supply", "duty_exhaust"):
-        between = bang[name].copy()
-        between[10 : 10 + MIN_CHANGES - 1] = 0.5
-        assert on_off(bang.with_columns(**{name: between})), "a few samples between may be edges"
-        between[10 + MIN_CHANGES - 1] = 0.5
-        assert not on_off(bang.with_columns(**{name: between}))
-
-
-def test_missing_duty_cycles_are_not_taken_for_a_part():
-    bang = commanded(4000, 2)
-    holed = bang["duty_supply"].copy()
-    holed[::7] = np.nan
-    assert on_off(bang.with_columns(duty_supply=holed))
-
-
-def test_edges_of_an_on_off_unit_show_from_two_samples_and_a_phase_from_two_and_a_half(drive_log):
-    bang = commanded(4000, 2)
-    assert [resolves_carrier(bang, period) for period in (1e-3, 1.9e-3, 2e-3, 2.5e-3)] == [False, False, True, True]
-    assert [resolves_carrier(drive_log, period) for period in (2e-3, 2.4e-3, 2.5e-3, 0.01)] == [
-        False,
-        False,
-        True,
-        True,
-    ]
-    slow = commanded(4000, 2, step=1e-2)
-    assert [resolves_carrier(slow, period) for period in (0.01, 0.02)] == [False, True]
-
-
-@pytest.mark.parametrize(("every", "shift", "phase"), [(2, 0, 0.0), (2, 1, 0.5), (5, 2, 0.4)])
-def test_the_grid_of_an_on_off_unit_is_looked_for_from_two_samples(every, shift, phase):
-    period, found = duty_grid(commanded(4000, every, shift=shift))
-    assert period == pytest.approx(every * 1e-3)
-    assert apart(found, phase) < 1e-6
-
-
-def test_a_unit_that_opens_in_part_has_no_grid_of_two_samples():
-    bang = commanded(4000, 2)
-    part = bang.with_columns(duty_supply=0.5 * bang["duty_supply"])
-    assert not on_off(part)
-    assert duty_grid(part) == (0.0, 0.0)
 
 
 def test_an_on_off_unit_has_no_carrier_in_its_pressure(plant, recorded_by):

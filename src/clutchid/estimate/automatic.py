@@ -11,7 +11,8 @@ from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.measured import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator, Load
-from clutchid.preparation.carrier import centred, duty_grid, find_carrier, grid_phase, on_off
+from clutchid.preparation.carrier import centred, find_carrier
+from clutchid.signals.duty_cycle import duty_grid, grid_phase, on_off
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.signals.runs import runs
 from clutchid.uncertainty.coordinates import Prior, far_stop

@@ -13,7 +13,8 @@ import numpy as np
 
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier, grid_phase, on_off, resolves_carrier
+from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
+from clutchid.signals.duty_cycle import grid_phase, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state

@@ -1,0 +1,80 @@
+"""Duty cycles of a recording: on/off units, and the time grid on which a control unit updates them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchid.log import INPUTS, Log
+
+#: Changes of the duty cycles lie on a grid if the mean of their phasors has at least this length; least number of
+#: changes, and greatest number that is used; longest period in s.
+MIN_COHERENCE, MIN_CHANGES, MAX_CHANGES, MAX_PERIOD = 0.95, 50, 5000, 0.1
+
+#: Fewest samples per carrier period that resolve its phase, and the same for the recorded edges of an on/off unit.
+MIN_SAMPLES, MIN_SAMPLES_ON_OFF = 2.5, 2.0
+
+
+def on_off(log: Log) -> bool:
+    """Whether the valves are switched on and off (bang-bang), without duty cycles in between.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    between = [(log[name] > 0.0) & (log[name] < 1.0) for name in INPUTS]
+    return int(np.logical_or(*between).sum()) < MIN_CHANGES
+
+
+def resolves_carrier(log: Log, period: float) -> bool:
+    """Whether a recording has enough samples per `period` in s of the carrier to resolve it.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    least = MIN_SAMPLES_ON_OFF if on_off(log) else MIN_SAMPLES
+    return period > (least - 1e-6) * float(np.median(np.diff(log.time)))
+
+
+def duty_grid(log: Log) -> tuple[float, float]:
+    """Period in s of the time grid on which the duty cycles change, and its phase; (0, 0) if they change at any time.
+
+    All divisors of a period fit as well; the period of the grid is the longest that fits.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    step = float(np.median(np.diff(log.time)))
+    changed = np.zeros(len(log), dtype=bool)
+    for name in INPUTS:
+        changed[1:] |= np.abs(np.diff(log[name])) > 1e-9
+    at = log.time[changed][:MAX_CHANGES]
+    if at.size < MIN_CHANGES:
+        return 0.0, 0.0
+    least = MIN_SAMPLES_ON_OFF if on_off(log) else np.ceil(MIN_SAMPLES)
+    periods = step * np.arange(least, round(MAX_PERIOD / step) + 1)
+    phasors = np.array([np.exp(2j * np.pi * at / period).mean() for period in periods])
+    fitting = np.flatnonzero(np.abs(phasors) > MIN_COHERENCE)
+    if fitting.size == 0:
+        return 0.0, 0.0
+    longest = fitting[-1]
+    return float(periods[longest]), float(np.angle(phasors[longest]) / (2 * np.pi) % 1.0)
+
+
+def grid_phase(log: Log, period: float) -> float | None:
+    """Phase of a carrier of known `period` in s if the duty cycles change on its grid, else None.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    grid, phase = duty_grid(log)
+    periods = grid / period
+    if periods < 0.5 or abs(periods - round(periods)) > 0.01:
+        return None
+    return (phase * periods) % 1.0
