@@ -175,18 +175,18 @@ def test_what_the_sensors_record_lags_and_is_offset(fitted):
 
 
 def test_the_information_is_the_inverse_of_the_covariance(fitted):
-    root = information(fitted)
-    unit = 1e5  # N/m, the natural size of a load weight
-    np.testing.assert_allclose(root.T @ root, np.linalg.inv(fitted.covariance) * unit**2, rtol=1e-6)
+    found = information(fitted)
+    size = 1e5  # N/m, the natural size of a load weight
+    np.testing.assert_allclose(found.R.T @ found.R, np.linalg.inv(fitted.covariance) * size**2, rtol=1e-6)
 
 
 def test_what_has_an_infinite_variance_has_no_information(fitted):
     covariance = fitted.covariance.copy()
     covariance[2] = covariance[:, 2] = 0.0
     covariance[2, 2] = np.inf
-    root = information(replace(fitted, covariance=covariance))
-    assert np.all(root[:, 2] == 0.0)
-    assert np.any(root[:, :2] != 0.0)
+    found = information(replace(fitted, covariance=covariance))
+    assert found.names == ("theta_1", "theta_2", "theta_3")
+    assert found.known == ("theta_1", "theta_2")
 
 
 def test_the_verdict_as_json_has_plain_values_only(fitted):

@@ -15,6 +15,7 @@ from clutchid.signals.runs import runs
 from clutchid.signals.velocity import velocity
 from clutchid.simulation.plan import plan
 from clutchid.simulation.stiffness import stiffness
+from clutchid.uncertainty.information import Information
 
 #: 1 s rest, up in 0.1 s to 22 mm, 1 s there, to 10 mm in 0.5 s, 1 s there, back in 0.4 s, 1 s rest.
 CORNERS = ((0.0, 1.0, 1.1, 2.1, 2.6, 3.6, 4.0, 5.0), (0.0, 0.0, 0.022, 0.022, 0.010, 0.010, 0.0, 0.0))
@@ -26,13 +27,13 @@ def course(noise: float = 0.0, step: float = 1e-3, **columns: np.ndarray) -> Log
     return Log(t, {"position": y, **columns})
 
 
-def information(actuator: Actuator, log: Log, names: tuple[str, ...]) -> np.ndarray:
-    """Factor of the Jacobian, as a fit makes it."""
+def information(actuator: Actuator, log: Log, names: tuple[str, ...]) -> Information:
+    """From the Jacobian, as a fit makes it."""
     prepared = plan(log, actuator, stiffness(actuator))
     problem = build_problem(actuator, [prepared], names, ("position",), dict.fromkeys(names, (-np.inf, np.inf)))
     answer = linearise(problem, problem.x0, {"position": 1e-4})
     assert isinstance(answer, Linearisation)
-    return answer.R
+    return Information(tuple(names), answer.R[:, : len(names)])
 
 
 @pytest.mark.parametrize("noise", [0.0, 5e-5])
@@ -130,13 +131,13 @@ def test_a_recording_without_positions_is_refused():
 def test_a_recording_with_everything_misses_nothing(truth, driven):
     names = truth.load.names
     log = driven(reach=0.022)
-    assert missing(excitation(log, truth.parameters), truth, names, information(truth, log, names)) == []
+    assert missing(excitation(log, truth.parameters), truth, information(truth, log, names)) == []
 
 
 def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, driven):
     log = driven(reach=0.0086)
     R = information(truth, log, truth.load.names)
-    sentences = missing(excitation(log), truth, truth.load.names, R)
+    sentences = missing(excitation(log), truth, R)
     reach = excitation(log).reach * 1e3
     assert sentences[0].startswith(
         f"this log reaches {reach:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
@@ -146,7 +147,7 @@ def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, dr
 def test_load_weights_beyond_the_reach_are_reported_together(driven):
     actuator = Actuator(load=Load.on_b_splines())
     log = driven(reach=0.0086)
-    sentences = missing(excitation(log), actuator, actuator.load.names, information(actuator, log, actuator.load.names))
+    sentences = missing(excitation(log), actuator, information(actuator, log, actuator.load.names))
     assert "contains no information about theta_1" in sentences[0]
     assert "and theta_22, which act from" in sentences[0]
     assert "reach 25.0 mm or more" in sentences[0]
@@ -156,20 +157,20 @@ def test_sentences_agree_in_number_with_their_recordings_and_weights(driven):
     actuator, log = Actuator(load=Load.on_b_splines()), driven(reach=0.0086)
     R = information(actuator, log, actuator.load.names)
     two = joined([excitation(log), excitation(log)])
-    sentences = missing(two, actuator, actuator.load.names, R)
+    sentences = missing(two, actuator, R)
     assert sentences[0].startswith("these 2 logs reach ")
     assert " and contain no information about theta_1" in sentences[0]
     assert " and contain no information about the load beyond" in missing(two, actuator)[0]
     one = actuator.load.names[-1:]
-    (alone, *_) = missing(excitation(log), actuator, one, R[:, -1:])
+    (alone, *_) = missing(excitation(log), actuator, Information(one, R.columns(one)))
     assert f" and contains no information about {one[0]}, which acts from " in alone
 
 
 def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():
     t = np.arange(0.0, 5.0, 1e-3)
     found = excitation(course(duty_supply=0.4 * (t > 1.0) * (t < 1.1), duty_exhaust=np.ones(5000)))
-    nothing = np.zeros((3, 3))
-    sentences = missing(found, Actuator(), ("C_vs", "C_ve", "K_stop"), nothing)
+    nothing = Information(("C_vs", "C_ve", "K_stop"), np.zeros((3, 3)))
+    sentences = missing(found, Actuator(), nothing)
     assert sentences == [
         "this log contains no information about C_vs: duty_supply never exceeds 0.40, but the valve is fully open from "
         "0.93 on; open it further.",

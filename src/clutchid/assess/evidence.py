@@ -10,13 +10,13 @@ import numpy as np
 from clutchid.assess.diagnostics import Diagnosis, diagnose, fit_percent
 from clutchid.assess.missing_excitation import missing
 from clutchid.estimate.result import Fit, Recording
-from clutchid.estimate.simulation_error.problem import build_problem
-from clutchid.log import FloatArray, Log
+from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.signals.excitation import excitation, joined
 from clutchid.simulation import Partition
 from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.simulation import simulate
+from clutchid.uncertainty.information import Information, natural_sizes
 
 #: Horizon in s of the simulations that a verdict uses, and greatest number of them from the start of a recording.
 HORIZON, MOST_HORIZONS = 1.0, 120
@@ -40,13 +40,11 @@ def evidence(fit: Fit) -> Evidence:
     diagnoses = {name: diagnosed(fit, name) for name in fit.recordings if has_position(fit.recordings[name])}
     if fit.status == "failed" or not diagnoses:
         return Evidence({}, {}, ())
-    actuator, names = fit.actuator, tuple(name for name in fit.parameters if "@" not in name)
+    actuator = fit.actuator
     moved = joined([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
     # with B-splines, which are local, and with priors, only the motion shows what is missing
-    by_jacobian = actuator.load.basis == "paper" and not fit.follows
-    sentences = (
-        missing(moved, actuator, names, _rescaled(information(fit))) if by_jacobian else missing(moved, actuator)
-    )
+    known = information(fit) if actuator.load.basis == "paper" and not fit.follows else None
+    sentences = missing(moved, actuator, known and _identifiable_if_known(known))
     return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(sentences))
 
 
@@ -89,32 +87,18 @@ def predicted_fit(fit: Fit, name: str) -> float:
     return fit_percent(part["position"], as_recorded(fit, name, done.log)["position"])
 
 
-def information(fit: Fit) -> FloatArray | None:
-    """Square root of the information matrix of the shared free parameters, in natural sizes.
-
-    None if nothing is free. Parameters with infinite variance have no information.
-    """
-    at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
+def information(fit: Fit) -> Information | None:
+    """Information about the shared free parameters; None if there is none."""
     names = [name for name in fit.parameters if "@" not in name]
-    known = [k for k, i in enumerate(at) if 0.0 < fit.covariance[i, i] < np.inf]
-    if not known:
-        return None
-    unit = build_problem(fit.actuator, (), names, ("position",), dict.fromkeys(names, (-np.inf, np.inf))).unit[known]
-    places = [at[k] for k in known]
-    std, values, vectors = spectrum(fit.covariance[np.ix_(places, places)])
-    root = np.zeros((len(names), len(names)))
-    floor = np.finfo(float).eps * len(known) * values[-1]
-    root[np.ix_(known, known)] = (vectors / np.sqrt(np.maximum(values, floor))).T / std * unit
-    return root
+    at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
+    found = Information.of_covariance(names, fit.covariance[np.ix_(at, at)], natural_sizes(fit.actuator, names))
+    return found if found.known else None
 
 
-def _rescaled(root: FloatArray | None) -> FloatArray | None:
-    """`root` scaled so that every parameter with a finite variance counts as identifiable."""
-    if root is None:
-        return None
-    norms = np.sqrt(np.sum(root**2, axis=0))
-    result: FloatArray = root * (10.0 / np.min(norms[norms > 0.0]))
-    return result
+def _identifiable_if_known(found: Information) -> Information:
+    """`found` scaled so that every parameter with a finite variance counts as identifiable."""
+    smallest = min(float(np.linalg.norm(column)) for column in found.columns(found.known).T)
+    return Information(found.names, found.R * (10.0 / smallest))
 
 
 def reach(fit: Fit) -> float:
@@ -127,10 +111,3 @@ def has_position(recording: Recording) -> bool:
     """Whether any sample of a recording has both a measured and a simulated position."""
     both = np.isfinite(recording.measured["position"]) & np.isfinite(recording.simulated["position"])
     return bool(both.any())
-
-
-def spectrum(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Standard errors, and eigenvalues (ascending) and eigenvectors of the correlation matrix."""
-    std = np.sqrt(np.diag(covariance))
-    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
-    return std, values, vectors

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimate.simulation_error.problem import build_problem
 from clutchid.log import FloatArray, Log
 from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
@@ -16,6 +15,8 @@ from clutchid.numerics.least_squares import triangular
 from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate
+from clutchid.uncertainty.identifiability import listed
+from clutchid.uncertainty.information import Information, natural_sizes
 
 #: Interval between resets to the position in samples of 1 ms, so that a wrong model stays close to the recording.
 RESET_SAMPLES = 200
@@ -63,7 +64,7 @@ class Proposal:
 def best_manoeuvre(
     actuator: Actuator,
     names: Sequence[str],
-    R: FloatArray | None = None,
+    information: Information | None = None,
     seconds: float = 10.0,
     *,
     measure: Sequence[str] = ("position",),
@@ -80,11 +81,9 @@ def best_manoeuvre(
         The fitted one; any variant and basis.
     names : names
         Free parameters and load weights.
-    R : (k, k), optional
-        Factor of the present information matrix, for parameters in the units of
-        `clutchid.estimate.simulation_error.problem`, the first of which are `names`; further ones (unknown start
-        values) are marginalised. A factor for white residuals is to be multiplied by the square root of effective over
-        actual number of samples, see `clutchid.assess.diagnostics`.
+    information : Information, optional
+        Present information; parameters other than `names` are marginalised. A factor for white residuals is to be
+        multiplied by the square root of effective over actual number of samples, see `clutchid.assess.diagnostics`.
     seconds : s
         Length of each manoeuvre.
     measure : 'position', 'pressure_a'
@@ -119,11 +118,12 @@ def best_manoeuvre(
     """
     from clutchid.truck import MANOEUVRES, Truck, drive
 
-    _check(actuator, names, R, measure, memory)
-    unit = _units(actuator, names)
+    _check(actuator, names, information, measure, memory)
+    sizes = natural_sizes(actuator, names)
     noise = {name: float(scales[name]) if scales else MEASURED[name].first_scale for name in measure}
-    prior = np.vstack([np.eye(len(names)), np.zeros((0, len(names))) if R is None else _shared(R, len(names))])
-    now = _standard_errors(prior)
+    prior = Information(tuple(names), np.eye(len(names)))
+    present = prior if information is None else prior.plus(information.marginal(names).R)
+    now = present.standard_errors()
     worst = int(np.argmax(now))
     gains, warnings = [], []
     for manoeuvre in MANOEUVRES:
@@ -134,52 +134,39 @@ def best_manoeuvre(
         if done.status == "failed":
             warnings.append(f"'{manoeuvre}' is left out: {done.message}")
             continue
-        factor = np.vstack([prior, *_information(done, actuator, unit, noise, memory)])
-        then = _standard_errors(factor)
-        nats, reach = _log_det(factor) - _log_det(prior), float(np.nanmax(log["position"]))
-        errors = dict(zip(names, (then * unit).tolist(), strict=True))
-        gains.append(Gain(manoeuvre, nats, float(then[worst] / now[worst]), errors, reach))
+        after = present.plus(np.vstack(list(_whitened(done, actuator, sizes, noise, memory))))
+        then, reach = after.standard_errors(), float(np.nanmax(log["position"]))
+        errors = dict(zip(names, (then * sizes).tolist(), strict=True))
+        gains.append(Gain(manoeuvre, after.nats() - present.nats(), float(then[worst] / now[worst]), errors, reach))
     if not gains:
         raise SolveError("no manoeuvre can be simulated with this actuator. " + " ".join(warnings))
     gains.sort(key=lambda gain: -gain.nats)
-    message = _message(gains, names[worst], seconds, R is not None)
+    message = _message(gains, names[worst], seconds, information is not None)
     return Proposal(
-        gains[0].manoeuvre, seconds, message, names[worst], dict(zip(names, (now * unit).tolist(), strict=True)),
+        gains[0].manoeuvre, seconds, message, names[worst], dict(zip(names, (now * sizes).tolist(), strict=True)),
         tuple(gains), tuple(warnings),
     )  # fmt: skip
 
 
 def _check(
-    actuator: Actuator, names: Sequence[str], R: FloatArray | None, measure: Sequence[str], memory: float
+    actuator: Actuator, names: Sequence[str], information: Information | None, measure: Sequence[str], memory: float
 ) -> None:
     problems = [unknown_name(name, actuator.names) for name in names if name not in actuator.names]
     problems += [unknown_name(name, MEASURED, "measured column") for name in measure if name not in MEASURED]
     if not names or not measure:
         problems.append("names and measure: at least one free parameter and one measured column are needed.")
-    if R is not None and (R.ndim != 2 or R.shape[1] < len(names) or not np.isfinite(R).all()):
-        problems.append(f"R has shape {R.shape}: a finite matrix with {len(names)} columns or more is needed.")
+    if information is not None and not set(names) <= set(information.names):
+        problems.append(f"the information is about {listed(information.names)}: all of {listed(names)} are needed.")
     if not memory >= 0.0:
         problems.append(f"memory = {memory:g} s: at least 0 is needed.")
     if problems:
         raise ParameterError("\n".join(problems))
 
 
-def _units(actuator: Actuator, names: Sequence[str]) -> FloatArray:
-    """Natural sizes in SI, the same as in a fit."""
-    return build_problem(actuator, (), names, ("position",), dict.fromkeys(names, (-np.inf, np.inf))).unit
-
-
-def _shared(R: FloatArray, count: int) -> FloatArray:
-    """Information matrix factor of the first `count` parameters of R, with the others marginalised."""
-    others = R.shape[1] - count
-    factor = triangular(np.column_stack([R[:, count:], R[:, :count]]))
-    return factor[others:, others:]
-
-
-def _information(
-    done: Simulation, actuator: Actuator, unit: FloatArray, noise: Mapping[str, float], memory: float
+def _whitened(
+    done: Simulation, actuator: Actuator, sizes: FloatArray, noise: Mapping[str, float], memory: float
 ) -> Iterator[FloatArray]:
-    """Triangular factor of the whitened sensitivities for each measured column."""
+    """Triangular factor of the whitened sensitivities for each measured column, in natural sizes."""
     log: Log = done.log
     stride = float(np.median(np.diff(log.time)))
     rho = np.exp(-stride / memory) if memory > 0.0 else 0.0
@@ -187,23 +174,11 @@ def _information(
     begins[[0, *Partition(every=RESET_SAMPLES).resets(len(log))]] = True
     for name, scale in noise.items():
         state = actuator.states.index(MEASURED[name].state)
-        J = np.column_stack([s[:, state] for s in done.sensitivities.values()]) * unit / scale
+        J = np.column_stack([s[:, state] for s in done.sensitivities.values()]) * sizes / scale
         white = np.empty_like(J)
         white[1:] = (J[1:] - rho * J[:-1]) / np.sqrt(1 - rho**2)
         white[begins] = J[begins]
         yield triangular(white[np.all(np.isfinite(white), axis=1)])
-
-
-def _standard_errors(factor: FloatArray) -> FloatArray:
-    """Standard errors from the rows of a Jacobian, in natural sizes; the prior keeps them finite."""
-    inverse = np.linalg.inv(triangular(factor))
-    result: FloatArray = np.sqrt(np.sum(inverse**2, axis=1))
-    return result
-
-
-def _log_det(factor: FloatArray) -> float:
-    """Half the logarithm of the determinant of the information."""
-    return float(np.sum(np.log(np.abs(np.diag(triangular(factor))))))
 
 
 def _message(gains: Sequence[Gain], worst: str, seconds: float, known: bool) -> str:

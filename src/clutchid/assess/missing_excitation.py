@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.signals.excitation import SHORTEST_REST, STROKE, VENTED_POSITION, Excitation
 from clutchid.uncertainty.identifiability import CORRELATION, correlations, identifiable, listed
+from clutchid.uncertainty.information import Information
 
 #: A load weight acts where its basis function has more than this fraction of its largest value.
 ACTS = 0.01
@@ -22,7 +20,7 @@ _EXHAUST = ("R_0ve", "R_1ve", "B_ve", "b_ve", "m_ve", "C_ve")
 _STOP = ("y_max", "K_stop", "D_stop", "d_stop", "V_0B")
 
 
-def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R: FloatArray | None = None) -> list[str]:
+def missing(found: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
     """What a recording lacks to identify load and parameters, one sentence each; empty if nothing is missing.
 
     Parameters
@@ -31,11 +29,8 @@ def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R:
         Excitation of one recording, or of several together.
     actuator : Actuator
         The fitted actuator: its stroke, its valves and the basis of its load.
-    names : names
-        Free parameters and load weights.
-    R : (k, k), optional
-        Factor of the Jacobian with respect to dimensionless parameters, the first of which are `names`. Without it,
-        only the motion is evaluated.
+    information : Information, optional
+        About the free parameters and load weights. Without it, only the motion is evaluated.
 
     Returns
     -------
@@ -54,10 +49,10 @@ def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R:
     verb = ("reaches", "passes", "contains") if found.recordings == 1 else ("reach", "pass", "contain")
     reaching = f"{who} {verb[0]} {found.reach * 1e3:.1f} mm"
     sentences: list[str] = []
-    if R is not None and names:
-        sentences += _weights_beyond_reach(R, names, actuator, found, reaching)
-        sentences += _correlated_weights(R, names, actuator, found, reaching)
-        sentences += _other_parameters(R, names, actuator, found, who)
+    if information is not None:
+        sentences += _weights_beyond_reach(information, actuator, found, reaching)
+        sentences += _correlated_weights(information, actuator, found, reaching)
+        sentences += _other_parameters(information, actuator, found, who)
     y_max = actuator.parameters.y_max
     if found.reach < STROKE[1] * y_max and not any(reaching in sentence for sentence in sentences):
         sentences.append(
@@ -67,14 +62,9 @@ def missing(found: Excitation, actuator: Actuator, names: Sequence[str] = (), R:
     return sentences + _one_way(found, f"{who} {verb[1]}") + _never_vents(found, who)
 
 
-def _weights_beyond_reach(
-    R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, reaching: str
-) -> list[str]:
+def _weights_beyond_reach(information: Information, actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
     """Load weights that are not identifiable because they act beyond the reach."""
-    known = identifiable(R)
-    unknown = [
-        name for name, is_known in zip(names, known, strict=False) if not is_known and name in actuator.load.names
-    ]
+    unknown = [name for name in _not_identifiable(information) if name in actuator.load.names]
     spans = {name: _span(name, actuator) for name in unknown}
     beyond = {name: span for name, span in spans.items() if span[1] > found.reach}
     if not beyond:
@@ -87,6 +77,11 @@ def _weights_beyond_reach(
     ]
 
 
+def _not_identifiable(information: Information) -> list[str]:
+    known = identifiable(information.R)
+    return [name for name, is_known in zip(information.names, known, strict=True) if not is_known]
+
+
 def _span(name: str, actuator: Actuator) -> tuple[float, float]:
     """Position at which a load weight begins to act, and that of its maximum, at most the last knot, in m."""
     load = actuator.load
@@ -96,17 +91,13 @@ def _span(name: str, actuator: Actuator) -> tuple[float, float]:
     return float(y[np.argmax(phi > ACTS * phi[top])]), min(float(y[top]), load.knots[-1])
 
 
-def _correlated_weights(
-    R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, reaching: str
-) -> list[str]:
+def _correlated_weights(information: Information, actuator: Actuator, found: Excitation, reaching: str) -> list[str]:
     """Pairs of load weights that correlate because the reach ends before the maximum of the further one."""
-    known = np.flatnonzero(identifiable(R))
-    if known.size < 2:
+    known = [name for name in information.names if name not in _not_identifiable(information)]
+    if len(known) < 2:
         return []
-    matrix = correlations(R[:, known])
-    weights = [
-        (k, names[i]) for k, i in enumerate(known.tolist()) if i < len(names) and names[i] in actuator.load.names
-    ]
+    matrix = correlations(information.columns(known))
+    weights = [(k, name) for k, name in enumerate(known) if name in actuator.load.names]
     pairs = [
         (float(matrix[k, j]), one, other)
         for n, (j, one) in enumerate(weights)
@@ -124,12 +115,10 @@ def _correlated_weights(
     return sentences[:MOST_PAIRS]
 
 
-def _other_parameters(
-    R: FloatArray, names: Sequence[str], actuator: Actuator, found: Excitation, who: str
-) -> list[str]:
+def _other_parameters(information: Information, actuator: Actuator, found: Excitation, who: str) -> list[str]:
     """Parameters that are not identifiable for a reason that the motion shows."""
     p = actuator.parameters
-    unknown = [name for name, is_known in zip(names, identifiable(R), strict=False) if not is_known]
+    unknown = _not_identifiable(information)
     contains = "contains" if found.recordings == 1 else "contain"
     reasons = (
         (_SUPPLY, found.highest_supply < p.R_1vs, _stays("duty_supply", found.highest_supply, p.R_1vs)),

@@ -8,11 +8,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis, remarks
-from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach, spectrum
+from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach
 from clutchid.estimate.result import Fit
 from clutchid.parameters import Parameters
 from clutchid.signals.residual_colour import CrossCorrelation
 from clutchid.uncertainty.identifiability import collinear, listed
+from clutchid.uncertainty.information import spectrum
 
 Trust = Literal["good", "with care", "none"]
 
@@ -195,12 +196,10 @@ def _undetermined(fit: Fit) -> list[_Reason]:
 
 def _combinations(fit: Fit) -> list[_Reason]:
     """Three or more estimates of which only combinations are determined, without priors."""
-    R = None if fit.follows else information(fit)
-    if R is None:
+    found = None if fit.follows else information(fit)
+    if found is None:
         return []
-    known = np.flatnonzero(np.any(R != 0.0, axis=0))
-    names = [name for name in fit.parameters if "@" not in name]
-    group = [names[known[i]] for i in collinear(R[:, known])]
+    group = [found.known[i] for i in collinear(found.columns(found.known))]
     if len(group) < 3:
         return []
     text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "

@@ -46,14 +46,12 @@ def _proposal(fit: Fit) -> str:
     """The most informative manoeuvre for the load; empty if none can be simulated."""
     from clutchid.assess.manoeuvre_choice import best_manoeuvre
 
-    names = [name for name in fit.parameters if "@" not in name]
-    weights = [name for name in names if name in fit.actuator.load.names]
-    root = information(fit)
-    if not weights or root is None:
+    weights = [name for name in fit.parameters if name in fit.actuator.load.names]
+    known = information(fit)
+    if not weights or known is None:
         return ""
-    at = [names.index(name) for name in (*weights, *(name for name in names if name not in weights))]
     try:
-        return best_manoeuvre(fit.actuator, weights, root[:, at]).message
+        return best_manoeuvre(fit.actuator, weights, known).message
     except ClutchidError:
         return ""
 

@@ -27,14 +27,14 @@ from clutchid.simulation.run import (
     start_state,
 )
 from clutchid.simulation.simulation import failure_message
+from clutchid.uncertainty.information import natural_sizes
 
 IntArray = NDArray[np.int64]
 
 #: A recording with a smaller range of positions, in m, has no motion.
 REST_RANGE = 5e-4
 
-#: Natural size of a load weight by its unit, and of start values in m and Pa.
-WEIGHT_UNITS = {"N/m": 1e5, "N": 1e3}
+#: Natural size of start values in m and Pa.
 _START_UNITS = {POSITION_START: 1e-3, PRESSURE_START: 1e5}
 
 
@@ -100,7 +100,7 @@ def build_problem(
 ) -> Problem:
     """Set up a fit of `names` to the recordings `plans`, starting at the values of `actuator`."""
     x0 = [actuator.value(name) for name in names]
-    unit = [_unit(name, actuator) for name in names]
+    unit = natural_sizes(actuator, names).tolist()
     low, high = [bounds[name][0] for name in names], [bounds[name][1] for name in names]
     segments = []
     for number, prepared in enumerate(plans):
@@ -118,10 +118,6 @@ def build_problem(
         actuator, tuple(plans), tuple(names), tuple(measure), tuple(segments), scale,
         np.clip(np.array(x0), low, high) / scale, np.array(low) / scale, np.array(high) / scale,
     )  # fmt: skip
-
-
-def _unit(name: str, actuator: Actuator) -> float:
-    return WEIGHT_UNITS[actuator.load.unit] if name in actuator.load.names else abs(actuator.value(name)) or 1.0
 
 
 def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, float, float]]:
