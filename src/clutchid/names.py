@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 #: Suffix of a parameter that has a value of its own in every recording, NAME@EACH.
@@ -39,3 +40,14 @@ class ParameterName(NamedTuple):
 def base_of(text: str) -> str:
     """The parameter of NAME or NAME@STEM."""
     return ParameterName.parse(text).base
+
+
+def listed_names(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names given as a sequence, or as one text with commas, as on the command line.
+
+    Examples
+    --------
+    >>> listed_names("load, P_S") == listed_names(["load", "P_S"])
+    True
+    """
+    return tuple(part.strip() for part in names.split(",") if part.strip()) if isinstance(names, str) else tuple(names)

@@ -427,3 +427,9 @@ def test_a_start_outside_the_bounds_begins_at_the_bound(drive):
 def test_fixed_parameters_stay(drive):
     actuator = Actuator(Parameters(M=12.0))
     assert fit(drive, actuator).actuator.parameters == actuator.parameters
+
+
+def test_names_may_be_one_text_with_commas(drive):
+    one, other = fit(drive, free="load, P_S", measure="position"), fit(drive, free=("load", "P_S"))
+    assert list(one.parameters) == ["theta_1", "theta_2", "theta_3", "P_S"]
+    assert one.actuator == other.actuator

@@ -125,11 +125,6 @@ def pressure(text: str | None, default: float) -> float:
     return value
 
 
-def names(text: str) -> tuple[str, ...]:
-    """A comma-separated option as names."""
-    return tuple(part.strip() for part in text.split(",") if part.strip())
-
-
 def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
     """``NAME=LOW:HIGH`` options; an empty side is open."""
     result = {}

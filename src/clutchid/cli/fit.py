@@ -19,7 +19,6 @@ from clutchid.cli.common import (
     bounds,
     check_outputs,
     guarded,
-    names,
     partition_of,
     pressure,
     print_json,
@@ -27,6 +26,7 @@ from clutchid.cli.common import (
     progress_bar,
 )
 from clutchid.errors import ParameterError
+from clutchid.names import listed_names
 
 if TYPE_CHECKING:
     from clutchid.estimate.request import FitRequest
@@ -121,8 +121,10 @@ def fit(
         from clutchid.estimate.request import FitRequest
 
         partition, limits = partition_of(every, parts, carry, take), bounds(bounds_ or ())
-        known, checked = priors(prior or ()), names(profile)
-        return FitRequest(names(measure), names(free), limits, partition, method, known, None, checked, bootstrap)
+        known, checked = priors(prior or ()), listed_names(profile)
+        return FitRequest(
+            listed_names(measure), listed_names(free), limits, partition, method, known, None, checked, bootstrap
+        )
 
     files = _Files(logs, tuple(verify or ()), start, save, report)
     how = ambient, map_, tuple(dbc or ())

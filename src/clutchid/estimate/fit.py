@@ -12,6 +12,7 @@ from clutchid.estimate.result import Fit
 from clutchid.estimate.verification import verified
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.simulation.partition import Partition
@@ -25,15 +26,15 @@ def fit(
     logs: Log | Sequence[Log],
     actuator: Actuator | None = None,
     *,
-    measure: Sequence[str] = ("position",),
-    free: Sequence[str] = ("load",),
+    measure: str | Sequence[str] = ("position",),
+    free: str | Sequence[str] = ("load",),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     partition: Partition | None = None,
     verify: Sequence[Log] = (),
     method: MethodName | None = None,
     priors: Mapping[str, Prior] | None = None,
     calibration: Calibration | None = None,
-    profile: Sequence[str] = (),
+    profile: str | Sequence[str] = (),
     bootstrap: int = 0,
     on_failure: Literal["raise", "return"] = "raise",
     progress: Progress | None = None,
@@ -54,7 +55,7 @@ def fit(
         Model and start values; by default the paper's Appendix A with theta = (9e5, 0, 0) N/m, and for 'auto' the
         energy balance with Stribeck friction and a load on B-splines.
     measure : 'position', 'pressure_a'
-        Measured columns to compare with.
+        Measured columns to compare with. These and other names may be one text with commas.
     free : names
         Free parameters; 'load' means all load weights, NAME@EACH a parameter of its own for every recording, 'auto' all
         parameters that a recording with pressure can determine. Empty: only unknown start values are estimated.
@@ -99,14 +100,14 @@ def fit(
     Section 3.1; rules for missing samples, starts and resets: docs/formats.md.
     """
     request = FitRequest(
-        tuple(measure),
-        tuple(free),
+        listed_names(measure),
+        listed_names(free),
         bounds or {},
         partition,
         method,
         priors or {},
         calibration,
-        tuple(profile),
+        listed_names(profile),
         bootstrap,
     )
     done = fit_request([logs] if isinstance(logs, Log) else logs, actuator, request, verify, progress)
