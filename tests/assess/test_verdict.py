@@ -45,8 +45,8 @@ def test_a_failed_fit_is_not_to_be_trusted(fitted):
 
 
 def test_a_search_that_did_not_converge_is_a_reason(fitted):
-    assert fitted.settled
-    judged = replace(fitted, settled=False)
+    assert fitted.converged
+    judged = replace(fitted, converged=False)
     assert verdict(judged).trust == "with care"
     assert "did not converge" in reasons(judged)
 

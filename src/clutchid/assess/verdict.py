@@ -138,7 +138,7 @@ def _plain(value: float) -> float | None:
 def _not_converged(fit: Fit) -> list[_Reason]:
     return (
         []
-        if fit.settled
+        if fit.converged
         else [_Reason("the search did not converge; continue from its result, or free fewer parameters.")]
     )
 

@@ -25,7 +25,7 @@ _LIBRARIES = ("numba", "llvmlite", "sympy", "numpy")
 #: First line of a module: this and the SHA-256 of all that follows, so that a damaged file is known.
 _MARK = b"# made by clutchid, sha256 of the rest: "
 
-#: Whom `announce` tells, if anybody.
+#: Functions that `announce` calls.
 _listeners: list[Callable[[str], None]] = []
 
 

@@ -123,7 +123,7 @@ def failed_fit(
         evaluations=0,
         warnings=tuple(plan_warnings(plans)),
         method=method,
-        settled=False,
+        converged=False,
     )
 
 

@@ -55,7 +55,7 @@ def posterior(
         warnings=warnings,
         method=search_result.method,
         notes=_identifiable(problem, matrix),
-        settled=solution.status == "converged",
+        converged=solution.status == "converged",
     )
 
 

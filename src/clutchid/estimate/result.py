@@ -75,7 +75,8 @@ class Fit:
     `recordings` are the fitted ones by name, `verification` those that were only simulated. `scales` are the noise
     scales by which residuals of position (m) and pressure (Pa) were divided, `bounds` the bounds of the free
     parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
-    `settled`: the search converged. `changes` are changes, or suspected changes, since the calibration.
+    `converged` says that the search ended within its limits. `changes` are changes, or suspected changes, since the
+    calibration.
     """
 
     status: Status
@@ -94,7 +95,7 @@ class Fit:
     method: str = "simulation"
     notes: tuple[str, ...] = ()
     calibration: Calibration | None = None
-    settled: bool = True
+    converged: bool = True
     changes: tuple[Change, ...] = ()
 
     def raised(self) -> Fit:

@@ -26,7 +26,7 @@ OUTSIDE = 2e-4
 ALIEN = 0.2
 
 #: A recording starts vented and at rest when it stays within `VENTED_POSITION` of zero, and this still, for `REST_TIME`
-#: s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, tells the position at the start.
+#: s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, gives the position at the start.
 REST_RANGE, REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
 
 #: A period starts at a sample that lies this part of it before its start: stamps and periods are rounded. Without, the

@@ -39,7 +39,7 @@ def test_a_fit_that_asks_for_it_is_by_prediction_error(plant, recording):
     same = fit_with_priors(PREDICTION_ERROR, [recording], plant, FitRequest(BOTH, ("C_vs", "P_S")))
     assert found.method == METHOD
     assert found.follows
-    assert found.settled
+    assert found.converged
     assert found.parameters == same.parameters
 
 
@@ -77,7 +77,7 @@ def test_a_start_that_cannot_be_filtered_raises_or_is_returned(plant, recording,
     with pytest.raises(SolveError, match=r"0\.1 s"):
         fit(recording, plant, free=("C_vs",), method=METHOD)
     found = fit(recording, plant, free=("C_vs",), method=METHOD, on_failure="return")
-    assert (found.status, found.settled) == ("failed", False)
+    assert (found.status, found.converged) == ("failed", False)
 
 
 def test_the_papers_model_is_filtered_too(plant, recording):

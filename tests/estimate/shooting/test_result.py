@@ -162,8 +162,8 @@ def test_a_search_that_did_not_converge_is_a_warning(shot, known):
     stopped = result(replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), known)
     assert stopped.warnings == ("the search stopped after 7 evaluations without convergence.",)
     assert stopped.status == "warning"
-    assert not stopped.settled
-    assert result(shot, known).settled
+    assert not stopped.converged
+    assert result(shot, known).converged
 
 
 def test_a_failed_search_is_a_result_without_values(shot):

@@ -51,7 +51,7 @@ def result(problem: Problem, solution: Solution, scales: Mapping[str, float]) ->
         bounds=bounds_in_si(problem),
         evaluations=solution.evaluations,
         warnings=tuple(warnings),
-        settled=converged,
+        converged=converged,
     )
 
 
