@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +60,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels once, before workers start that would all do it; no test compiles for itself."""
     if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
-        compile_ahead()
+        with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+            list(pool.map(compile_ahead, [(variant,) for variant in VARIANTS]))
 
 
 @pytest.fixture(scope="session", autouse=True)
