@@ -180,8 +180,8 @@ class Parameters:
         at_most=0.9,
         source=_BALANCE,
     )
-    tau_y: float = _row(0.0, "s", "lag of the recorded position", at_least=-0.05, at_most=0.05, source=_SENSORS)
-    tau_p: float = _row(0.0, "s", "lag of the recorded pressure", at_least=-0.05, at_most=0.05, source=_SENSORS)
+    tau_y: float = _row(0.0, "s", "lag of the recorded position", at_least=0, at_most=0.05, source=_SENSORS)
+    tau_p: float = _row(0.0, "s", "lag of the recorded pressure", at_least=0, at_most=0.05, source=_SENSORS)
     e_y: float = _row(0.0, "m", "offset of the recorded position", at_least=-2e-3, at_most=2e-3, source=_SENSORS)
     e_p: float = _row(0.0, "Pa", "offset of the recorded pressure", at_least=-5e4, at_most=5e4, source=_SENSORS)
 

@@ -21,7 +21,7 @@ from clutchid.parameters import Parameters
         ("R_1vs", 0.31, 2.0),
         ("B_0", 0.194, 0.99),
         # a value of 0 has no factor
-        ("tau_y", -0.05, 0.05),
+        ("tau_y", 0.0, 0.05),
         ("T_pwm", 0.0, np.inf),
     ],
 )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from clutchid.filter import filtering as module
 from clutchid.filter.filtering import filtered
@@ -38,46 +39,53 @@ def followed(problem, x=None, noise=ALL_IN, held=None):
 
 
 def textbook(problem, actuator, length):
-    """Errors with variances, and states, of an extended Kalman filter that multiplies covariances out."""
-    track, p = problem.tracks[0], actuator.parameters
-    segment, n = track.segment, len(VARIANTS[actuator.model])
+    """Errors with variances, and states, of an extended Kalman filter that multiplies covariances out.
+
+    Each sensor is a state of first order behind those of the model, driven by a straight line between two samples.
+    """
+    track, p, states = problem.tracks[0], actuator.parameters, list(actuator.states)
+    segment, n = track.segment, len(states)
     mapped = problem.parameter_map(np.zeros(len(NAMES)), "log")
-    which = columns(actuator, [*mapped.bases, *(f"start of {name}" for name in VARIANTS[actuator.model])])
+    which = columns(actuator, [*mapped.bases, *(f"start of {name}" for name in states)])
     Q = np.vstack([np.zeros(n), process_noise(segment, actuator, ALL_IN)]) ** 2
-    x, P = start_state(segment, actuator), np.diag(start_deviations(track.segment, actuator, True, ALL_IN) ** 2)
-    C = np.zeros((2, n))
-    C[0, :2], C[1, 2] = [1.0, -p.tau_y], 1.0
-    found, states = [], []
+    x, P = start_state(segment, actuator), np.diag(start_deviations(segment, actuator, True, ALL_IN) ** 2)
+    shown = np.eye(n)[[0, 2]]
+    shown[0, 1] = -p.tau_y  # the position has moved before the start as it does there
+    both = np.vstack([np.eye(n), shown])
+    z, P = both @ x, both @ P @ both.T
+    found, kept = [], []
     for i in range(length):
-        old_x, Phi = x, np.eye(n)
         if i > 0:
-            one = one_interval(segment, i - 1)
+            one, dt = one_interval(segment, i - 1), segment.dt[i - 1]
             S = np.column_stack([np.zeros((n, len(mapped.bases))), np.eye(n)])
-            out, _, end, _ = run_to_end(one, mapped.numbers, (x, S), which, (0,))
-            x, Phi = out[-1], end[:, len(mapped.bases) :]
-        rate = (x[2] - old_x[2]) / segment.dt[i - 1] if i > 0 else 0.0
-        # the pressure sensor lags: it also sees the state of the sample before
-        part = p.tau_p / segment.dt[i - 1] if i > 0 else 0.0
-        now = C @ Phi
-        now[1] += part * (np.eye(n)[2] - Phi[2])
-        S2 = now @ P @ now.T + C @ np.diag(Q[i]) @ C.T
-        cross = Phi @ P @ now.T + np.diag(Q[i]) @ C.T
-        P = Phi @ P @ Phi.T + np.diag(Q[i])
-        h = np.array([x[0] - p.tau_y * x[1] + p.e_y, x[2] - p.tau_p * rate + p.e_p])
-        z = [track.measured[name][segment.start + i] for name in BOTH]
-        sigma = [ALL_IN.measured[name] for name in BOTH]
+            out, _, end, _ = run_to_end(one, mapped.numbers, (z[:n], S), which, (0,))
+            F, G, new = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n)), np.zeros(n + 2)
+            F[:n, :n], G[:n], new[:n] = end[:, len(mapped.bases) :], np.eye(n), out[-1]
+            for row, (at, tau) in enumerate(((0, p.tau_y), (2, p.tau_p)), n):
+                decay, of_last, of_now = line_through_a_lag(tau, dt)
+                F[row] = of_now * F[at]
+                F[row, row], F[row, at] = decay, F[row, at] + of_last
+                G[row, at] = of_now
+                new[row] = decay * z[row] + of_last * z[at] + of_now * new[at]
+            z, P = new, F @ P @ F.T + G @ np.diag(Q[i]) @ G.T
         row = np.empty((2, 2))
-        for j in (1, 0):  # one after the other, with what the first changes of the second
-            s = S2[j, j] + sigma[j] ** 2
-            e = z[j] - h[j]
+        for j, (name, offset) in enumerate(zip(BOTH, (p.e_y, p.e_p), strict=True)):
+            s = P[n + j, n + j] + ALL_IN.measured[name] ** 2
+            e = track.measured[name][segment.start + i] - (z[n + j] + offset)
+            gain = P[:, n + j] / s
+            z, P = z + gain * e, P - np.outer(gain, P[n + j])
             row[j] = e, s
-            gain, own = cross[:, j] / s, S2[:, j] / s
-            x, h = x + gain * e, h + own * e
-            P = P - np.outer(gain, gain) * s
-            cross, S2 = cross - np.outer(gain, S2[j]), S2 - np.outer(own, S2[j])
         found.append(row)
-        states.append(x)
-    return np.array(found), np.array(states)
+        kept.append(z[:n])
+    return np.array(found), np.array(kept)
+
+
+def line_through_a_lag(tau, dt):
+    """Shares of the last output, the last and the new input, by the exponential of the lag fed by a ramp."""
+    generator = np.array([[-1.0 / tau, 1.0 / tau, 0.0], [0.0, 0.0, 1.0 / dt], [0.0, 0.0, 0.0]])
+    moved = expm(generator * dt)[0]
+    # the ramp starts at the last input and ends at the new one
+    return moved[0], moved[1] - moved[2], moved[2]
 
 
 def one_interval(segment, i):

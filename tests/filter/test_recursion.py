@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.filter.recursion import correct, triangularise, update, weigh
+from clutchid.simulation.sensors import lag_coefficients
 
 N, K = 4, 3
 #: Far from every error: nothing counts as an outlier.
@@ -65,38 +66,46 @@ def test_an_outlier_moves_the_state_as_a_sensor_would_whose_error_lies_at_the_bo
     assert new_P == pytest.approx(taken(drawn, e, worse, NEVER)[2])
 
 
-def arrays(k, n, held):
+#: Two of the N rows are what the sensors show, of the first state and of the last of the model.
+STATE = np.array([0, 1])
+
+
+def arrays(k, size, fixed):
     """What `update` works on, for one sample: x, S and what was before; then where it writes."""
     rng = np.random.default_rng(1)
-    S = rng.standard_normal((n, k if held else k + n))
-    now = rng.standard_normal(n), S, rng.standard_normal(1 + S.shape[1])
-    told = np.empty((1, 2, k + 1)), np.empty((1, 2, 2)), np.empty((1, n)), np.empty((1, k + 1))
-    return now, told
+    S = rng.standard_normal((size, k if fixed else k + size))
+    now = rng.standard_normal(size), S, rng.standard_normal((2, 1 + S.shape[1]))
+    output = np.empty((1, 2, k + 1)), np.empty((1, 2, 2)), np.empty((1, size - 2)), np.empty((1, k + 1))
+    return now, output
 
 
 def test_a_sample_without_measurements_adds_the_process_noise_and_says_nothing():
-    (x, S, before), told = arrays(K, N, held=False)
+    (x, S, before), output = arrays(K, N, fixed=False)
     P, start = S[:, K:] @ S[:, K:].T, x.copy()
-    noise, none = np.array([[0.1, 0.2, 0.3, 0.4]]), np.full((1, 2), np.nan)
+    noise, none = np.array([[0.1, 0.2]]), np.full((1, 2), np.nan)
+    lags = np.tile([0.0, 0.0, 1.0, 0.0, 1e3, -1e3], (1, 2, 1))
     sensors, own, gains = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, NEVER]), np.full(4, -1), np.zeros((1, 2, N + 1))
-    update(0, 1e3, (x, S, before), none, noise, sensors, own, gains, told, False)
-    assert S[:, K:] @ S[:, K:].T == pytest.approx(P + np.diag(noise[0] ** 2))
-    assert np.array_equal(x, start)
-    assert np.array_equal(told[0], np.zeros((1, 2, K + 1)))
-    assert np.isnan(told[1]).all()
-    assert told[3][0, -1] == pytest.approx(np.sqrt(P[2, 2] + noise[0, 2] ** 2))
-    assert before == pytest.approx([x[2], *S[2]])
+    update(0, False, (x, S, before), none, noise, lags, sensors, own, STATE, gains, output, False)
+    # sensors without a lag show the states of this sample, with its noise
+    shows = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]])
+    assert S[:, K:] @ S[:, K:].T == pytest.approx(shows @ (P + np.diag([0.01, 0.04, 0.0, 0.0])) @ shows.T)
+    assert x == pytest.approx(shows @ start)
+    assert np.array_equal(output[0], np.zeros((1, 2, K + 1)))
+    assert np.isnan(output[1]).all()
+    assert output[3][0, -1] == pytest.approx(np.sqrt(P[1, 1] + 0.04))
+    assert before == pytest.approx(np.column_stack([x[STATE], S[STATE]]))
 
 
-@pytest.mark.parametrize("held", [False, True])
-def test_the_compiled_sample_does_what_its_python_text_says(held):
-    measured, noise = np.array([[0.4, 0.9]]), np.full((1, N), 0.1)
-    sensors, own = np.array([0.5, 0.2, 0.1, 0.3, 0.6, 0.7, 1.0]), np.array([0, -1, -1, 2])
+@pytest.mark.parametrize("fixed", [False, True])
+def test_the_compiled_sample_does_what_its_python_text_says(fixed):
+    measured, noise = np.array([[0.4, 0.9]]), np.full((1, N - 2), 0.1)
+    sensors, own = np.array([5e-4, 2e-4, 0.1, 0.3, 0.6, 0.7, 1.0]), np.array([0, -1, -1, 2])
+    lags = np.stack([lag_coefficients(tau, np.array([1e-3])) for tau in (5e-4, 2e-4)], axis=1)
     results = []
     for function in (update, update.py_func):
-        now, told = arrays(K, N, held)
+        now, output = arrays(K, N, fixed)
         gains = np.random.default_rng(2).standard_normal((1, 2, N + 1)) ** 2
-        function(0, 1e3, now, measured, noise, sensors, own, gains, told, held)
-        results.append([*now, *told, gains])
+        function(0, False, now, measured, noise, lags, sensors, own, STATE, gains, output, fixed)
+        results.append([*now, *output, gains])
     for compiled, plain in zip(*results, strict=True):
         assert compiled == pytest.approx(plain, rel=1e-12, abs=1e-12)

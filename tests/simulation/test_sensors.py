@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from clutchid.simulation.comparison import SHORTEST_LAG
-from clutchid.simulation.sensors import lag_derivative, lagged, sensor_output
+from clutchid.simulation.sensors import lag_coefficients, lag_derivative, lagged, sensor_output
 
 STEP = 1e-3
 TIME = STEP * np.arange(300)
@@ -67,15 +68,15 @@ def test_a_step_between_close_samples_has_the_response_of_a_step():
     assert shown[2:] == pytest.approx(1.0 - np.exp(-fine * np.arange(9999) / tau), abs=fine / tau)
 
 
-@given(st.floats(-5e-3, 20e-3), st.floats(-1.0, 1.0))
+@given(st.floats(0.0, 20e-3), st.floats(-1.0, 1.0))
 def test_a_ramp_is_shown_exactly_one_lag_late(tau, velocity):
     shown = lagged(velocity * TIME, tau, STEP)
     assert shown == pytest.approx(velocity * (TIME - tau), abs=1e-13)
 
 
-@given(st.floats(-5e-3, 0.0))
-def test_a_lag_below_0_is_a_shift_to_first_order(tau):
-    x = MOTIONS["sine"](TIME)
+@given(st.floats(0.0, 0.99))
+def test_a_lag_of_a_small_part_of_a_sample_is_a_shift_to_first_order(part):
+    x, tau = MOTIONS["sine"](TIME), part * SHORTEST_LAG * STEP
     assert lagged(x, tau, STEP) == pytest.approx(x - tau * np.gradient(x, STEP), rel=0, abs=1e-16)
 
 
@@ -105,7 +106,7 @@ def test_of_a_single_sample_the_lag_is_not_known():
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-@given(tau=st.floats(0.05e-3, 20e-3) | st.floats(-5e-3, 0.0))
+@given(tau=st.floats(0.05e-3, 20e-3) | st.floats(0.0, 0.5 * SHORTEST_LAG * STEP))
 def test_the_slope_of_a_lag_is_that_of_differences(motion, tau):
     x, h = MOTIONS[motion](TIME), 1e-5 * max(abs(tau), 0.1e-3)
     central = (lagged(x, tau + h, STEP) - lagged(x, tau - h, STEP)) / (2 * h)
@@ -125,3 +126,26 @@ def test_what_is_not_known_stays_so_and_each_stretch_is_lagged_on_its_own():
 
 def test_without_values_there_is_no_output():
     assert np.isnan(sensor_output(np.full(20, np.nan), TIME[:20], 2e-3, 1e-4)).all()
+
+
+@given(st.floats(0.02e-3, 20e-3), st.floats(0.1e-3, 20e-3))
+def test_the_recursion_of_a_lag_is_the_exponential_of_its_differential_equation(tau, dt):
+    coefficients = lag_coefficients(tau, np.array([dt]))[0, :3]
+    # output, input and its slope: d/dt (output, x, slope) = ((x - output)/tau, slope, 0)
+    moved = expm(np.array([[-dt / tau, dt / tau, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))[0]
+    assert coefficients == pytest.approx([moved[0], moved[1] - moved[2], moved[2]], abs=1e-12)
+
+
+@pytest.mark.parametrize("q", [0.004, 0.3, 1.0, 7.0])
+def test_the_slopes_of_the_recursion_of_a_lag_are_those_of_differences(q):
+    dt, h = np.array([2e-3]), 1e-6
+    up, down = (lag_coefficients((q + step) * dt[0], dt)[0, :3] for step in (h, -h))
+    # a third derivative of at most 1 and rounding over the step, both relative to a lag in samples
+    assert lag_coefficients(q * dt[0], dt)[0, 3:] * dt[0] == pytest.approx((up - down) / (2 * h), abs=1e-8)
+
+
+def test_where_a_short_lag_becomes_a_shift_the_recursion_hardly_jumps():
+    dt = np.array([1e-3])
+    below, above = (lag_coefficients(part * SHORTEST_LAG * 1e-3, dt)[0, :3] for part in (0.999, 1.001))
+    # the coefficients change by the lag in samples, and a decay of exp(-100) is nothing
+    assert below == pytest.approx(above, abs=1.01 * 0.002 * SHORTEST_LAG)

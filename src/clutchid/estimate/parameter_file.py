@@ -16,6 +16,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.estimate.actuator_section import equipment_in, section_of, with_gravity
 from clutchid.estimate.calibration_section import calibration_in, calibration_section
+from clutchid.estimate.older_lags import with_lags
 from clutchid.estimate.recording_sections import Starts, is_number, own_values, starts_in
 from clutchid.estimate.result import Fit
 from clutchid.io.files import atomic_write
@@ -136,6 +137,8 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 def read_parameters(path: str | PathLike[str]) -> ParameterFile:
     """Read a parameter file; missing entries have their defaults, except knots and weights of B-splines.
 
+    A negative lag of a sensor, from an earlier version, is read as 0 with a UserWarning.
+
     Raises
     ------
     ParameterError
@@ -155,6 +158,7 @@ def read_parameters(path: str | PathLike[str]) -> ParameterFile:
     ]
     if problems:
         raise ParameterError(_all(path, problems))
+    document = with_lags(document, path)
     equipment, problems = equipment_in(document)
     model, values, gravity_problems = with_gravity(document)
     load, load_problems = _load(model, values)

@@ -1,7 +1,8 @@
-"""One sample of the filter: measurements taken in, derivatives carried along, process noise added.
+"""One sample of the filter: sensors and process noise, measurements taken in, derivatives carried along.
 
-The covariance P = L L' of the state is carried as its square root L, so it stays positive and is accurate to twice the
-digits. The columns of L and the derivatives of the state to the free numbers stand in one matrix ``S = [dx | L]``,
+The filter's state is that of the model with what each sensor shows behind it, because a sensor of first order is a
+state of its own. Its covariance P = L L' is carried as the square root L, so it stays positive and is accurate to twice
+the digits. The columns of L and the derivatives of the state to the free parameters are one matrix ``S = [dx | L]``,
 because the model moves both alike. ``W = [L | Q]`` is L beside the square root of the process noise.
 """
 
@@ -15,14 +16,14 @@ from numpy.typing import NDArray
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
 
-#: Places in the array of numbers of the sensors: lags, offsets and deviations; where an error becomes an outlier.
+#: Places in the array of what is known of the sensors: lags in s, offsets and standard deviations, one a sensor; then
+#: where an error becomes an outlier, in standard deviations.
 TAU, OFFSET, SIGMA, OUTLIER = 0, 2, 4, 6
-
 
 #: What the filter writes, sample by sample, in this order: rows (samples, 2, k + 1), ``[d r | r]`` with r = predicted -
 #: measured over its deviation, 0 for none; the errors of prediction and their variances (samples, 2, 2), NaN for none;
-#: the states that it ends each sample with (samples, n); the derivatives of the pressure in chamber A and its standard
-#: deviation (samples, k + 1).
+#: the states of the model that it ends each sample with (samples, n); the derivatives of the pressure in chamber A and
+#: its standard deviation (samples, k + 1).
 FilterOutput = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 
@@ -96,32 +97,37 @@ def correct(x: FloatArray, S: FloatArray, gain: FloatArray, seen: FloatArray, e:
 
 
 @kernel
-def see_position(x: FloatArray, S: FloatArray, W: FloatArray, lag: float, seen: FloatArray) -> float:
-    """The rate that the lag of the position sensor sees; `seen` receives y - lag v as a row of ``[dx | W]``."""
-    k = seen.size - W.shape[1]
-    for c in range(k):
-        seen[c] = S[0, c] - lag * S[1, c]
-    for c in range(W.shape[1]):
-        seen[k + c] = W[0, c] - lag * W[1, c]
-    return float(x[1])
+def show(
+    x: FloatArray,
+    S: FloatArray,
+    before: FloatArray,
+    lags: FloatArray,
+    own: NDArray[np.int64],
+    state: NDArray[np.int64],
+) -> None:
+    """Move what the sensors show from the sample before to this one; between them a state is a straight line.
 
-
-@kernel
-def see_pressure(
-    x: FloatArray, S: FloatArray, W: FloatArray, before: FloatArray, steps: float, lag: float, seen: FloatArray
-) -> float:
-    """The rate that the lag of the pressure sensor sees; `seen` receives p_A - lag dp_A/dt as a row of ``[dx | W]``.
-
-    `before` are the pressure after the sample before and its row of S, `steps` one over the interval since.
+    Parameters
+    ----------
+    x, S : (n + 2,), (n + 2, columns)
+        The model's states are those of this sample, the last two rows, one a sensor, still those of the one before.
+    before : (2, 1 + columns)
+        The measured states of the sample before, each with its row of S.
+    lags : (2, 6)
+        Of each sensor, see `sensors.lag_coefficients`.
+    state : (2,)
+        Which state a sensor measures.
     """
-    n, k = W.shape[1] // 2, seen.size - W.shape[1]
-    part = lag * steps
-    for c in range(k):
-        seen[c] = S[2, c] - part * (S[2, c] - before[1 + c])
-    for c in range(n):
-        seen[k + c] = W[2, c] - part * (W[2, c] - before[1 + k + c])
-        seen[k + n + c] = W[2, n + c]
-    return float(steps * (x[2] - before[0]))
+    n = x.size - state.size
+    for m in range(state.size):
+        at = state[m]
+        decay, of_last, of_now = lags[m, 0], lags[m, 1], lags[m, 2]
+        by_lag = lags[m, 3] * x[n + m] + lags[m, 4] * before[m, 0] + lags[m, 5] * x[at]
+        x[n + m] = decay * x[n + m] + of_last * before[m, 0] + of_now * x[at]
+        for c in range(S.shape[1]):
+            S[n + m, c] = decay * S[n + m, c] + of_last * before[m, 1 + c] + of_now * S[at, c]
+        if own[TAU + m] >= 0:
+            S[n + m, own[TAU + m]] += by_lag
 
 
 @kernel
@@ -146,97 +152,117 @@ def leave(row: FloatArray, error: FloatArray) -> None:
 
 
 @kernel
-def beside(S: FloatArray, noise: FloatArray) -> FloatArray:
-    """``W = [L | Q]``: the square root in the last columns of S beside that of the process noise."""
-    n = noise.size
-    k = S.shape[1] - n
-    W = np.zeros((n, 2 * n))
-    for i in range(n):
-        for c in range(n):
+def beside(S: FloatArray, noise: FloatArray, lags: FloatArray, state: NDArray[np.int64]) -> FloatArray:
+    """``W = [L | Q]``: the square root in the last columns of S beside that of the process noise.
+
+    The noise of an interval moves a state at its end, and what its sensor shows by the share of the last sample.
+    """
+    size, n = S.shape[0], noise.size
+    k = S.shape[1] - size
+    W = np.zeros((size, size + n))
+    for i in range(size):
+        for c in range(size):
             W[i, c] = S[i, k + c]
-        W[i, n + i] = noise[i]
+    for i in range(n):
+        W[i, size + i] = noise[i]
+    for m in range(state.size):
+        W[n + m, size + state[m]] = lags[m, 2] * noise[state[m]]
     return W
 
 
 @kernel
 def keep(
-    x: FloatArray, S: FloatArray, W: FloatArray, before: FloatArray, state: FloatArray, pressure: FloatArray
+    x: FloatArray,
+    S: FloatArray,
+    W: FloatArray,
+    before: FloatArray,
+    state: NDArray[np.int64],
+    states: FloatArray,
+    pressure: FloatArray,
 ) -> None:
     """Put the square root back into S, and write down what the sample ends with."""
-    n, k = x.size, pressure.size - 1
+    k, p_A = pressure.size - 1, state[1]
     square = 0.0
-    for c in range(W.shape[1] // 2):
-        square += W[2, c] * W[2, c]
-        for i in range(n):
+    for c in range(min(W.shape[1], x.size)):
+        square += W[p_A, c] * W[p_A, c]
+        for i in range(x.size):
             S[i, k + c] = W[i, c]
-    for i in range(n):
-        state[i] = x[i]
-    before[0] = x[2]
-    for c in range(S.shape[1]):
-        before[1 + c] = S[2, c]
+    for i in range(states.size):
+        states[i] = x[i]
+    for m in range(state.size):
+        before[m, 0] = x[state[m]]
+        for c in range(S.shape[1]):
+            before[m, 1 + c] = S[state[m], c]
     for c in range(k):
-        pressure[c] = S[2, c]
+        pressure[c] = S[p_A, c]
     pressure[k] = math.sqrt(square)
 
 
 @kernel
 def update(
     at: int,
-    steps: float,
+    first: bool,
     now: tuple[FloatArray, FloatArray, FloatArray],
     measured: FloatArray,
     noise: FloatArray,
+    lags: FloatArray,
     sensors: FloatArray,
     own: NDArray[np.int64],
+    state: NDArray[np.int64],
     gains: FloatArray,
-    told: FilterOutput,
-    held: bool,
+    output: FilterOutput,
+    fixed: bool,
 ) -> None:
-    """Sample `at`: from the predicted state, in place, to the one that knows the measurements of this sample too.
+    """Sample `at`: from the state that the model has predicted, in place, to the one corrected by its measurements.
 
     Parameters
     ----------
     at : sample
-        Its number in the segment.
-    steps : 1/s
-        One over the interval before the sample, 0 at the first.
-    now : (n,), (n, k + n), (1 + k + n,)
-        State, ``S = [dx | L]`` as the model has moved them, and `before` as in `see_pressure`.
+        Its number in the arrays.
+    first : bool
+        No interval lies before the sample.
+    now : (n + 2,), (n + 2, k + n + 2), (2, 1 + k + n + 2)
+        State and ``S = [dx | L]``, of which the model has moved the first n rows, and `before` as in `show`.
     measured : (samples, 2)
         Position and pressure; NaN where there is none, or it is not in use.
     noise : (samples, n)
-        Deviation of the process noise of the interval before each sample.
+        Standard deviation of the process noise of the interval before each sample.
+    lags : (samples, 2, 6)
+        Of the sensors in the interval before each sample, see `sensors.lag_coefficients`.
     sensors, own
-        Numbers of the sensors; columns of tau_y, tau_p, e_y and e_p in S, or -1.
-    gains : (samples, 2, n + 1)
+        What is known of the sensors; columns of tau_y, tau_p, e_y and e_p in S, or -1.
+    state : (2,)
+        Which states are measured.
+    gains : (samples, 2, n + 3)
         Receives the gain of every state and the variance of each error of prediction.
-    told : FilterOutput
+    output : FilterOutput
         Receives what the filter finds.
-    held : bool
+    fixed : bool
         Take the gains as they are instead: then S has no columns for L.
     """
     x, S, before = now
-    rows, errors, states, pressures = told
-    n, k = x.size, rows.shape[2] - 1
-    W = np.zeros((n, 0)) if held else beside(S, noise[at])
-    seen = np.empty(k + W.shape[1])
-    for sensor in (1, 0):  # the lag of the pressure is about the sample before, which the position must not have moved
-        value = measured[at, sensor]
+    rows, errors, states, pressures = output
+    size, k = x.size, rows.shape[2] - 1
+    n = size - state.size
+    if not first:
+        show(x, S, before, lags[at], own, state)
+    W = np.zeros((size, 0)) if fixed else beside(S, noise[at], lags[at], state)
+    row = np.empty(k + W.shape[1])
+    for m in range(state.size):
+        value = measured[at, m]
         if value != value:  # noqa: PLR0124, NaN: the filter goes on without it
-            leave(rows[at, sensor], errors[at, sensor])
+            leave(rows[at, m], errors[at, m])
             continue
-        lag = sensors[TAU + sensor]
-        rate = see_position(x, S, W, lag, seen) if sensor == 0 else see_pressure(x, S, W, before, steps, lag, seen)
-        if own[TAU + sensor] >= 0:
-            seen[own[TAU + sensor]] -= rate
-        if own[OFFSET + sensor] >= 0:
-            seen[own[OFFSET + sensor]] += 1.0
-        e = value - (x[2 * sensor] - lag * rate + sensors[OFFSET + sensor])
-        gain = gains[at, sensor]
-        if not held:
-            weigh(W, seen, e, sensors[SIGMA + sensor], sensors[OUTLIER], gain)
-        correct(x, S, gain, seen, e, k)
-        write(rows[at, sensor], errors[at, sensor], seen, e, gain[n], sensors[OUTLIER])
-    if not held:
+        row[:k] = S[n + m, :k]
+        row[k:] = W[n + m]
+        if own[OFFSET + m] >= 0:
+            row[own[OFFSET + m]] += 1.0
+        e = value - (x[n + m] + sensors[OFFSET + m])
+        gain = gains[at, m]
+        if not fixed:
+            weigh(W, row, e, sensors[SIGMA + m], sensors[OUTLIER], gain)
+        correct(x, S, gain, row, e, k)
+        write(rows[at, m], errors[at, m], row, e, gain[size], sensors[OUTLIER])
+    if not fixed:
         triangularise(W)
-    keep(x, S, W, before, states[at], pressures[at])
+    keep(x, S, W, before, state, states[at], pressures[at])

@@ -17,9 +17,34 @@ SHORTEST_LAG = 0.01
 @kernel
 def lag_weights(q: float) -> tuple[float, float, float]:
     """Weights of the previous output, the previous sample and the present one, for a lag of q samples."""
+    if q < SHORTEST_LAG:
+        return 0.0, q, 1.0 - q
     decay = math.exp(-1.0 / q)
     present = 1.0 - (1.0 - decay) * q
     return decay, 1.0 - decay - present, present
+
+
+@kernel
+def lag_weight_slopes(q: float) -> tuple[float, float, float]:
+    """Derivatives of `lag_weights` with respect to q."""
+    if q < SHORTEST_LAG:
+        return 0.0, 1.0, -1.0
+    decay = math.exp(-1.0 / q)
+    decay_slope = decay / q**2
+    present = decay_slope * q + decay - 1.0
+    return decay_slope, -(present + decay_slope), present
+
+
+@kernel
+def lag_coefficients(tau: float, dt: FloatArray, coefficients: FloatArray) -> None:
+    """`lag_weights` and `lag_weight_slopes`, these with respect to tau, of a sensor in intervals dt."""
+    for i in range(dt.size):
+        q = tau / dt[i]
+        coefficients[i, 0], coefficients[i, 1], coefficients[i, 2] = lag_weights(q)
+        by_decay, by_previous, by_present = lag_weight_slopes(q)
+        coefficients[i, 3] = by_decay / dt[i]
+        coefficients[i, 4] = by_previous / dt[i]
+        coefficients[i, 5] = by_present / dt[i]
 
 
 @kernel
@@ -50,11 +75,10 @@ def lag_derivative(x: FloatArray, output: FloatArray, q: float, slope: FloatArra
             slope[i] = (x[before, c] - x[after, c]) / (after - before) if last > 0 else 0.0
         return
     decay, _, _ = lag_weights(q)
-    decay_slope = decay / q**2
-    weight_slope = decay_slope * q + decay - 1.0
+    by_decay, by_previous, by_present = lag_weight_slopes(q)
     slope[0] = x[0, c] - x[1, c]
     for i in range(1, last + 1):
-        change = decay_slope * output[i - 1, c] - (weight_slope + decay_slope) * x[i - 1, c] + weight_slope * x[i, c]
+        change = by_decay * output[i - 1, c] + by_previous * x[i - 1, c] + by_present * x[i, c]
         slope[i] = decay * slope[i - 1] + change
 
 

@@ -19,7 +19,7 @@ def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
     x : shape (n,) or (n, m)
         Samples first. Before the first sample x is extrapolated linearly.
     tau : s
-        Time constant; below 0 the output leads, and is shifted in time by the rate of x.
+        Time constant, at least 0. Below 0.01 sample intervals the lag is a shift in time, by the rate of x.
     step : s
         Sample interval.
 
@@ -46,6 +46,34 @@ def lag_derivative(x: FloatArray, output: FloatArray, tau: float, step: float) -
     columns = (np.ascontiguousarray(values, dtype=np.float64)[:, None] for values in (x, output))
     kernels_in(_KERNELS).lag_derivative(*columns, tau / step, slope)
     return slope / step
+
+
+def lag_coefficients(tau: float, dt: FloatArray) -> FloatArray:
+    """Recursion of a first-order lag: ``output[k+1] = a output[k] + b x[k] + c x[k+1]``, x linear in between.
+
+    Parameters
+    ----------
+    tau : s
+        Time constant, at least 0. Below 0.01 of an interval the lag is a shift in time, ``a = 0`` and ``b = tau / dt``.
+    dt : s
+        Length of each interval, shape (n,).
+
+    Returns
+    -------
+    coefficients : (n, 6)
+        a, b and c, with sum 1, and their derivatives with respect to tau in 1/s.
+
+    Examples
+    --------
+    After an interval as long as the lag, 37 % of the previous output is left:
+
+    >>> a, b, c = lag_coefficients(1e-3, np.array([1e-3]))[0, :3]
+    >>> f"{a:.2f} {b:.2f} {c:.2f}"
+    '0.37 0.26 0.37'
+    """
+    coefficients = np.empty((dt.size, 6))
+    kernels_in(_KERNELS).lag_coefficients(tau, np.ascontiguousarray(dt), coefficients)
+    return coefficients
 
 
 def sensor_output(values: FloatArray, time: FloatArray, lag: float, offset: float) -> FloatArray:
