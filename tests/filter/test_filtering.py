@@ -32,9 +32,13 @@ def uncompressed(monkeypatch):
     monkeypatch.setattr(module, "triangular", lambda rows: rows)
 
 
-def followed(problem, x=None, noise=ALL_IN, held=None):
+def followed(problem, x=None, noise=ALL_IN, fixed_gains=None):
     return filtered(
-        problem.tracks[0], problem.parameter_map(np.zeros(len(NAMES)) if x is None else x, "log"), BOTH, noise, held
+        problem.tracks[0],
+        problem.parameter_map(np.zeros(len(NAMES)) if x is None else x, "log"),
+        BOTH,
+        noise,
+        fixed_gains,
     )
 
 
@@ -116,10 +120,10 @@ def test_the_filter_is_the_textbook_filter(problem, plant):
 
 def test_a_pass_with_the_gains_of_another_at_the_same_numbers_is_that_pass(problem):
     free = followed(problem)
-    held = followed(problem, held=free.gains)
-    assert held.cost == pytest.approx(free.cost, rel=1e-9)
-    assert np.abs(held.rows[:, :-1]) == pytest.approx(np.abs(free.rows[:, :-1]), abs=1e-6 * np.abs(free.rows).max())
-    assert held.errors[:, :, 0] == pytest.approx(free.errors[:, :, 0], abs=1e-12)
+    fixed = followed(problem, fixed_gains=free.gains)
+    assert fixed.cost == pytest.approx(free.cost, rel=1e-9)
+    assert np.abs(fixed.rows[:, :-1]) == pytest.approx(np.abs(free.rows[:, :-1]), abs=1e-6 * np.abs(free.rows).max())
+    assert fixed.errors[:, :, 0] == pytest.approx(free.errors[:, :, 0], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -127,7 +131,7 @@ def test_rows_have_the_derivatives_that_differences_have_with_fixed_gains(proble
     here = followed(problem)
     place, h = NAMES.index(name), 1e-4
     e = h * np.eye(len(NAMES))[place]
-    up, down = (followed(problem, step, held=here.gains).rows[:, -1] for step in (e, -e))
+    up, down = (followed(problem, step, fixed_gains=here.gains).rows[:, -1] for step in (e, -e))
     differences = (up - down) / (2 * h)
     assert np.abs(differences).max() > 0.01, "the recording must tell this number, or nothing is tested"
     error = np.linalg.norm(here.rows[:, place] - differences)

@@ -1,22 +1,23 @@
-"""A segment of a recording, filtered: errors of prediction, and their derivatives to the free numbers."""
+"""A segment of a recording, filtered: innovations, and their derivatives with respect to the free parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
+from clutchid.filter.arrays import FilterOutput, IntArray, Intervals, Measurements, ModelArrays, Scratch
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels
+from clutchid.model.compiled import kernels, step
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.parameter_map import ParameterMap
+from clutchid.simulation.plan import Segment
 from clutchid.simulation.process_noise import process_noise, start_deviations
 from clutchid.simulation.run import Columns, columns, inputs_of, start_sensitivities, start_state
 from clutchid.simulation.sensors import lag_coefficients
@@ -24,13 +25,21 @@ from clutchid.simulation.simulation import failure_message
 from clutchid.simulation.windows import Track
 from clutchid.uncertainty.noise import Noise
 
-if TYPE_CHECKING:
-    from clutchid.filter.recursion import FilterOutput
-
 _KERNELS = "clutchid.filter.recursion"
 
 #: Samples whose rows are compressed together.
 BLOCK = 2048
+
+
+class FilterState(NamedTuple):
+    """State of the filter between two samples, see `recursion`: x (size,) and S = [dx | L] (size, columns), in SI."""
+
+    x: FloatArray
+    S: FloatArray
+
+    def copy(self) -> FilterState:
+        """An independent copy, to return to."""
+        return FilterState(self.x.copy(), self.S.copy())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,10 +47,10 @@ class Filtered:
     """A filtered segment of n samples.
 
     `rows` are ``[theta | r]``, compressed to as many as they have columns, and `cost` the sum of losses. `errors`
-    (n, 2, 2) are the errors of prediction of position and pressure in SI with their variances, `states` the states that
-    the filter ends each sample with, `pressures` (n, size + 1) the derivatives of the pressure in chamber A to theta
-    and its standard deviation; `gains` (n, 2, n_states + 3) how far each error of prediction moves the state and what
-    the two sensors show, and its variance.
+    (n, 2, 2) are the innovations of position and pressure in SI with their variances, `states` (n, n_states) the states
+    after the measurements of each sample, `pressures` (n, size + 1) the derivatives of the pressure in chamber A with
+    respect to theta and its standard deviation; `gains` (n, 2, n_states + 3) the gain of each state and sensor output
+    for each innovation, and its variance.
     """
 
     rows: FloatArray
@@ -53,9 +62,9 @@ class Filtered:
 
 
 def filtered(
-    track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, held: FloatArray | None = None
+    track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, fixed_gains: FloatArray | None = None
 ) -> Filtered | Failure:
-    """Filter a segment with the numbers of one recording.
+    """Filter a segment with the parameters of one recording.
 
     Parameters
     ----------
@@ -64,39 +73,40 @@ def filtered(
     mapped : ParameterMap
         The actuator of the recording, and where the derivatives belong in theta.
     measure : 'position', 'pressure_a'
-        Measured columns that the filter takes in.
+        Measured columns in use.
     noise : Noise
         Of the sensors and of the model, in SI.
-    held : (n, 2, n_states + 3), optional
-        Gains and variances of another filter to take over. Then the derivatives are exact, and nothing is said of the
-        spread of the states.
+    fixed_gains : (n, 2, n_states + 3), optional
+        Gains and variances of another pass to use instead of the optimal ones. Then the derivatives are exact, and the
+        standard deviation of the states is not computed.
     """
-    states = mapped.actuator.states
-    n, k, length = len(states), len(mapped.bases), len(track.segment)
-    errors, passed, pressures = np.empty((length, 2, 2)), np.full((length, n), np.nan), np.empty((length, k + 1))
-    filter_ = _Filter.of(track, mapped, measure, noise, held)
-    factor, cost = np.zeros((0, k + 1)), 0.0
+    segment, states, k = track.segment, mapped.actuator.states, len(mapped.bases)
+    inputs_of(segment, mapped.actuator.model)
+    pass_ = _Pass.of(track, mapped, measure, noise, fixed_gains)
+    length = len(segment)
+    errors, passed = np.empty((length, len(MEASURED), 2)), np.full((length, len(states)), np.nan)
+    pressures, factor, cost = np.empty((length, k + 1)), np.zeros((0, k + 1)), 0.0
     for begin in range(0, length, BLOCK):
-        at = slice(begin, min(begin + BLOCK, length))
-        output = (np.empty((at.stop - begin, 2, k + 1)), errors[at], passed[at], pressures[at])
-        failed = filter_.follow(at, output)
+        end = min(begin + BLOCK, length)
+        output = (np.empty((end - begin, len(MEASURED), k + 1)), errors, passed, pressures)
+        failed = pass_.follow(begin, end, output)
         if failed >= 0:
-            return Failure(failure_message(track.measured, track.segment, passed, failed, states, mapped.actuator))
+            return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
         rows = output[0].reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
         factor = triangular(np.vstack([factor, rows]))
-    return Filtered(_spread(factor, mapped), cost, errors, passed, _spread(pressures, mapped), filter_.gains)
+    return Filtered(_spread(factor, mapped), cost, errors, passed, _spread(pressures, mapped), pass_.gains)
 
 
 def _loss(r: FloatArray, outlier: float) -> float:
-    """Sum of Huber's losses of rows that were scaled for it: beyond `outlier` a scaled one is sqrt(outlier |r|)."""
+    """Sum of the Huber losses of rows scaled by `recursion.write_row`: an outlier is sqrt(outlier |r|) there."""
     size = np.abs(r)
     far = size > outlier
     return float(np.sum(r**2) + np.sum(r[far] ** 2 - outlier**2))
 
 
 def _spread(rows: FloatArray, mapped: ParameterMap) -> FloatArray:
-    """Rows on the numbers of one recording in SI, as rows on theta."""
+    """Rows on the parameters of one recording in SI, as rows on theta."""
     wide = np.zeros((rows.shape[0], mapped.size + 1))
     wide[:, list(mapped.places)] = rows[:, :-1] * mapped.slopes
     wide[:, -1] = rows[:, -1]
@@ -104,113 +114,108 @@ def _spread(rows: FloatArray, mapped: ParameterMap) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Filter:
-    """A filter on its way through a segment: x, S and `before` go with it, see `recursion`."""
+class _Pass:
+    """A pass of the filter over a segment, with all arrays that `recursion.follow` needs."""
 
-    track: Track
-    mapped: ParameterMap
-    which: Columns
-    now: tuple[FloatArray, FloatArray, FloatArray]
-    measured: FloatArray
-    noise: FloatArray
-    lags: FloatArray
-    sensors: FloatArray
-    own: NDArray[np.int64]
-    measured_states: NDArray[np.int64]
+    step: Any
+    state: FilterState
+    model: ModelArrays
+    intervals: Intervals
+    sensors: IntArray
+    measurements: Measurements
     gains: FloatArray
-    held: bool
+    scratch: Scratch
 
     @classmethod
     def of(
-        cls, track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, held: FloatArray | None
-    ) -> _Filter:
+        cls, track: Track, mapped: ParameterMap, measure: Sequence[str], noise: Noise, fixed_gains: FloatArray | None
+    ) -> _Pass:
         """The filter at the start of a segment."""
-        segment, p, k = track.segment, mapped.actuator.parameters, len(mapped.bases)
-        states, inside = mapped.actuator.states, slice(segment.start, segment.stop)
-        inputs_of(segment, mapped.actuator.model)
-        which = columns(mapped.actuator, mapped.bases)
-        names = [*(sensor.lag for sensor in MEASURED.values()), *(sensor.offset for sensor in MEASURED.values())]
-        own = np.array([mapped.bases.index(name) if name in mapped.bases else -1 for name in names])
-        shown = _shown_at_start(mapped.actuator)
-        dx = start_sensitivities(segment, mapped.actuator, which, estimated=False)[:, :k]
-        L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in measure, noise))
-        x, dx, L = shown @ start_state(segment, mapped.actuator), shown @ dx, shown @ L
-        if own[0] >= 0:  # a piston that moves at the start is shown where it was
-            dx[len(states), own[0]] -= x[states.index("v")]
-        L = np.column_stack([L, np.zeros((x.size, x.size - len(states)))])
-        S = np.column_stack([dx, L]) if held is None else np.ascontiguousarray(dx)
-        measured = np.full((len(segment), 2), np.nan)
-        for column, name in enumerate(MEASURED):
-            if name in measure:
-                values = track.measured[name][inside]
-                measured[:, column] = np.where(np.isfinite(values), values, np.nan)
-        lags = np.stack([lag_coefficients(getattr(p, s.lag), segment.dt) for s in MEASURED.values()], axis=1)
-        sigma = [noise.measured.get(name, np.inf) for name in MEASURED]
+        segment, actuator = track.segment, mapped.actuator
+        which, sensors = columns(actuator, mapped.bases), _sensors(mapped)
+        with_pressure, given = "pressure_a" in measure, fixed_gains is not None
+        L = np.diag(start_deviations(segment, actuator, with_pressure, noise))
+        state = _start(segment, mapped, which, L[:, :0] if given else L)
+        size, width, n = state.x.size, state.S.shape[1], len(actuator.states)
         return cls(
-            track=track,
-            mapped=mapped,
-            which=which,
-            now=(x, S, np.zeros((len(MEASURED), 1 + S.shape[1]))),
-            measured=measured,
-            noise=np.vstack([np.zeros(len(states)), process_noise(segment, mapped.actuator, noise)]),
-            lags=np.concatenate([np.zeros((1, len(MEASURED), 6)), lags]),
-            sensors=np.array([*(getattr(p, name) for name in names), *sigma, noise.outlier]),
-            own=own,
-            measured_states=np.array([states.index(sensor.state) for sensor in MEASURED.values()]),
-            gains=np.zeros((len(segment), len(MEASURED), x.size + 1)) if held is None else held,
-            held=held is not None,
+            step=step(actuator.model),
+            state=state,
+            model=_model_arrays(mapped, which, width),
+            intervals=_intervals(segment, actuator, noise),
+            sensors=sensors,
+            measurements=_measurements(track, actuator, measure, noise),
+            gains=np.zeros((len(segment), len(MEASURED), size + 1)) if fixed_gains is None else fixed_gains,
+            scratch=(
+                np.empty((len(MEASURED), 1 + width)),
+                np.empty((0, 0) if given else (size, size + n)),
+                np.empty(width),
+            ),
         )
 
-    def follow(self, at: slice, output: FilterOutput) -> int:
-        """Go on through the samples `at`; the first that is not finite, or -1."""
-        segment, numbers, which = self.track.segment, self.mapped.numbers, self.which
-        module, update = kernels(numbers.model), kernels_in(_KERNELS).update
-        move = module.run_all if which.needs_parameters else module.run_table
-        x, S, _ = self.now
-        jump, taken, watched = np.zeros(2, np.uint8), np.zeros((2, 2)), np.zeros(0, np.int64)
-        n = self.noise.shape[1]
-        of_model, S_of_model = x[:n], S[:n]  # what the sensors show stands behind them
-        out, sens = np.empty((2, n)), np.empty((2, 0, S.shape[1]))
-        u, dt, substeps, p = segment.inputs, segment.dt, segment.substeps, numbers.parameters
-        tables = numbers.breakpoints, numbers.load, numbers.basis
-        free = which.table_basis, which.table_column, which.fill_slot, which.fill_row, which.fill_column
-        measured, noise, lags, gains = self.measured[at], self.noise[at], self.lags[at], self.gains[at]
-        for i in range(at.start, at.stop):
-            if i > 0:
-                last = slice(i - 1, i)
-                failed = move(
-                    of_model,
-                    S_of_model,
-                    u[i - 1 : i + 1],
-                    p,
-                    dt[last],
-                    substeps[last],
-                    jump,
-                    taken,
-                    *tables,
-                    *free,
-                    watched,
-                    out,
-                    sens,
-                )
-                if failed >= 0:
-                    return i
-            update(
-                i - at.start, i == 0, self.now, measured, noise, lags, self.sensors, self.own, self.measured_states,
-                gains, output, self.held,
-            )  # fmt: skip
-        return -1 if np.isfinite(S).all() else at.stop - 1
+    def follow(self, begin: int, end: int, output: FilterOutput) -> int:
+        """Filter the samples from `begin` to `end`; the first that is not finite, or -1."""
+        watched = int(self.sensors[list(MEASURED).index("pressure_a"), 1])
+        failed: int = kernels_in(_KERNELS).follow(
+            self.step, tuple(self.state), self.model, self.intervals, self.sensors, self.measurements, self.gains,
+            output, self.scratch, (begin, end, watched),
+        )  # fmt: skip
+        return end - 1 if failed < 0 and not np.isfinite(self.state.S).all() else failed
 
 
-def _shown_at_start(actuator: Actuator) -> FloatArray:
-    """Matrix (n + 2, n) from the model's states to these and what the sensors show of them at the start.
+def _sensors(mapped: ParameterMap) -> IntArray:
+    """Rows and columns of each sensor, see `recursion.STATE`; the outputs stand behind the states of the model."""
+    states, column = mapped.actuator.states, {name: c for c, name in enumerate(mapped.bases)}
+    rows = [
+        (len(states) + m, states.index(sensor.state), column.get(sensor.lag, -1), column.get(sensor.offset, -1))
+        for m, sensor in enumerate(MEASURED.values())
+    ]
+    return np.array(rows, dtype=np.int64)
 
-    The position has moved as it does at the start; of the pressure, which rests there, no rate is known.
+
+def _model_arrays(mapped: ParameterMap, which: Columns, width: int) -> ModelArrays:
+    """Arguments of the generated step, for so many columns."""
+    arrays, module = mapped.numbers, kernels(mapped.actuator.model)
+    work = np.empty(module.work_size(width))
+    module.prepare(arrays.parameters, which.fill_slot, work)
+    return (
+        arrays.parameters, arrays.breakpoints, arrays.load, arrays.basis, which.table_basis, which.table_column,
+        which.fill_slot, which.fill_row, which.fill_column, work,
+    )  # fmt: skip
+
+
+def _intervals(segment: Segment, actuator: Actuator, noise: Noise) -> Intervals:
+    lags = [lag_coefficients(actuator.value(sensor.lag), segment.dt) for sensor in MEASURED.values()]
+    sigma = process_noise(segment, actuator, noise)
+    return segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1)
+
+
+def _measurements(track: Track, actuator: Actuator, measure: Sequence[str], noise: Noise) -> Measurements:
+    inside = slice(track.segment.start, track.segment.stop)
+    values = np.full((len(track.segment), len(MEASURED)), np.nan)
+    for m, name in enumerate(MEASURED):
+        if name in measure:
+            recorded = track.measured[name][inside]
+            values[:, m] = np.where(np.isfinite(recorded), recorded, np.nan)
+    of_sensor = [(actuator.value(s.offset), noise.measured.get(name, np.inf)) for name, s in MEASURED.items()]
+    return values, np.array(of_sensor), float(noise.outlier)
+
+
+def _start(segment: Segment, mapped: ParameterMap, which: Columns, L: FloatArray) -> FilterState:
+    """State of the filter at the start, with L for the states of the model (n, n), or (n, 0) with given gains.
+
+    The output of a sensor is what it measures, less the lag times the velocity for the position; of the pressure no
+    rate is known.
     """
-    states = actuator.states
-    shown = np.zeros((len(states) + len(MEASURED), len(states)))
-    shown[: len(states)] = np.eye(len(states))
-    for row, sensor in enumerate(MEASURED.values(), len(states)):
-        shown[row, states.index(sensor.state)] = 1.0
-    shown[len(states), states.index("v")] = -actuator.parameters.tau_y
-    return shown
+    actuator, k = mapped.actuator, len(mapped.bases)
+    states, n = actuator.states, len(actuator.states)
+    outputs = np.zeros((len(MEASURED), n))
+    outputs[np.arange(len(MEASURED)), [states.index(sensor.state) for sensor in MEASURED.values()]] = 1.0
+    position, lag = list(MEASURED).index("position"), MEASURED["position"].lag
+    outputs[position, states.index("v")] = -actuator.value(lag)
+    both = np.vstack([np.eye(n), outputs])
+    x = both @ start_state(segment, actuator)
+    dx = both @ start_sensitivities(segment, actuator, which, estimated=False)[:, :k]
+    if lag in mapped.bases:
+        dx[n + position, mapped.bases.index(lag)] -= x[states.index("v")]
+    of_outputs = np.zeros((x.size, len(MEASURED) if L.shape[1] else 0))
+    return FilterState(x, np.column_stack([dx, both @ L, of_outputs]))

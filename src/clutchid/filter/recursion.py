@@ -1,35 +1,30 @@
-"""One sample of the filter: sensors and process noise, measurements taken in, derivatives carried along.
+"""One recursion of the filter: `predict` moves state and columns over an interval, `correct` takes one measurement.
 
-The filter's state is that of the model with what each sensor shows behind it, because a sensor of first order is a
-state of its own. Its covariance P = L L' is carried as the square root L, so it stays positive and is accurate to twice
-the digits. The columns of L and the derivatives of the state to the free parameters are one matrix ``S = [dx | L]``,
-because the model moves both alike. ``W = [L | Q]`` is L beside the square root of the process noise.
+The state x has the n states of the model, then the output of each sensor, because a first-order lag is a state of its
+own. Its covariance P = L L' is carried as the square root L, so it stays positive and has twice the digits. L stands
+beside k columns dx of derivatives with respect to free parameters, ``S = [dx | L]``, because the model moves both
+alike; with given gains S has no L. Nothing is allocated: the caller makes all arrays once.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernel
+from clutchid.filter.arrays import FilterOutput, IntArray, Intervals, Measurements, ModelArrays, Scratch
 from clutchid.log import FloatArray
 
-#: Places in the array of what is known of the sensors: lags in s, offsets and standard deviations, one a sensor; then
-#: where an error becomes an outlier, in standard deviations.
-TAU, OFFSET, SIGMA, OUTLIER = 0, 2, 4, 6
-
-#: What the filter writes, sample by sample, in this order: rows (samples, 2, k + 1), ``[d r | r]`` with r = predicted -
-#: measured over its deviation, 0 for none; the errors of prediction and their variances (samples, 2, 2), NaN for none;
-#: the states of the model that it ends each sample with (samples, n); the derivatives of the pressure in chamber A and
-#: its standard deviation (samples, k + 1).
-FilterOutput = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+#: Columns of `sensors`, one row a sensor: row of its output in x, row of the state that it measures, columns in S of
+#: its lag and its offset, -1 if they are fixed.
+OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
 
 
 @kernel
 def triangularise(W: FloatArray) -> None:
-    """Turn the columns of a wide matrix, in place, until it is lower triangular; W W' stays (Householder)."""
+    """Make a wide matrix lower triangular in place by Householder reflections of its columns, which keep W W'."""
     n, width = W.shape
     for i in range(n):
         square = 0.0
@@ -52,217 +47,244 @@ def triangularise(W: FloatArray) -> None:
 
 
 @kernel
-def weigh(W: FloatArray, seen: FloatArray, e: float, sigma: float, outlier: float, gain: FloatArray) -> None:
-    """How one measurement moves the state, and what is then left of its covariance, in place (Potter).
+def move_sensors(x: FloatArray, S: FloatArray, before: FloatArray, sensors: IntArray, lags: FloatArray) -> None:
+    """Move the outputs of the sensors over an interval, in which a measured state is a straight line.
 
     Parameters
     ----------
-    W : (n, 2 n)
-        Square root of the covariance.
-    seen : (k + 2 n,)
-        The predicted measurement as a row of ``[dx | W]``.
-    e, sigma : the unit of the measurement
-        What was measured beyond what was predicted, and the deviation of the sensor.
-    outlier : 1
-        An error beyond so many standard deviations moves the state as if it came from so much worse a sensor.
-    gain : (n + 1,)
-        Receives the gain of every state, and the variance of the error of prediction.
+    x, S : (size,), (size, columns)
+        The model's states are those at the end of the interval, the outputs still those at its start.
+    before : (sensors, 1 + columns)
+        The measured states at the start of the interval, each with its row of S.
+    lags : (sensors, 6)
+        Coefficients a, b, c of each lag, and their derivatives with respect to it.
     """
-    n, width = W.shape
-    k = seen.size - width
-    known = 0.0
-    for c in range(width):
-        known += seen[k + c] * seen[k + c]
-    s = known + sigma * sigma
-    taken = s * max(1.0, abs(e) / math.sqrt(s) / outlier)
-    part = 1.0 / (1.0 + math.sqrt((taken - known) / taken))
+    for m in range(sensors.shape[0]):
+        output, state, a, b, c = sensors[m, OUTPUT], sensors[m, STATE], lags[m, 0], lags[m, 1], lags[m, 2]
+        by_lag = lags[m, 3] * x[output] + lags[m, 4] * before[m, 0] + lags[m, 5] * x[state]
+        x[output] = a * x[output] + b * before[m, 0] + c * x[state]
+        for j in range(S.shape[1]):
+            S[output, j] = a * S[output, j] + b * before[m, 1 + j] + c * S[state, j]
+        if sensors[m, LAG] >= 0:
+            S[output, sensors[m, LAG]] += by_lag
+
+
+@kernel
+def add_process_noise(S: FloatArray, sigma: FloatArray, sensors: IntArray, lags: FloatArray, W: FloatArray) -> None:
+    """Replace L in S by the lower triangular square root of ``L L' + Q Q'``.
+
+    Parameters
+    ----------
+    sigma : (n,)
+        Standard deviation of the process noise of each state of the model. The noise moves a state at the end of the
+        interval, and the output of its sensor by the coefficient c of its lag.
+    W : (size, size + n)
+        Scratch, ``[L | Q]``.
+    """
+    size, n = W.shape[0], sigma.size
+    k = S.shape[1] - size
+    for i in range(size):
+        for j in range(size):
+            W[i, j] = S[i, k + j]
+        for j in range(n):
+            W[i, size + j] = 0.0
     for i in range(n):
-        moved = 0.0
-        for c in range(width):
-            moved += W[i, c] * seen[k + c]
-        moved /= taken
-        gain[i] = moved
-        for c in range(width):
-            W[i, c] -= part * moved * seen[k + c]
-    gain[n] = s
+        W[i, size + i] = sigma[i]
+    for m in range(sensors.shape[0]):
+        W[sensors[m, OUTPUT], size + sensors[m, STATE]] = lags[m, 2] * sigma[sensors[m, STATE]]
+    triangularise(W)
+    for i in range(size):
+        for j in range(size):
+            S[i, k + j] = W[i, j]
 
 
 @kernel
-def correct(x: FloatArray, S: FloatArray, gain: FloatArray, seen: FloatArray, e: float, k: int) -> None:
-    """Move the state by its gain of an error, and its derivatives with it: ``dx <- (I - K C) dx``."""
-    for i in range(x.size):
-        x[i] += gain[i] * e
-        for c in range(k):
-            S[i, c] -= gain[i] * seen[c]
-
-
-@kernel
-def show(
+def predict(
+    step: Callable[..., bool],
     x: FloatArray,
     S: FloatArray,
-    before: FloatArray,
-    lags: FloatArray,
-    own: NDArray[np.int64],
-    state: NDArray[np.int64],
-) -> None:
-    """Move what the sensors show from the sample before to this one; between them a state is a straight line.
+    model: ModelArrays,
+    interval: tuple[FloatArray, float, int, FloatArray, FloatArray],
+    sensors: IntArray,
+    scratch: Scratch,
+) -> bool:
+    """Move state and columns over an interval; whether the state is finite.
 
     Parameters
     ----------
-    x, S : (n + 2,), (n + 2, columns)
-        The model's states are those of this sample, the last two rows, one a sensor, still those of the one before.
-    before : (2, 1 + columns)
-        The measured states of the sample before, each with its row of S.
-    lags : (2, 6)
-        Of each sensor, see `sensors.lag_coefficients`.
-    state : (2,)
-        Which state a sensor measures.
+    step
+        Generated step of the model variant. It moves the first n rows of x and S.
+    x, S : (size,), (size, columns)
+        In SI; S in units of x per free parameter, and of x in the columns of L. In place.
+    interval
+        A row of each of `Intervals`.
     """
-    n = x.size - state.size
-    for m in range(state.size):
-        at = state[m]
-        decay, of_last, of_now = lags[m, 0], lags[m, 1], lags[m, 2]
-        by_lag = lags[m, 3] * x[n + m] + lags[m, 4] * before[m, 0] + lags[m, 5] * x[at]
-        x[n + m] = decay * x[n + m] + of_last * before[m, 0] + of_now * x[at]
-        for c in range(S.shape[1]):
-            S[n + m, c] = decay * S[n + m, c] + of_last * before[m, 1 + c] + of_now * S[at, c]
-        if own[TAU + m] >= 0:
-            S[n + m, own[TAU + m]] += by_lag
+    u, length, substeps, sigma, lags = interval
+    p, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row, fill_column, work = model
+    before, W, _ = scratch
+    for m in range(sensors.shape[0]):
+        before[m, 0] = x[sensors[m, STATE]]
+        for j in range(S.shape[1]):
+            before[m, 1 + j] = S[sensors[m, STATE], j]
+    finite = step(
+        x, S, u, p, length, substeps, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row,
+        fill_column, work,
+    )  # fmt: skip
+    move_sensors(x, S, before, sensors, lags)
+    if W.shape[0] > 0:
+        add_process_noise(S, sigma, sensors, lags, W)
+    return finite
 
 
 @kernel
-def write(row: FloatArray, error: FloatArray, seen: FloatArray, e: float, s: float, outlier: float) -> None:
-    """Keep an error of prediction with its variance, and its row; beyond `outlier` deviations it counts linearly."""
-    error[0] = e
-    error[1] = s
+def correct(
+    x: FloatArray,
+    S: FloatArray,
+    sensor: IntArray,
+    measurement: tuple[float, float, float, float],
+    given: bool,
+    h: FloatArray,
+    gain: FloatArray,
+) -> float:
+    """Correct state and columns by one measurement; the innovation, in the unit of the measurement.
+
+    Parameters
+    ----------
+    x, S : (size,), (size, columns)
+        In place.
+    sensor : (4,)
+        A row of `sensors`.
+    measurement
+        Value, offset of the sensor, its standard deviation, and the standard deviations beyond which an innovation is
+        an outlier.
+    given : bool
+        Whether `gain` is given; then S has no L. Otherwise `gain` receives the optimal one.
+    h : (columns,)
+        Receives the derivatives of the predicted measurement: the row of its output in S, 1 for its offset.
+    gain : (size + 1,)
+        Gain of each state, and the variance of the innovation.
+    """
+    value, offset, sigma, outlier = measurement
+    size, k = x.size, S.shape[1] if given else S.shape[1] - x.size
+    for j in range(h.size):
+        h[j] = S[sensor[OUTPUT], j]
+    if sensor[OFFSET] >= 0:
+        h[sensor[OFFSET]] += 1.0
+    e = value - (x[sensor[OUTPUT]] + offset)
+    if not given:
+        update_covariance(S, h, e, sigma, outlier, gain)
+    for i in range(size):
+        x[i] += gain[i] * e
+        for j in range(k):
+            S[i, j] -= gain[i] * h[j]
+    return float(e)
+
+
+@kernel
+def update_covariance(S: FloatArray, h: FloatArray, e: float, sigma: float, outlier: float, gain: FloatArray) -> None:
+    """Optimal gain of one measurement, and L after it (Potter's update of the square root).
+
+    An innovation e beyond `outlier` standard deviations moves the state as if its sensor were as much worse as makes
+    its share of the correction constant (Huber). Units and shapes as in `correct`.
+    """
+    size = S.shape[0]
+    k = S.shape[1] - size
+    predicted = 0.0
+    for j in range(k, k + size):
+        predicted += h[j] * h[j]
+    s = predicted + sigma * sigma
+    weighted = s * max(1.0, abs(e) / math.sqrt(s) / outlier)
+    share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
+    for i in range(size):
+        covariance = 0.0
+        for j in range(k, k + size):
+            covariance += S[i, j] * h[j]
+        gain[i] = covariance / weighted
+        for j in range(k, k + size):
+            S[i, j] -= share * gain[i] * h[j]
+    gain[size] = s
+
+
+@kernel
+def write_row(row: FloatArray, h: FloatArray, e: float, s: float, outlier: float) -> None:
+    """Row ``[dr | r]`` of the standardised residual r = -e / sqrt(s), scaled so that r^2 grows as |e| for outliers."""
     scale = 1.0 / math.sqrt(s)
     scale *= math.sqrt(min(1.0, outlier / max(abs(e) * scale, 1e-300)))
-    for c in range(row.size - 1):
-        row[c] = seen[c] * scale
-    row[row.size - 1] = -e * scale
+    k = row.size - 1
+    for j in range(k):
+        row[j] = h[j] * scale
+    row[k] = -e * scale
 
 
 @kernel
-def leave(row: FloatArray, error: FloatArray) -> None:
-    """Keep that nothing was measured."""
-    error[0] = np.nan
-    error[1] = np.nan
-    for c in range(row.size):
-        row[c] = 0.0
-
-
-@kernel
-def beside(S: FloatArray, noise: FloatArray, lags: FloatArray, state: NDArray[np.int64]) -> FloatArray:
-    """``W = [L | Q]``: the square root in the last columns of S beside that of the process noise.
-
-    The noise of an interval moves a state at its end, and what its sensor shows by the share of the last sample.
-    """
-    size, n = S.shape[0], noise.size
-    k = S.shape[1] - size
-    W = np.zeros((size, size + n))
-    for i in range(size):
-        for c in range(size):
-            W[i, c] = S[i, k + c]
-    for i in range(n):
-        W[i, size + i] = noise[i]
-    for m in range(state.size):
-        W[n + m, size + state[m]] = lags[m, 2] * noise[state[m]]
-    return W
-
-
-@kernel
-def keep(
+def correct_sample(
     x: FloatArray,
     S: FloatArray,
-    W: FloatArray,
-    before: FloatArray,
-    state: NDArray[np.int64],
-    states: FloatArray,
-    pressure: FloatArray,
+    sensors: IntArray,
+    values: FloatArray,
+    measurements: Measurements,
+    given: bool,
+    h: FloatArray,
+    gains: FloatArray,
+    rows: FloatArray,
+    errors: FloatArray,
 ) -> None:
-    """Put the square root back into S, and write down what the sample ends with."""
-    k, p_A = pressure.size - 1, state[1]
-    square = 0.0
-    for c in range(min(W.shape[1], x.size)):
-        square += W[p_A, c] * W[p_A, c]
-        for i in range(x.size):
-            S[i, k + c] = W[i, c]
-    for i in range(states.size):
-        states[i] = x[i]
-    for m in range(state.size):
-        before[m, 0] = x[state[m]]
-        for c in range(S.shape[1]):
-            before[m, 1 + c] = S[state[m], c]
-    for c in range(k):
-        pressure[c] = S[p_A, c]
-    pressure[k] = math.sqrt(square)
+    """`correct` by each measurement of a sample, `values`, in turn; `rows` and `errors` as in `FilterOutput`."""
+    _, of_sensor, outlier = measurements
+    for m in range(sensors.shape[0]):
+        if math.isnan(values[m]):
+            errors[m] = np.nan
+            rows[m] = 0.0
+            continue
+        measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], outlier
+        errors[m, 0] = correct(x, S, sensors[m], measurement, given, h, gains[m])
+        errors[m, 1] = gains[m, x.size]
+        write_row(rows[m], h, errors[m, 0], errors[m, 1], outlier)
 
 
 @kernel
-def update(
-    at: int,
-    first: bool,
-    now: tuple[FloatArray, FloatArray, FloatArray],
-    measured: FloatArray,
-    noise: FloatArray,
-    lags: FloatArray,
-    sensors: FloatArray,
-    own: NDArray[np.int64],
-    state: NDArray[np.int64],
+def follow(
+    step: Callable[..., bool],
+    state: tuple[FloatArray, FloatArray],
+    model: ModelArrays,
+    intervals: Intervals,
+    sensors: IntArray,
+    measurements: Measurements,
     gains: FloatArray,
     output: FilterOutput,
-    fixed: bool,
-) -> None:
-    """Sample `at`: from the state that the model has predicted, in place, to the one corrected by its measurements.
+    scratch: Scratch,
+    span: tuple[int, int, int],
+) -> int:
+    """Filter some samples of a segment in place; the first that is not finite, or -1.
 
     Parameters
     ----------
-    at : sample
-        Its number in the arrays.
-    first : bool
-        No interval lies before the sample.
-    now : (n + 2,), (n + 2, k + n + 2), (2, 1 + k + n + 2)
-        State and ``S = [dx | L]``, of which the model has moved the first n rows, and `before` as in `show`.
-    measured : (samples, 2)
-        Position and pressure; NaN where there is none, or it is not in use.
-    noise : (samples, n)
-        Standard deviation of the process noise of the interval before each sample.
-    lags : (samples, 2, 6)
-        Of the sensors in the interval before each sample, see `sensors.lag_coefficients`.
-    sensors, own
-        What is known of the sensors; columns of tau_y, tau_p, e_y and e_p in S, or -1.
-    state : (2,)
-        Which states are measured.
-    gains : (samples, 2, n + 3)
-        Receives the gain of every state and the variance of each error of prediction.
-    output : FilterOutput
-        Receives what the filter finds.
-    fixed : bool
-        Take the gains as they are instead: then S has no columns for L.
+    state
+        x and S after the sample before; before the first sample, those predicted for it.
+    gains : (samples, sensors, size + 1)
+        Given if the scratch matrix W is empty, otherwise received, see `correct`.
+    output
+        Its rows begin with the first of the samples, the other arrays with the segment.
+    span
+        First sample, the one after the last, and the state whose derivatives and deviation are written.
     """
-    x, S, before = now
-    rows, errors, states, pressures = output
-    size, k = x.size, rows.shape[2] - 1
-    n = size - state.size
-    if not first:
-        show(x, S, before, lags[at], own, state)
-    W = np.zeros((size, 0)) if fixed else beside(S, noise[at], lags[at], state)
-    row = np.empty(k + W.shape[1])
-    for m in range(state.size):
-        value = measured[at, m]
-        if value != value:  # noqa: PLR0124, NaN: the filter goes on without it
-            leave(rows[at, m], errors[at, m])
-            continue
-        row[:k] = S[n + m, :k]
-        row[k:] = W[n + m]
-        if own[OFFSET + m] >= 0:
-            row[own[OFFSET + m]] += 1.0
-        e = value - (x[n + m] + sensors[OFFSET + m])
-        gain = gains[at, m]
-        if not fixed:
-            weigh(W, row, e, sensors[SIGMA + m], sensors[OUTLIER], gain)
-        correct(x, S, gain, row, e, k)
-        write(rows[at, m], errors[at, m], row, e, gain[size], sensors[OUTLIER])
-    if not fixed:
-        triangularise(W)
-    keep(x, S, W, before, state, states[at], pressures[at])
+    x, S = state
+    u, length, substeps, sigma, lags = intervals
+    rows, errors, states, watched = output
+    _, W, h = scratch
+    begin, end, at = span
+    n, k, given = states.shape[1], rows.shape[2] - 1, W.shape[0] == 0
+    for i in range(begin, end):
+        if i > 0:
+            interval = u[i - 1], length[i - 1], int(substeps[i - 1]), sigma[i - 1], lags[i - 1]
+            if not predict(step, x, S, model, interval, sensors, scratch):
+                return i
+        values = measurements[0][i]
+        correct_sample(x, S, sensors, values, measurements, given, h, gains[i], rows[i - begin], errors[i])
+        square = 0.0
+        for j in range(k, S.shape[1]):
+            square += S[at, j] * S[at, j]
+        states[i] = x[:n]
+        watched[i, :k] = S[at, :k]
+        watched[i, k] = math.sqrt(square)
+    return -1

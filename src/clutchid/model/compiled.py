@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.system import System
@@ -72,6 +73,28 @@ def kernels(variant: str) -> ModuleType:
 
 
 @cache
+def step(variant: str) -> Any:
+    """The kernel ``step`` of `variant`, to be passed to a kernel that takes one for every variant.
+
+    It has one type for all variants, so such a kernel is compiled once and its machine code is kept.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    from numba import types
+
+    from clutchid.codegen.callback import Callback
+
+    x, S = (types.Array(types.float64, n, "C") for n in (1, 2))
+    fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
+    places = types.Array(types.int64, 1, "C")
+    interval, tables = (types.float64, types.int64), (fixed, load, basis)
+    return Callback(kernels(variant).step, (x, S, fixed, fixed, *interval, *tables, *[places] * 5, x))
+
+
+@cache
 def functions() -> ModuleType:
     """What is made of the equations for all variants.
 
@@ -81,7 +104,7 @@ def functions() -> ModuleType:
 
 
 def compile_ahead(variants: Iterable[str] = tuple(VARIANTS)) -> None:
-    """Compile all kernels of some variants with the signatures that `clutchid.simulation` calls them with.
+    """Compile all kernels of some variants with the signatures that `simulation` and `filter` call them with.
 
     What has been compiled before is only loaded. Processes that start afterwards need not compile.
 
@@ -101,6 +124,8 @@ def compile_ahead(variants: Iterable[str] = tuple(VARIANTS)) -> None:
         module.run.compile((x, *plan, fixed, matrix, matrix))
         module.run_all.compile((x, matrix, *plan, fixed, matrix, basis, *[places] * 5, places, matrix, cube))
         module.linearise.compile((matrix, matrix, x, fixed, matrix, matrix, cube))
+        module.prepare.compile((x, places, x))
+        step(variant)
     functions().opening.compile((x, types.float64, types.float64))
     functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))
 
