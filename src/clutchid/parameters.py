@@ -43,6 +43,11 @@ class Row:
         return math.isfinite(value) and above and value <= self.high
 
     @property
+    def limits(self) -> tuple[float, float]:
+        """The smallest and the largest admissible value, or infinity."""
+        return self.low, self.high
+
+    @property
     def allowed(self) -> str:
         """The admissible range in words."""
         lower = f"{'at least' if self.low_included else 'above'} {self.low:g}" if math.isfinite(self.low) else ""

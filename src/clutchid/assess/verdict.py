@@ -10,7 +10,6 @@ import numpy as np
 from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis, remarks
 from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach
 from clutchid.estimate.result import Fit
-from clutchid.parameters import Parameters
 from clutchid.signals.residual_colour import CrossCorrelation
 from clutchid.uncertainty.identifiability import collinear, listed
 from clutchid.uncertainty.information import spectrum
@@ -183,8 +182,8 @@ def _undetermined(fit: Fit) -> list[_Reason]:
         return []
     undetermined = []
     for name, estimate in fit.parameters.items():
-        if name in Parameters.names():
-            size = max(abs(estimate.value), abs(getattr(Parameters(), name)))
+        if name in fit.actuator.parameter_names:
+            size = max(abs(estimate.value), abs(fit.actuator.default(name)))
             undetermined += [name] if size > 0.0 and estimate.std >= size else []
     if not undetermined:
         return []

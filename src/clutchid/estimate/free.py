@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.model.actuator import Actuator
 from clutchid.names import EVERY_RECORDING, ParameterName, base_of
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.parameters import unknown_name
 from clutchid.uncertainty.coordinates import Prior
 
 #: Default bounds of a parameter: this factor below and above its start value.
@@ -86,8 +86,8 @@ def bounds_of(
     outside = [
         f"{name}: bound {bound:g} is not admissible, it is {row.allowed} {row.unit}."
         for name, limits in given.items()
-        if base_of(name) in Parameters.names()
-        for row in [Parameters.row(base_of(name))]
+        if base_of(name) in actuator.parameter_names
+        for row in [actuator.row(base_of(name))]
         for bound in limits
         if np.isfinite(bound) and not row.admits(bound)
     ]
@@ -101,7 +101,7 @@ def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
         signed = name == "theta_2" or actuator.load.basis == "b-spline"
         return (-np.inf, np.inf) if signed else (0.0, np.inf)
     base = base_of(name)
-    row, value = Parameters.row(base), actuator.value(base)
+    row, value = actuator.row(base), actuator.value(base)
     if value <= 0.0:
         return row.low, row.high
     if not np.isfinite(row.high):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
@@ -11,9 +12,10 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
-from clutchid.model.compiled import VARIANTS, check_variant, functions, kernels
+from clutchid.model.compiled import check_variant, functions, kernels, parameter_names, state_rows
 from clutchid.model.equipment import Equipment
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.parameters import Parameters, Row, unknown_name
+from clutchid.states import State
 
 #: Knots of the paper in m, Section 2.5.
 PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
@@ -209,18 +211,47 @@ class Actuator:
     @property
     def names(self) -> tuple[str, ...]:
         """All names that `value` and `replace` know: the parameters, then the load weights."""
-        return (*Parameters.names(), *self.load.names)
+        return (*self.parameter_names, *self.load.names)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of `array`."""
+        return parameter_names(self.model)
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the model's states, in the order of its kernels; `clutchid.states` has a row for each."""
-        return VARIANTS[self.model]
+        """Names of the model's states, in the order of its kernels."""
+        return tuple(self.state_rows)
+
+    @property
+    def state_rows(self) -> Mapping[str, State]:
+        """The rows of the model's states by name, in the order of its kernels."""
+        return state_rows(self.model)
 
     @property
     def in_equations(self) -> frozenset[str]:
         """Names of the parameters that the model's equations hold."""
-        names = Parameters.names()
+        names = self.parameter_names
         return frozenset(names[q] for _, q in kernels(self.model).SLOTS)
+
+    def array(self) -> FloatArray:
+        """Values of the parameters in the order of `parameter_names`, shape (n_parameters,)."""
+        return self.parameters.array()
+
+    def row(self, name: str) -> Row:
+        """Unit, meaning, admissible range and source of a parameter.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such parameter; the text names the nearest known one.
+        """
+        return Parameters.row(name)
+
+    def default(self, name: str) -> float:
+        """The default of a parameter."""
+        result: float = getattr(Parameters(), name)
+        return result
 
     def value(self, name: str) -> float:
         """Value of a parameter or load weight, in SI.
@@ -239,7 +270,7 @@ class Actuator:
 
     def unit(self, name: str) -> str:
         """Unit of a parameter or load weight."""
-        return self.load.unit if name in self.load.names else Parameters.row(name).unit
+        return self.load.unit if name in self.load.names else self.row(name).unit
 
     def unit_behind(self, name: str) -> str:
         """Unit of a parameter or load weight as it stands behind its value, with a space; empty where it has none."""

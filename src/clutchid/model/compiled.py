@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.system import System
 from clutchid.errors import ParameterError
-from clutchid.parameters import unknown_name
+from clutchid.parameters import Parameters, unknown_name
+from clutchid.states import STATES, State
 
 #: States of each gas model, in the order of the kernels; a variant is a gas model, with or without Stribeck friction.
 _GAS = {
@@ -52,6 +53,25 @@ def check_variant(variant: str) -> None:
     """
     if variant not in VARIANTS:
         raise ParameterError(unknown_name(variant, VARIANTS, "model"))
+
+
+@cache
+def state_rows(variant: str) -> Mapping[str, State]:
+    """The states of a variant in the order of its kernels, with their rows.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    check_variant(variant)
+    return MappingProxyType({name: STATES[name] for name in VARIANTS[variant]})
+
+
+def parameter_names(variant: str) -> tuple[str, ...]:
+    """Names of the parameters of a variant, in the order of its kernels."""
+    del variant  # all have the same
+    return Parameters.names()
 
 
 @cache

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 from clutchid.assess.evidence import reach
 from clutchid.estimate import Fit
-from clutchid.parameters import Parameters
 from clutchid.report.half_load import load_table
 from clutchid.report.html import Block, Details, Text, escape
 from clutchid.report.tables import Cell, Column, Table, scientific
@@ -39,13 +38,13 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
     rows: list[tuple[Cell, ...]] = []
     for name in fit.parameters if names is None else names:
         e = fit.parameters[name]
-        rows.append((name, e.unit, e.value, e.std, e.low, e.high, _meaning(name)))
+        rows.append((name, e.unit, e.value, e.std, e.low, e.high, _meaning(fit, name)))
     return Table(title, columns, tuple(rows))
 
 
-def _meaning(name: str) -> str:
+def _meaning(fit: Fit, name: str) -> str:
     base, _, stem = name.partition("@")
-    meaning = Parameters.row(base).meaning if base in Parameters.names() else "weight of the load"
+    meaning = fit.actuator.row(base).meaning if base in fit.actuator.parameter_names else "weight of the load"
     return f"{meaning}, in {stem}" if stem else meaning
 
 

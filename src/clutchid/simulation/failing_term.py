@@ -11,7 +11,6 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
-from clutchid.states import STATES
 
 
 class _Term(NamedTuple):
@@ -47,8 +46,9 @@ def failing_term(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> s
             return f"the {what} is not finite{_made_of(actuator, term, known)}"
         known[term.name] = term.value
         rates += [term] if term.name.startswith("d_") else []
-    fastest = max(rates, key=lambda term: abs(term.value) / STATES[term.name[2:]].fast)
-    name, unit = fastest.name[2:], STATES[fastest.name[2:]].rate_unit
+    rows = actuator.state_rows
+    fastest = max(rates, key=lambda term: abs(term.value) / rows[term.name[2:]].fast)
+    name, unit = fastest.name[2:], rows[fastest.name[2:]].rate_unit
     what = f"all terms are finite and {name} changes fastest, by {fastest.value:.3g} {unit}"
     return what + _made_of(actuator, fastest, known)
 
@@ -61,7 +61,7 @@ def _terms(actuator: Actuator, state: FloatArray, inputs: FloatArray) -> Iterato
         force = float(load.force(y)[0])
         acting = tuple(name for name, phi in zip(load.names, load.phi(y)[0], strict=True) if phi != 0.0)
     yield _Term("f_l", force, acting, ())
-    values = module.terms(state.tolist(), inputs.tolist(), actuator.parameters.array().tolist(), force)
+    values = module.terms(state.tolist(), inputs.tolist(), actuator.array().tolist(), force)
     for name, parameters, made_of in module.TERMS:
         try:
             yield _Term(name, next(values), parameters, made_of)

@@ -8,7 +8,7 @@ from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.plan import Segment
-from clutchid.states import NOISE_SPAN, STATES
+from clutchid.states import NOISE_SPAN
 from clutchid.uncertainty.noise import Noise
 
 
@@ -61,7 +61,7 @@ def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, opened:
 
 def start_deviations(segment: Segment, actuator: Actuator, with_pressure: bool, noise: Noise) -> FloatArray:
     """Standard deviations of the first state of a segment, shape (n_states,), in SI."""
-    sigma = {n: STATES[n].start if segment.vented else STATES[n].unknown_start for n in actuator.states}
+    sigma = {n: row.start if segment.vented else row.unknown_start for n, row in actuator.state_rows.items()}
     if with_pressure and np.isfinite(segment.pressure_start):
         sigma["p_A"] = max(sigma["p_A"] if segment.vented else 0.0, noise.measured["pressure_a"])
     return np.array(list(sigma.values()))

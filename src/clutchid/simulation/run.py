@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator, Load
-from clutchid.model.compiled import kernels
-from clutchid.parameters import Parameters
+from clutchid.model.compiled import kernels, parameter_names
 from clutchid.simulation.plan import Segment
-from clutchid.states import STATES
 
 IntArray = NDArray[np.int64]
 
@@ -48,7 +46,7 @@ def columns(actuator: Actuator, names: Sequence[str]) -> Columns:
 @lru_cache(maxsize=1024)
 def _columns(model: str, load: tuple[str, ...], names: tuple[str, ...]) -> Columns:
     weights = [(load.index(name), c) for c, name in enumerate(names) if name in load]
-    position = {name: number for number, name in enumerate(Parameters.names())}
+    position = {name: number for number, name in enumerate(parameter_names(model))}
     column_of = {position[name]: c for c, name in enumerate(names) if name in position}
     fill = [(slot, row, column_of[q]) for slot, (row, q) in enumerate(kernels(model).SLOTS) if q in column_of]
     table_basis, table_column = _integers(weights, 2)
@@ -74,7 +72,7 @@ class KernelArrays:
     def of(cls, actuator: Actuator) -> KernelArrays:
         """The arrays of `actuator`."""
         load = actuator.load
-        return cls(actuator.parameters.array(), load.breakpoints, load.coefficients, load.combined(), actuator.model)
+        return cls(actuator.array(), load.breakpoints, load.coefficients, load.combined(), actuator.model)
 
 
 def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float] | None = None) -> FloatArray:
@@ -92,7 +90,7 @@ def start_state(segment: Segment, actuator: Actuator, start: tuple[float, float]
     else:
         y = segment.position_start
         p_A = guessed_pressure(segment, actuator)
-    rest = {name: actuator.value(begin) for name in actuator.states if (begin := STATES[name].starts_at)}
+    rest = {name: actuator.value(row.starts_at) for name, row in actuator.state_rows.items() if row.starts_at}
     known = {**rest, "y": y, "p_A": p_A}
     return np.array([known.get(name, 0.0) for name in actuator.states])
 
@@ -197,10 +195,10 @@ def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, es
 
     Chambers that start at P_0 depend on it, and a pressure by Eq. (26) depends on the load.
     """
-    states = actuator.states
+    rows, states = actuator.state_rows, actuator.states
     S = np.zeros((len(states), len(which.names)))
     position, pressure = states.index("y"), states.index("p_A")
-    begins = {STATES[state].starts_at for state in states}
+    begins = {row.starts_at for row in rows.values()}
     measured = bool(np.isfinite(segment.pressure_start))
     resting = not (segment.vented or estimated or measured)
     y, A_A = segment.position_start, actuator.parameters.A_A
@@ -212,8 +210,8 @@ def start_sensitivities(segment: Segment, actuator: Actuator, which: Columns, es
         elif name == PRESSURE_START:
             S[pressure, column] = 1.0
         elif name in begins:
-            S[:, column] = [float(STATES[state].starts_at == name) for state in states]
-            if name == STATES["p_A"].starts_at:
+            S[:, column] = [float(row.starts_at == name) for row in rows.values()]
+            if name == rows["p_A"].starts_at:
                 S[pressure, column] = float(resting or (segment.vented and not measured))
         elif resting and force > 0.0:
             S[pressure, column] = -force / A_A**2 if name == "A_A" else phi.get(name, 0.0) / A_A

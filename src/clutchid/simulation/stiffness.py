@@ -83,7 +83,7 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
     for duty in ((1.0, 0.0), (0.0, 1.0)):
         u = np.zeros((x.shape[0], len(kernels(actuator.model).INPUTS)))
         u[:, :2] = duty
-        kernels(actuator.model).linearise(x, u, p.array(), load.breakpoints, load.combined(), rates, jacobian)
+        kernels(actuator.model).linearise(x, u, actuator.array(), load.breakpoints, load.combined(), rates, jacobian)
         finite = jacobian[np.all(np.isfinite(jacobian), axis=(1, 2))]
         largest = max(largest, float(np.abs(np.linalg.eigvals(finite)).max()))
     return largest

@@ -14,7 +14,6 @@ from clutchid.numerics.failure import Failure
 from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.simulation import failure_message
-from clutchid.states import STATES
 
 #: Length of a window in s, and interval in s between resets of the simulation that gives the initial values.
 WINDOW, RESET_INTERVAL = 0.1, 0.02
@@ -77,7 +76,7 @@ def _window(segment: Segment, a: int, b: int) -> Segment:
 
 def units(actuator: Actuator) -> FloatArray:
     """Natural sizes of the states of the actuator's model."""
-    return np.array([STATES[name].scale for name in actuator.states])
+    return np.array([row.scale for row in actuator.state_rows.values()])
 
 
 def initial_states(track: Track, actuator: Actuator, with_pressure: bool) -> FloatArray | Failure:

@@ -20,7 +20,6 @@ from clutchid.smoother.elimination import Eliminated, eliminate
 from clutchid.smoother.linearised_windows import LinearisedWindows
 from clutchid.smoother.links import first_rows, link_costs, link_rows, link_sigma
 from clutchid.smoother.window_rows import window_rows
-from clutchid.states import STATES
 from clutchid.uncertainty.coordinates import Coordinate, smoothness
 from clutchid.uncertainty.noise import Noise
 
@@ -256,7 +255,7 @@ def condense(
     `damping` of the window starts: one array per track. With fixed theta the factor is empty.
     """
     names = problem.actuator.states
-    weight = np.diag([STATES[name].step for name in names])
+    weight = np.diag([row.step for row in problem.actuator.state_rows.values()])
     chains = []
     for track, chain in enumerate(linear.chains):
         windows = chain.windows.linearised.state_rows

@@ -11,7 +11,6 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.parameters import Parameters
 
 #: Relative standard deviation of the parameters of a new actuator from Appendix A or a data sheet; the prior is
 #: log-normal. Areas and stroke are known from the drawing. Reasons: docs/methods.md.
@@ -112,7 +111,7 @@ def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | Non
     base, _, stem = name.partition("@")
     value = actuator.value(base)
     weight = base in actuator.load.names
-    low, high = (-np.inf, np.inf) if weight else (Parameters.row(base).low, Parameters.row(base).high)
+    low, high = (-np.inf, np.inf) if weight else actuator.row(base).limits
     if limits is not None:
         low, high = max(low, limits[0]), min(high, limits[1])
     mean = value if prior is None else prior.mean

@@ -8,7 +8,6 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
-from clutchid.parameters import Parameters
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Coordinate
 from clutchid.uncertainty.noise import Noise
@@ -58,7 +57,7 @@ def consider_parameters(
     kept = [i for i in range(len(names)) if 0.0 < width[i] < np.inf]
     considered = []
     for i in kept:
-        row = Parameters.row(names[i])
+        row = actuator.row(names[i])
         value = actuator.value(names[i])
         considered.append(Coordinate(names[i], None, value, float(width[i]), False, row.low, row.high))
     correlation = matrix[np.ix_(kept, kept)] / np.outer(width[kept], width[kept])

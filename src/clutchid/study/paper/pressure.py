@@ -46,7 +46,7 @@ def pressures(actuator: Actuator, recording: Recording) -> Pressures:
     p, force = actuator.parameters, actuator.load.force
     y, v, z = (simulated[name] for name in ("position", "velocity", "deflection"))
     text = _texts(actuator.model)
-    numbers = actuator.parameters.array()
+    numbers = actuator.array()
     a = np.gradient(v, simulated.time)
     friction = text["f_f"](v, z, text["z_dot"](v, z, numbers), numbers)
     stop = text["f_s"](y, v, numbers)
