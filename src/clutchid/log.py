@@ -5,6 +5,7 @@ Columns are in SI under the names of `COLUMNS`; a missing sample is NaN.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -37,6 +38,9 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+#: A column of another name carries its unit: ``z_1 [m]``, a state of an own model.
+_WITH_UNIT = re.compile(r"(\w+) \[([^\[\]]+)\]")
+
 INPUTS = ("duty_supply", "duty_exhaust")
 
 #: An interval above this multiple of the median is a hole; exactly five medians, up to rounding, are not.
@@ -67,7 +71,7 @@ class Log:
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
         object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
-        unknown = [name for name in columns if name not in COLUMNS]
+        unknown = [name for name in columns if name not in COLUMNS and not _WITH_UNIT.fullmatch(name)]
         problems = [f"column '{name}' is not known; known columns are {', '.join(COLUMNS)}." for name in unknown]
         problems += [
             f"column '{name}' has {values.size} samples, time has {time.size}."
@@ -109,6 +113,18 @@ class Log:
     def with_columns(self, **columns: FloatArray) -> Log:
         """The same log with columns added or replaced."""
         return replace(self, columns={**self.columns, **columns})
+
+
+def name_and_unit(column: str) -> tuple[str, str]:
+    """Name and SI unit of a column of a `Log`.
+
+    Examples
+    --------
+    >>> name_and_unit("velocity"), name_and_unit("z_1 [m]")
+    (('velocity', 'm/s'), ('z_1', 'm'))
+    """
+    match = _WITH_UNIT.fullmatch(column)
+    return (match[1], match[2]) if match else (column, COLUMNS[column])
 
 
 def _frozen(values: FloatArray) -> FloatArray:

@@ -5,8 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from clutchid.model.actuator import Actuator, Load
+from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import VARIANTS, kernels, system
+from clutchid.model.weighted_load import Load
 from clutchid.simulation.stiffness import stiffness
 
 VARIANT = "energy-balance-stribeck"

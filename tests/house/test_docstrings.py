@@ -10,7 +10,7 @@ import clutchid
 SECTIONS = ("Parameters", "Returns", "Examples")
 
 #: Files of the model that put equations together and hold none of their own.
-GLUE = {"assembly.py", "compiled.py"}
+GLUE = {"assembly.py", "compiled.py", "own_checks.py", "own_file.py", "own_system.py", "own_units.py"}
 
 #: Public functions of the model with a docstring of one line. This list only shrinks.
 ONE_LINE = {
@@ -107,7 +107,7 @@ def test_single_equations_lead_to_their_functions(source):
         1: ("motion.py", "acceleration"), 2: ("friction.py", "friction_force"), 3: ("friction.py", "deflection_rate"),
         4: ("chambers.py", "pressure_rate"), 5: ("chambers.py", "pressure_rate"), 6: ("valves.py", "psi"),
         9: ("valves.py", "psi"), 10: ("valves.py", "orifice_flow"), 11: ("opening.py", "opening"),
-        12: ("valves.py", "breathing_flow"), 13: ("valves.py", "breathing_flow"), 14: ("actuator.py", "Load"),
+        12: ("valves.py", "breathing_flow"), 13: ("valves.py", "breathing_flow"), 14: ("weighted_load.py", "Load"),
         15: ("load.py", "phi_1"), 16: ("load.py", "phi_2"), 17: ("load.py", "phi_3"), 18: ("load.py", "xi_1"),
         23: ("isothermal.py", "isothermal"), 25: ("static.py", "static_load"), 26: ("static.py", "static_pressure"),
     }  # fmt: skip

@@ -10,7 +10,8 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.measured import SENSOR_PARAMETERS
-from clutchid.model.actuator import Actuator, Load
+from clutchid.model.actuator import Actuator
+from clutchid.model.weighted_load import Load
 from clutchid.preparation.carrier import centred, find_carrier
 from clutchid.signals.duty_cycle import duty_grid, grid_phase, on_off
 from clutchid.signals.excitation import VENTED_POSITION
@@ -64,6 +65,7 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     changes |= found
     candidates = (*PAPER, *SHAPES, *BALANCE, *(CARRIER if found else ()), *STRIBECK)
     free = [name for name in candidates if name in known]
+    free += [name for name in actuator.parameter_names if (own := actuator.own_row(name)) and own.std]
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     begin = replace(actuator, load=load).replace(changes)
     priors = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, max(log.reach() for log in logs))}

@@ -45,8 +45,7 @@ def compare(
     half : Pa, optional
         Half width of the 95 % interval of the pressure at every sample.
     """
-    names = plan.actuator.states
-    simulated = simulated_log(plan, states, names)
+    simulated = simulated_log(plan, states, plan.actuator)
     pair = plan.log, simulated.with_columns(**shown) if shown else simulated
     if half is not None:
         pressure = simulated["pressure_a"]

@@ -21,7 +21,8 @@ from clutchid.estimate.recording_sections import Starts, is_number, own_values, 
 from clutchid.estimate.result import Fit
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
-from clutchid.model.actuator import BASES, Actuator, Load
+from clutchid.model.actuator import Actuator
+from clutchid.model.weighted_load import BASES, Load
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.uncertainty.calibration import Calibration
 

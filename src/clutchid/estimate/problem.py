@@ -46,7 +46,7 @@ def fit_problem(
         tracks=tracks_with_steps(plans, CALIBRATED_MARGIN if calibration else MARGIN),
         stems=tuple(log.name for log in logs),
         measure=free.measure,
-        noise=Noise(),
+        noise=Noise(states={name: row.noise for name, row in first.state_rows.items()}),
         curvature=CURVATURE,
         reference=actuator.load.theta if calibration else (0.0,) * len(actuator.load.theta),
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.io.columns import Heading
-from clutchid.log import COLUMNS, FloatArray, Log
+from clutchid.log import FloatArray, Log, name_and_unit
 
 if TYPE_CHECKING:
     import polars as pl
@@ -71,7 +71,10 @@ def to_frame(log: Log) -> pl.DataFrame:
     import polars as pl
 
     return pl.DataFrame(
-        {"time [s]": log.time, **{f"{name} [{COLUMNS[name]}]": values for name, values in log.columns.items()}}
+        {
+            "time [s]": log.time,
+            **{"{} [{}]".format(*name_and_unit(name)): values for name, values in log.columns.items()},
+        }
     )
 
 

@@ -1,5 +1,8 @@
-"""The paper's model, one file a section, and what is compiled from it."""
+"""The paper's model, one file a section, models of one's own, and what is compiled from them."""
 
-from clutchid.model.actuator import PAPER_KNOTS, Actuator, Load
+from clutchid.model.actuator import Actuator
+from clutchid.model.own import OwnModel, OwnParameter, OwnState
+from clutchid.model.own_file import own_model
+from clutchid.model.weighted_load import PAPER_KNOTS, Load
 
-__all__ = ["PAPER_KNOTS", "Actuator", "Load"]
+__all__ = ["PAPER_KNOTS", "Actuator", "Load", "OwnModel", "OwnParameter", "OwnState", "own_model"]

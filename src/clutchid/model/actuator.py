@@ -1,197 +1,39 @@
-"""`Load`, weights with the basis they belong to, and `Actuator` = model variant + parameters + load."""
+"""`Actuator`: a model, parameters and a load."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
 
 import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
-from clutchid.model.compiled import check_variant, functions, kernels, parameter_names, state_rows
+from clutchid.model.compiled import Model, check_model, kernels, parameter_names, state_rows
 from clutchid.model.equipment import Equipment
+from clutchid.model.own import OwnModel, OwnParameter
+from clutchid.model.weighted_load import Load
 from clutchid.parameters import Parameters, Row, unknown_name
 from clutchid.states import State
-
-#: Knots of the paper in m, Section 2.5.
-PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
-
-#: Bases of the load by name.
-BASES = ("paper", "b-spline")
-
-
-@cache
-def _weight_names(count: int) -> tuple[str, ...]:
-    """theta_1, theta_2, ...; made once, as a search asks for them at every step."""
-    return tuple(f"theta_{i + 1}" for i in range(count))
-
-
-@dataclass(frozen=True)
-class Load:
-    r"""The clutch load over the piston position, Eq. (14).
-
-    .. math:: f_l(y) = \sum_i \theta_i \phi_i(y)
-
-    Parameters
-    ----------
-    theta : N/m or N
-        Weights: three in N/m for the paper's splines, number of knots + 2 in N for B-splines. A weight means nothing
-        without its basis, so basis, knots and slope are kept with it.
-    knots : m
-        Strictly increasing positions: four, t_1 ... t_4, for the paper's splines, at least two for B-splines.
-    phi2_slope : 1
-        1 by the paper's stated conditions, 0.001 as published; see `clutchid.model.load.xi_2`. Paper's splines only.
-    basis : 'paper' or 'b-spline'
-        Eqs. (15)-(17), or `clutchid.model.b_spline`.
-
-    Raises
-    ------
-    ParameterError
-        If knots do not increase, the number of weights does not fit, or a number is not finite.
-
-    Examples
-    --------
-    The paper's ballistic estimate peaks at 5.0 kN, 4 bar on the piston:
-
-    >>> load = Load((9.3850e5, -0.5817e5, 0.3909e5), phi2_slope=0.001)
-    >>> f"{load.force(np.array([8.5e-3]))[0]:.0f} N"
-    '4957 N'
-    """
-
-    theta: tuple[float, ...] = (9e5, 0.0, 0.0)
-    knots: tuple[float, ...] = PAPER_KNOTS
-    phi2_slope: float = 1.0
-    basis: str = "paper"
-
-    def __post_init__(self) -> None:
-        problems = []
-        if self.basis not in BASES:
-            raise ParameterError(unknown_name(str(self.basis), BASES, "load basis"))
-        paper = self.basis == "paper"
-        count = 3 if paper else len(self.knots) + 2
-        if len(self.theta) != count or not all(math.isfinite(value) for value in self.theta):
-            number = "three" if paper else str(count)
-            problems.append(f"theta = {self.theta}: {number} finite weights in {self.unit} are needed.")
-        increasing = all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
-        enough = len(self.knots) == 4 if paper else len(self.knots) >= 2
-        if not enough or not increasing or not all(math.isfinite(knot) for knot in self.knots):
-            problems.append(
-                f"knots = {self.knots} m: {'four' if paper else 'two or more'} strictly increasing positions are "
-                f"needed, all of them finite; the paper has {PAPER_KNOTS}."
-            )
-        if not math.isfinite(self.phi2_slope):
-            problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")
-        if problems:
-            raise ParameterError("\n".join(problems))
-        object.__setattr__(self, "theta", tuple(float(value) for value in self.theta))
-        object.__setattr__(self, "knots", tuple(float(value) for value in self.knots))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the weights: theta_1, theta_2, ..."""
-        return _weight_names(len(self.theta))
-
-    @classmethod
-    def on_b_splines(cls, other: Load | None = None, knots: tuple[float, ...] = DEFAULT_KNOTS) -> Load:
-        """A load on cubic B-splines that comes as near as it can to `other`, by default to the paper's start.
-
-        Raises
-        ------
-        ParameterError
-            If knots do not increase.
-
-        Examples
-        --------
-        >>> load = Load.on_b_splines(Load((9.385e5, 0.0, 0.0)))
-        >>> f"{load.force(np.array([8.5e-3]))[0]:.0f} N"
-        '4927 N'
-        """
-        blank = cls((0.0,) * (len(knots) + 2), tuple(knots), 1.0, "b-spline")
-        y = np.linspace(knots[0], knots[-1], 20 * len(knots))
-        wanted = (cls() if other is None else other).force(y)
-        return replace(blank, theta=tuple(np.linalg.lstsq(blank.phi(y), wanted, rcond=None)[0].tolist()))
-
-    @property
-    def unit(self) -> str:
-        """Unit of the weights."""
-        return "N/m" if self.basis == "paper" else "N"
-
-    def curvature(self, y: FloatArray) -> FloatArray:
-        """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
-        y = np.asarray(y, dtype=np.float64)
-        segment = np.searchsorted(self.breakpoints, y, side="right")
-        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
-        c = self.coefficients[:, segment]
-        result: FloatArray = (2 * c[..., 2] + 6 * offset * c[..., 3]).T
-        return result
-
-    @cached_property
-    def _table(self) -> tuple[FloatArray, FloatArray]:
-        return _paper_table(self.knots, self.phi2_slope) if self.basis == "paper" else _b_splines(self.knots)
-
-    @property
-    def breakpoints(self) -> FloatArray:
-        """Positions in m where the polynomials change, shape (s - 1,)."""
-        return self._table[0]
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """Coefficients of every basis function, shape (n_theta, s, 4), in powers of y - left breakpoint."""
-        return self._table[1]
-
-    def combined(self, theta: FloatArray | None = None) -> FloatArray:
-        """Coefficients of the load itself, shape (s, 4), with the weights `theta` in place of the own ones."""
-        weights = np.asarray(self.theta if theta is None else theta, dtype=np.float64)
-        result: FloatArray = np.tensordot(weights, self.coefficients, axes=1)
-        return result
-
-    def phi(self, y: FloatArray) -> FloatArray:
-        """Basis functions in m at the positions `y` in m, shape (n, n_theta)."""
-        y = np.asarray(y, dtype=np.float64)
-        segment = np.searchsorted(self.breakpoints, y, side="right")
-        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
-        c = self.coefficients[:, segment]
-        result: FloatArray = (c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))).T
-        return result
-
-    def force(self, y: FloatArray) -> FloatArray:
-        """Load in N at the positions `y` in m, shape (n,)."""
-        result: FloatArray = self.phi(y) @ np.asarray(self.theta)
-        return result
-
-
-@cache
-def _paper_table(knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
-    breakpoints, coefficients = functions().paper_table(*knots, phi2_slope)
-    return _frozen(np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64))
-
-
-@cache
-def _b_splines(knots: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    return _frozen(*b_spline_table(knots))
-
-
-def _frozen(*table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    breakpoints, coefficients = (np.ascontiguousarray(array) for array in table)  # the layout that kernels read
-    for array in (breakpoints, coefficients):
-        array.flags.writeable = False
-    return breakpoints, coefficients
 
 
 @dataclass(frozen=True)
 class Actuator:
-    """An actuator: model variant, parameters and load, and which chambers and valves there are.
+    """An actuator: model, parameters and load, and which chambers and valves there are.
 
     Parameters of a chamber or valve that does not exist have the values that stand for that.
+
+    Parameters
+    ----------
+    model
+        A variant by name, or an `OwnModel`.
+    own
+        Values of the parameters of an `OwnModel` in SI, in its order; by default its defaults.
 
     Raises
     ------
     ParameterError
-        If there is no such variant.
+        If there is no such variant, or values of own parameters are missing or outside their range.
 
     Examples
     --------
@@ -201,12 +43,33 @@ class Actuator:
 
     parameters: Parameters = field(default_factory=Parameters)
     load: Load = field(default_factory=Load)
-    model: str = "isothermal"
+    model: Model = "isothermal"
     equipment: Equipment = field(default_factory=Equipment)
+    own: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        check_variant(self.model)
+        check_model(self.model)
         object.__setattr__(self, "parameters", self.equipment.fitted(self.parameters))
+        rows = self._own_rows
+        values = tuple(map(float, self.own)) or tuple(float(row.default) for row in rows.values())
+        if len(values) != len(rows):
+            raise ParameterError(
+                f"own = {self.own}: the model {self.model} has {len(rows)} parameters of its own: "
+                f"{', '.join(rows) or 'none'}."
+            )
+        problems = [
+            f"{name} = {value:g}{'' if row.unit == '1' else ' ' + row.unit}: it is {row.row.allowed}. The default is "
+            f"{row.default:g}."
+            for (name, row), value in zip(rows.items(), values, strict=True)
+            if not row.row.admits(value)
+        ]
+        if problems:
+            raise ParameterError("\n".join(problems))
+        object.__setattr__(self, "own", values)
+
+    @property
+    def _own_rows(self) -> Mapping[str, OwnParameter]:
+        return self.model.parameters if isinstance(self.model, OwnModel) else {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -236,7 +99,7 @@ class Actuator:
 
     def array(self) -> FloatArray:
         """Values of the parameters in the order of `parameter_names`, shape (n_parameters,)."""
-        return self.parameters.array()
+        return np.append(self.parameters.array(), self.own) if self.own else self.parameters.array()
 
     def row(self, name: str) -> Row:
         """Unit, meaning, admissible range and source of a parameter.
@@ -246,11 +109,19 @@ class Actuator:
         ParameterError
             If there is no such parameter; the text names the nearest known one.
         """
-        return Parameters.row(name)
+        own = self.own_row(name)
+        if own is None and name not in Parameters.names():
+            raise ParameterError(unknown_name(name, self.parameter_names))
+        return Parameters.row(name) if own is None else own.row
+
+    def own_row(self, name: str) -> OwnParameter | None:
+        """The row of a parameter of an `OwnModel`; None for any other name."""
+        return self._own_rows.get(name)
 
     def default(self, name: str) -> float:
         """The default of a parameter."""
-        result: float = getattr(Parameters(), name)
+        own = self.own_row(name)
+        result: float = getattr(Parameters(), name) if own is None else float(own.default)
         return result
 
     def value(self, name: str) -> float:
@@ -263,6 +134,8 @@ class Actuator:
         """
         if name in self.load.names:
             return self.load.theta[self.load.names.index(name)]
+        if name in self._own_rows:
+            return self.own[list(self._own_rows).index(name)]
         if name not in Parameters.names():
             raise ParameterError(unknown_name(name, self.names))
         result: float = getattr(self.parameters, name)
@@ -287,8 +160,11 @@ class Actuator:
         """
         theta = tuple(changes.get(name, value) for name, value in zip(self.load.names, self.load.theta, strict=True))
         others = {name: value for name, value in changes.items() if name not in self.load.names}
-        problems = [unknown_name(name, self.names) for name in others if name not in Parameters.names()]
+        problems = [unknown_name(name, self.names) for name in others if name not in self.parameter_names]
         problems += [sentence for name in others if (sentence := self.equipment.missing(name))]
         if problems:
             raise ParameterError("\n".join(problems))
-        return replace(self, parameters=self.parameters.replace(others), load=replace(self.load, theta=theta))
+        rows = self._own_rows
+        own = tuple(others.pop(name, value) for name, value in zip(rows, self.own, strict=True))
+        load = replace(self.load, theta=theta)
+        return replace(self, parameters=self.parameters.replace(others), load=load, own=own)

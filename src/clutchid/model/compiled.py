@@ -6,11 +6,12 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType, ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.system import System
 from clutchid.errors import ParameterError
+from clutchid.model.own import OwnModel
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.states import STATES, State
 
@@ -24,11 +25,14 @@ _STRIBECK = "-stribeck"
 #: Model variants by name, with their states.
 VARIANTS = {f"{gas}{friction}": states for gas, states in _GAS.items() for friction in ("", _STRIBECK)}
 
+#: A variant by name, or a model of the user's own.
+Model: TypeAlias = str | OwnModel
+
 _HERE = Path(__file__).parent
 
 
-def system(variant: str) -> System:
-    """The equations of a model variant.
+def system(model: Model) -> System:
+    """The equations of a model.
 
     Raises
     ------
@@ -38,45 +42,52 @@ def system(variant: str) -> System:
     from clutchid.model.energy_balance import energy_balance
     from clutchid.model.isothermal import isothermal
 
-    check_variant(variant)
-    gas = {"isothermal": isothermal, "energy-balance": energy_balance}[variant.removesuffix(_STRIBECK)]
-    return gas(stribeck=variant.endswith(_STRIBECK))
+    check_model(model)
+    if isinstance(model, OwnModel):
+        from clutchid.model.own_system import own_system
+
+        return own_system(model, system(model.base))
+    gas = {"isothermal": isothermal, "energy-balance": energy_balance}[model.removesuffix(_STRIBECK)]
+    return gas(stribeck=model.endswith(_STRIBECK))
 
 
-def check_variant(variant: str) -> None:
-    """Refuse a variant that does not exist.
+def check_model(model: Model) -> None:
+    """Refuse a variant that does not exist; a model of the user's own was checked when it was made.
 
     Raises
     ------
     ParameterError
         The text has the nearest known one.
     """
-    if variant not in VARIANTS:
-        raise ParameterError(unknown_name(variant, VARIANTS, "model"))
+    if not isinstance(model, OwnModel) and model not in VARIANTS:
+        raise ParameterError(unknown_name(str(model), VARIANTS, "model"))
 
 
 @cache
-def state_rows(variant: str) -> Mapping[str, State]:
-    """The states of a variant in the order of its kernels, with their rows.
+def state_rows(model: Model) -> Mapping[str, State]:
+    """The states of a model in the order of its kernels, with their rows.
 
     Raises
     ------
     ParameterError
         If there is no such variant.
     """
-    check_variant(variant)
-    return MappingProxyType({name: STATES[name] for name in VARIANTS[variant]})
-
-
-def parameter_names(variant: str) -> tuple[str, ...]:
-    """Names of the parameters of a variant, in the order of its kernels."""
-    del variant  # all have the same
-    return Parameters.names()
+    check_model(model)
+    if not isinstance(model, OwnModel):
+        return MappingProxyType({name: STATES[name] for name in VARIANTS[model]})
+    rows = {name: row for name, row in state_rows(model.base).items() if name not in model.without}
+    return MappingProxyType(rows | {name: state.row(name) for name, state in model.states.items()})
 
 
 @cache
-def kernels(variant: str) -> ModuleType:
-    """Kernels of `variant`: ``run``, ``run_all`` and ``linearise``, and its ``terms`` one after the other.
+def parameter_names(model: Model) -> tuple[str, ...]:
+    """Names of the parameters of a model, in the order of its kernels."""
+    return (*Parameters.names(), *(model.parameters if isinstance(model, OwnModel) else ()))
+
+
+@cache
+def kernels(model: Model) -> ModuleType:
+    """Kernels of `model`: ``run``, ``run_all`` and ``linearise``, and its ``terms`` one after the other.
 
     The module has ``opening`` and ``passed_pulses`` of `functions` too. A warm call neither imports SymPy nor compiles.
 
@@ -85,8 +96,9 @@ def kernels(variant: str) -> ModuleType:
     ParameterError
         If there is no such variant.
     """
-    check_variant(variant)
-    module = load_module(variant.replace("-", "_"), _sources(), lambda: _kernels_text(variant))
+    check_model(model)
+    name = f"own_{model.sha256[:16]}" if isinstance(model, OwnModel) else model.replace("-", "_")
+    module = load_module(name, _sources(), lambda: _kernels_text(model))
     for name in ("opening", "passed_pulses"):
         setattr(module, name, getattr(functions(), name))
     return module
@@ -123,8 +135,8 @@ def functions() -> ModuleType:
     return load_module("functions", _sources(), _functions_text)
 
 
-def compile_ahead(variants: Iterable[str] = tuple(VARIANTS)) -> None:
-    """Compile all kernels of some variants with the signatures that `simulation` and `filter` call them with.
+def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
+    """Compile all kernels of some models with the signatures that `simulation` and `filter` call them with.
 
     What has been compiled before is only loaded. Processes that start afterwards need not compile.
 
@@ -139,8 +151,8 @@ def compile_ahead(variants: Iterable[str] = tuple(VARIANTS)) -> None:
     fixed, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 3))
     places, counts, flags = (types.Array(kind, 1, "C") for kind in (types.int64, types.int32, types.uint8))
     plan = (matrix, x, x, counts, flags, matrix)
-    for variant in variants:
-        module = kernels(variant)
+    for model in models:
+        module = kernels(model)
         module.run.compile((x, *plan, fixed, matrix, matrix))
         module.run_all.compile((x, matrix, *plan, fixed, matrix, basis, *[places] * 5, places, matrix, cube))
         module.linearise.compile((matrix, matrix, x, fixed, matrix, matrix, cube))
@@ -156,11 +168,11 @@ def _sources() -> list[Path]:
     return [*(path for path in code if path.suffix in (".py", ".j2")), _HERE.parent / "parameters.py"]
 
 
-def _kernels_text(variant: str) -> str:
+def _kernels_text(model: Model) -> str:
     from clutchid.codegen.numba_source import numba_source
     from clutchid.codegen.terms import terms_source
 
-    text = system(variant)
+    text = system(model)
     return numba_source(text) + terms_source(text)
 
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.model.actuator import Actuator, Load
-from clutchid.model.compiled import kernels, parameter_names
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import Model, kernels, parameter_names
+from clutchid.model.weighted_load import Load
 from clutchid.simulation.plan import Segment
 
 IntArray = NDArray[np.int64]
@@ -44,7 +45,7 @@ def columns(actuator: Actuator, names: Sequence[str]) -> Columns:
 
 
 @lru_cache(maxsize=1024)
-def _columns(model: str, load: tuple[str, ...], names: tuple[str, ...]) -> Columns:
+def _columns(model: Model, load: tuple[str, ...], names: tuple[str, ...]) -> Columns:
     weights = [(load.index(name), c) for c, name in enumerate(names) if name in load]
     position = {name: number for number, name in enumerate(parameter_names(model))}
     column_of = {position[name]: c for c, name in enumerate(names) if name in position}
@@ -66,7 +67,7 @@ class KernelArrays:
     breakpoints: FloatArray
     basis: FloatArray
     load: FloatArray
-    model: str
+    model: Model
 
     @classmethod
     def of(cls, actuator: Actuator) -> KernelArrays:
@@ -173,7 +174,7 @@ def run_to_end(
     return out, sens, end, int(failed)
 
 
-def inputs_of(segment: Segment, model: str) -> FloatArray:
+def inputs_of(segment: Segment, model: Model) -> FloatArray:
     """The inputs of `segment`, after a check of their number: the kernels do not check their array bounds.
 
     Raises

@@ -24,7 +24,6 @@ from clutchid.simulation.run import (
     start_state,
 )
 from clutchid.simulation.stiffness import stiffness, top_speed
-from clutchid.states import STATES
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +115,7 @@ def simulate(
     if message and on_failure == "raise":
         raise SolveError(message)
     return Simulation(
-        log=simulated_log(prepared, states, names),
+        log=simulated_log(prepared, states, actuator),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
         warnings=prepared.warnings,
@@ -124,10 +123,10 @@ def simulate(
     )
 
 
-def simulated_log(prepared: Plan, states: FloatArray, names: Sequence[str]) -> Log:
-    """A log of the simulated states `names` and of the inputs."""
+def simulated_log(prepared: Plan, states: FloatArray, actuator: Actuator) -> Log:
+    """A log of the simulated states of the `actuator` and of the inputs."""
     log = prepared.log
-    simulated = {STATES[name].column: np.ascontiguousarray(states[:, i]) for i, name in enumerate(names)}
+    simulated = {row.column: np.ascontiguousarray(states[:, i]) for i, row in enumerate(actuator.state_rows.values())}
     inputs = {name: log[name] for name in INPUTS}
     return Log(log.time, {"position": simulated.pop("position"), **inputs, **simulated}, log.name, log.metadata)
 

@@ -13,6 +13,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
+from clutchid.model.own import OwnModel
 from clutchid.simulation.partition import Partition
 
 #: Classical RK4 is stable for real eigenvalues down to -2.785 / h; 2.5 leaves a margin.
@@ -77,6 +78,7 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
         "p_G": (p.P_S,),
     }
     x = np.array(list(product(*(ranges.get(name, (0.0,)) for name in actuator.states))))
+    x = _with_own_states(x, actuator)
     rates, jacobian = np.empty_like(x), np.empty((*x.shape, x.shape[1]))
     largest = 0.0
     load = actuator.load
@@ -85,8 +87,21 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
         u[:, :2] = duty
         kernels(actuator.model).linearise(x, u, actuator.array(), load.breakpoints, load.combined(), rates, jacobian)
         finite = jacobian[np.all(np.isfinite(jacobian), axis=(1, 2))]
-        largest = max(largest, float(np.abs(np.linalg.eigvals(finite)).max()))
+        largest = max(largest, float(np.abs(np.linalg.eigvals(finite)).max(initial=0.0)))
     return largest
+
+
+def _with_own_states(x: FloatArray, actuator: Actuator) -> FloatArray:
+    """The states `x` with those of an own model at their start, and all one scale above and below it."""
+    model = actuator.model
+    if not isinstance(model, OwnModel) or not model.states:
+        return x
+    at = [actuator.states.index(name) for name in model.states]
+    start = [actuator.value(state.start) if state.start else 0.0 for state in model.states.values()]
+    scales = np.array([state.scale for state in model.states.values()])
+    wider = np.tile(x, (3, 1))
+    wider[:, at] = np.array(start) + np.repeat([-1.0, 0.0, 1.0], len(x))[:, None] * scales
+    return wider
 
 
 def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]], speed: float = TOP_SPEED) -> float:

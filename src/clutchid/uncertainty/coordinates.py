@@ -115,12 +115,15 @@ def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | Non
     if limits is not None:
         low, high = max(low, limits[0]), min(high, limits[1])
     mean = value if prior is None else prior.mean
-    positive = base in SHARES and mean > 0.0
+    own = actuator.own_row(base)
+    positive = (own.positive if own else base in SHARES) and mean > 0.0
     if prior is not None:
         width = prior.std / mean if positive else prior.std
     elif weight:
         width = WEIGHT_WIDTHS[actuator.load.unit]
-    elif positive or base in WIDTHS:
+    elif own and own.std:
+        width = own.std / mean if positive else own.std
+    elif not own and (positive or base in WIDTHS):
         width = SHARES[base] if positive else WIDTHS[base]
     else:
         raise ParameterError(f"{name}: there is no default prior; give --prior {name}=VALUE±STD.")

@@ -32,6 +32,9 @@ def deviation_factor(noise: Noise) -> float:
 
 def drift(actuator: Actuator, name: str) -> float:
     """Standard deviation in SI of the change of a parameter between two recordings of one actuator."""
+    own = actuator.own_row(name)
+    if own is not None:
+        return own.drift
     return DRIFT_WIDTHS.get(name, DRIFT_SHARES.get(name, 0.0) * abs(actuator.value(name)))
 
 

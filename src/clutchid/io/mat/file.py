@@ -19,7 +19,7 @@ from clutchid.io.mat.rasters import Found, Signal, printable, rasters_of, signal
 from clutchid.io.mat.tree import BrokenMat, ReadSamples, Struct, Text
 from clutchid.io.source import BLOCK, Raster, Source
 from clutchid.io.table import Places, Table, and_more
-from clutchid.log import COLUMNS, FloatArray, Log
+from clutchid.log import FloatArray, Log, name_and_unit
 
 #: Bytes of the start of a file that tell its format.
 HEAD = 1024
@@ -123,8 +123,8 @@ def save(log: Log, path: Path) -> None:
     if len(log) > _LONGEST:
         most = f"a MATLAB 5 file holds {_LONGEST:,} samples at most"
         raise ExportError(f"{path}: the log has {len(log):,} samples, {most}; write .parquet.")
-    units = {"time": "s", **{name: COLUMNS[name] for name in log.columns}}
-    values = {"time": log.time, **log.columns}
+    units = {"time": "s", **dict(map(name_and_unit, log.columns))}
+    values = {"time": log.time, **{name_and_unit(column)[0]: values for column, values in log.columns.items()}}
     variables = {_variable(name): array.reshape(-1, 1) for name, array in values.items()}
     told = {"units": {_variable(name): unit for name, unit in units.items()}, _KEY: json.dumps(dict(log.metadata))}
     savemat(str(path), {**variables, **told}, appendmat=False, long_field_names=True)

@@ -23,7 +23,7 @@ from clutchid.io.mdf.numbers import converted, unpacked, valid
 from clutchid.io.mdf.opening import asammdf, holds_bus_frames, opened, quiet
 from clutchid.io.source import BLOCK, Source
 from clutchid.io.table import Places, Table
-from clutchid.log import COLUMNS, FloatArray, Log
+from clutchid.log import FloatArray, Log, name_and_unit
 
 __all__ = ["holds_bus_frames", "open_file", "save"]
 
@@ -93,8 +93,9 @@ def save(log: Log, path: Path) -> None:
         mdf.header.comment = comment_of(log.metadata)
         first = slice(0, BLOCK)
         signals = [
-            library.Signal(values[first], log.time[first], unit=COLUMNS[name], name=name)
-            for name, values in log.columns.items()
+            library.Signal(values[first], log.time[first], unit=unit, name=label)
+            for column, values in log.columns.items()
+            for label, unit in [name_and_unit(column)]
         ]
         mdf.append(signals, acq_name=log.name, comment="", common_timebase=True)
         for start in range(BLOCK, len(log), BLOCK):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from clutchid.model.actuator import PAPER_KNOTS
+from clutchid.model.weighted_load import PAPER_KNOTS
 from clutchid.report.tables import Cell, Column, Table
 from clutchid.study.paper.printed import PRINTED_SLOPE, XI_1, XI_2, XI_3, XI_3_ORDER
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.log import FloatArray, Log
-from clutchid.model.actuator import Load
+from clutchid.model.weighted_load import Load
 from clutchid.report.figures import draw, label, legend, mark_span, new_figure
 from clutchid.report.style import BAR, KN, MM, STYLE, Line
 from clutchid.study.paper.fits import Case, chosen

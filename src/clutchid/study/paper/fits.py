@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.estimate import Fit, fit
 from clutchid.estimate.result import Recording
 from clutchid.log import Log
-from clutchid.model.actuator import Load
+from clutchid.model.weighted_load import Load
 from clutchid.simulation import Partition
 from clutchid.study.paper.recording import TrueLoad
 

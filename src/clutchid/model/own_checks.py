@@ -1,0 +1,227 @@
+"""Checks of an `OwnModel`: its names, units and equations; each problem is one sentence."""
+
+from __future__ import annotations
+
+import difflib
+import keyword
+import math
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from clutchid.codegen.system import Expr, System
+from clutchid.errors import ParameterError
+from clutchid.log import COLUMNS
+from clutchid.model.compiled import VARIANTS, system
+from clutchid.parameters import Parameters, unknown_name
+from clutchid.states import STATES
+
+if TYPE_CHECKING:
+    from clutchid.model.own import OwnModel, OwnParameter, OwnState
+    from clutchid.model.own_units import Dimension
+
+#: States that measurement, resets and the load need.
+REQUIRED = ("y", "v", "p_A", "p_B")
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+#: Words that mean something else where a parameter or state is named.
+_TAKEN = ("load", "auto", "time", "f_l", "y_measured", "p_A_measured", "y_start", "p_A_start")
+
+
+def check(model: OwnModel) -> None:
+    """Refuse a model whose names, units or equations do not fit.
+
+    Raises
+    ------
+    ParameterError
+        The text lists all problems.
+    """
+    if model.base not in VARIANTS:
+        raise ParameterError(f"base: {unknown_name(str(model.base), VARIANTS, 'model variant')}")
+    base = system(model.base)
+    problems = [*_wrong_types(model)]
+    if not problems:
+        problems = [*_name_problems(model, base), *_row_problems(model), *_equation_problems(model, base)]
+    if not problems:
+        from clutchid.model.own_units import unit_problems
+
+        problems = [*_use_problems(model, base)] or [*unit_problems(model, base)]
+    if problems:
+        raise ParameterError("\n".join(problems))
+
+
+def _wrong_types(model: OwnModel) -> Iterator[str]:
+    """Entries that are no records or expressions."""
+    from sympy import Expr as Expression
+    from sympy import SympifyError, sympify
+
+    from clutchid.model.own import OwnParameter, OwnState
+
+    for key, kind in (("parameters", OwnParameter), ("states", OwnState)):
+        for name, row in getattr(model, key).items():
+            if not isinstance(row, kind):
+                yield f"{key}: {name} = {row!r}: write {kind.__name__}(...)."
+    for key in ("terms", "rates"):
+        for name, value in getattr(model, key).items():
+            try:
+                expression = None if isinstance(value, str) else sympify(value)
+            except SympifyError:
+                expression = None
+            if not isinstance(expression, Expression):
+                yield f"{key}: {name} = {value!r}: a SymPy expression of symbols('...') is needed, no text."
+
+
+def _name_problems(model: OwnModel, base: System) -> Iterator[str]:
+    """New names that are no identifiers or have a meaning already, and states that cannot be left out."""
+    terms = {str(symbol) for symbol, _ in base.definitions}
+    meanings = {
+        **dict.fromkeys(_TAKEN, "a word of clutchid"),
+        **dict.fromkeys((*COLUMNS, *(str(s) for s in base.inputs)), "a column or input"),
+        **dict.fromkeys(terms, f"a term of {model.base}"),
+        **dict.fromkeys(STATES, "a state of clutchid"),
+        **dict.fromkeys(Parameters.names(), "a parameter of clutchid"),
+    }
+    new = [("parameter", name) for name in model.parameters] + [("state", name) for name in model.states]
+    new += [("term", name) for name in model.terms if name not in terms] + [("model", model.name)]
+    seen: dict[str, str] = {}
+    for what, name in new:
+        if not isinstance(name, str) or not _NAME.fullmatch(name) or keyword.iskeyword(name):
+            yield f"{what} {name!r}: a name has letters, digits and _, begins with a letter and is no word of Python."
+        elif what != "model" and (name in meanings or re.fullmatch(r"theta_\d+", name)):
+            yield f"{what} {name}: the name is taken, by {meanings.get(name, 'a load weight')}; choose another one."
+        elif what == "term" and name.startswith("d_"):
+            yield f"term {name}: names that begin with d_ are those of rates; choose another one."
+        elif what != "model" and name in seen:
+            yield f"{what} {name}: the name is taken, by a {seen[name]} of this model; choose another one."
+        seen[name] = what
+    states = [str(state) for state in base.states]
+    for name in model.without:
+        if name in REQUIRED or name not in states:
+            others = ", ".join(state for state in states if state not in REQUIRED)
+            yield f"without: {name}: of the states of {model.base}, {others} can be left out."
+
+
+def _row_problems(model: OwnModel) -> Iterator[str]:
+    for name, parameter in model.parameters.items():
+        yield from (f"parameter {name}: {problem}" for problem in _parameter_problems(parameter))
+    for name, state in model.states.items():
+        yield from (f"state {name}: {problem}" for problem in _state_problems(state, model))
+
+
+def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
+    yield from _bad_unit(parameter.unit)
+    if parameter.range is None:
+        yield "no admissible range; give range=(SMALLEST, LARGEST), with -inf or inf where it is open."
+    elif len(parameter.range) != 2 or not parameter.range[0] < parameter.range[1]:
+        yield f"range = {parameter.range}: the smallest and the largest admissible value are needed, in this order."
+    elif not parameter.row.admits(parameter.default):
+        yield f"default = {parameter.default!r} {parameter.unit}: it is {parameter.row.allowed}."
+    if parameter.std is not None and not 0.0 < parameter.std < math.inf:
+        yield f"std = {parameter.std!r} {parameter.unit}: the standard deviation of a prior is above 0 and finite."
+    if not 0.0 <= parameter.drift < math.inf:
+        yield f"drift = {parameter.drift!r} {parameter.unit}: a standard deviation is at least 0 and finite."
+
+
+def _state_problems(state: OwnState, model: OwnModel) -> Iterator[str]:
+    yield from _bad_unit(state.unit)
+    if not 0.0 < state.scale < math.inf:
+        yield f"scale = {state.scale!r} {state.unit}: the size that it reaches is above 0 and finite."
+    if state.noise is not None and not 0.0 < state.noise < math.inf:
+        yield f"noise = {state.noise!r} {state.unit}: a standard deviation is above 0 and finite."
+    if state.start is None:
+        return
+    if state.start not in model.parameters and state.start not in Parameters.names():
+        yield f"start = {state.start!r}: the name of a parameter is needed, or none for 0."
+        return
+    own = model.parameters.get(state.start)
+    unit = own.unit if own else Parameters.row(state.start).unit
+    if not [*_bad_unit(unit), *_bad_unit(state.unit)] and _dimension(unit) != _dimension(state.unit):
+        yield f"start = {state.start!r} has the unit {unit}, the state has {state.unit}."
+
+
+def _bad_unit(unit: str) -> Iterator[str]:
+    try:
+        _dimension(unit)
+    except ValueError as error:
+        yield f"unit {unit!r}: {error}. All values are in SI."
+
+
+def _dimension(unit: str) -> Dimension:
+    from clutchid.model.own_units import dimension_of
+
+    return dimension_of(unit)
+
+
+def _equation_problems(model: OwnModel, base: System) -> Iterator[str]:
+    """Rates that are missing or belong to nothing, and symbols and functions that nobody knows."""
+    from clutchid.codegen.numba_source import block
+    from clutchid.codegen.program import lower
+
+    states = [str(s) for s in base.states if str(s) not in model.without] + list(model.states)
+    lacking = [name for name in model.states if name not in model.rates]
+    yield from (f"rates: {name}: missing; give the rate of change of every new state." for name in lacking)
+    for name in model.rates:
+        if name not in states:
+            yield f"rates: {unknown_name(name, states, 'state')}"
+    left = {str(s) for s in (*base.inputs, *base.parameters)} | {str(s) for s, _ in base.definitions}
+    known = {*states, *left, *model.parameters, *model.terms, "f_l"}
+    for where, value in _equations(model):
+        unknown = sorted(s.name for s in value.free_symbols if s.name not in known)
+        yield from (f"{where}: {_unknown_symbol(name, known, model, states)}" for name in unknown)
+        try:
+            block(lower(_symbol("value"), value))
+        except (NotImplementedError, ValueError) as error:
+            yield f"{where}: {error} Piecewise, Abs, Min and Max are known too."
+
+
+def _unknown_symbol(name: str, known: set[str], model: OwnModel, states: list[str]) -> str:
+    if name in model.without:
+        return f"{name} is left out (without)."
+    near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.4)
+    hint = f"; did you mean '{near[0]}'?" if near else "."
+    return (
+        f"'{name}' is no state, input, parameter or term{hint} States are {', '.join(states)}; own parameters are "
+        f"{', '.join(model.parameters) or 'none'}; the others are in docs/equations.md."
+    )
+
+
+def _equations(model: OwnModel) -> Iterator[tuple[str, Expr]]:
+    from clutchid.model.own_system import canonical
+
+    yield from ((f"terms: {name}", canonical(value)) for name, value in model.terms.items())
+    yield from ((f"rates: {name}", canonical(value)) for name, value in model.rates.items())
+
+
+def _use_problems(model: OwnModel, base: System) -> Iterator[str]:
+    """Terms in a circle, what is used nowhere, and states that are left out and still used."""
+    from clutchid.model.own_system import combined_rates, combined_terms, ordered
+
+    terms, rates = combined_terms(model, base), combined_rates(model, base)
+    try:
+        needed = ordered(terms, rates.values())
+    except ValueError as error:
+        yield f"terms depend on each other: {error}."
+        return
+    values = {**{name: terms[name] for name in needed}, **{f"rate of {name}": rate for name, rate in rates.items()}}
+    symbols = {where: {s.name for s in getattr(value, "free_symbols", set())} for where, value in values.items()}
+    used = set().union(*symbols.values())
+    known = [str(symbol) for symbol, _ in base.definitions]
+    if idle := [name for name in model.terms if name not in used]:
+        near = difflib.get_close_matches(idle[0], known, n=1, cutoff=0.4)
+        hint = f"; did you mean '{near[0]}'?" if near and idle[0] not in known else "."
+        yield f"terms: {', '.join(idle)}: no equation uses it{hint} Terms of {model.base} are {', '.join(known)}."
+        return
+    begins = {row.start for row in model.states.values()}
+    for name in model.parameters:
+        if name not in used and name not in begins:
+            yield f"parameter {name}: stands in no equation that is used; take it out or use it."
+    for name in model.without:
+        if users := [where for where, inside in symbols.items() if name in inside]:
+            yield f"without: {name}: still used by {', '.join(users)}; replace these too."
+
+
+def _symbol(name: str) -> Expr:
+    import sympy as sp
+
+    return sp.Symbol(name, real=True)

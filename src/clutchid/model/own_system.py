@@ -1,0 +1,96 @@
+"""The equations of an `OwnModel`: those of its variant with terms and rates replaced, states added and left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import sympy as sp
+
+from clutchid.codegen.system import Expr, Jump, System
+from clutchid.model.own import OwnModel
+
+#: How the term of the variant is called inside what replaces it.
+BEFORE = "{}_base"
+
+
+def canonical(value: Expr) -> Expr:
+    """`value` with real symbols, which are known by their names alone."""
+    expression = sp.sympify(value)
+    return expression.xreplace({s: _real(s.name) for s in expression.free_symbols})
+
+
+def own_system(model: OwnModel, base: System) -> System:
+    """The equations of `model` on top of the system `base`, without the terms that are used no longer.
+
+    Raises
+    ------
+    ValueError
+        If terms depend on each other in a circle, or a symbol is not defined.
+    """
+    rates, terms = combined_rates(model, base), combined_terms(model, base)
+    needed = ordered(terms, rates.values())
+    symbols = tuple(_real(name) for name in rates)
+    return replace(
+        base,
+        name=model.name,
+        states=symbols,
+        parameters=(*base.parameters, *(_real(name) for name in model.parameters)),
+        definitions=tuple((_real(name), terms[name]) for name in needed),
+        derivatives=tuple(rates.values()),
+        jumps=tuple(_jump(jump, base, symbols) for jump in base.jumps),
+    )
+
+
+def combined_rates(model: OwnModel, base: System) -> dict[str, Expr]:
+    """Rates of change by state, in the order of the states."""
+    rates = {str(state): rate for state, rate in zip(base.states, base.derivatives, strict=True)}
+    kept = {name: rate for name, rate in rates.items() if name not in model.without}
+    new = {name: canonical(value) for name, value in model.rates.items()}
+    return {**kept, **{name: new[name] for name in (*kept, *model.states) if name in new}}
+
+
+def combined_terms(model: OwnModel, base: System) -> dict[str, Expr]:
+    """All terms by name: those of the variant, then those of the model in their place or in addition."""
+    terms = {str(symbol): value for symbol, value in base.definitions}
+    for name, value in model.terms.items():
+        new = canonical(value)
+        if name in terms and _real(name) in new.free_symbols:
+            before = BEFORE.format(name)
+            terms[before] = terms[name]
+            new = new.xreplace({_real(name): _real(before)})
+        terms[name] = new
+    return terms
+
+
+def ordered(terms: Mapping[str, Expr], values: Iterable[Expr]) -> tuple[str, ...]:
+    """Names of the terms that `values` need, each after those that it needs itself.
+
+    Raises
+    ------
+    ValueError
+        If terms depend on each other in a circle; the text has the circle.
+    """
+    done: dict[str, None] = {}
+
+    def visit(value: Expr, way: tuple[str, ...]) -> None:
+        for name in sorted(s.name for s in getattr(value, "free_symbols", set()) if s.name in terms):
+            if name in way:
+                raise ValueError(" -> ".join((*way[way.index(name) :], name)))
+            if name not in done:
+                visit(terms[name], (*way, name))
+                done[name] = None
+
+    for value in values:
+        visit(value, ())
+    return tuple(done)
+
+
+def _jump(jump: Jump, base: System, states: tuple[Expr, ...]) -> Jump:
+    """A reset of the variant; new states go on."""
+    known = dict(zip(base.states, jump.states, strict=True))
+    return Jump(jump.name, tuple(known.get(state, state) for state in states))
+
+
+def _real(name: str) -> Expr:
+    return sp.Symbol(name, real=True)

@@ -1,0 +1,179 @@
+"""`Load`: weights with the basis that they belong to, and its tables for the kernels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import numpy as np
+
+from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
+from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
+from clutchid.model.compiled import functions
+from clutchid.parameters import unknown_name
+
+#: Knots of the paper in m, Section 2.5.
+PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
+
+#: Bases of the load by name.
+BASES = ("paper", "b-spline")
+
+
+@cache
+def _weight_names(count: int) -> tuple[str, ...]:
+    """theta_1, theta_2, ...; made once, as a search asks for them at every step."""
+    return tuple(f"theta_{i + 1}" for i in range(count))
+
+
+@dataclass(frozen=True)
+class Load:
+    r"""The clutch load over the piston position, Eq. (14).
+
+    .. math:: f_l(y) = \sum_i \theta_i \phi_i(y)
+
+    Parameters
+    ----------
+    theta : N/m or N
+        Weights: three in N/m for the paper's splines, number of knots + 2 in N for B-splines. A weight means nothing
+        without its basis, so basis, knots and slope are kept with it.
+    knots : m
+        Strictly increasing positions: four, t_1 ... t_4, for the paper's splines, at least two for B-splines.
+    phi2_slope : 1
+        1 by the paper's stated conditions, 0.001 as published; see `clutchid.model.load.xi_2`. Paper's splines only.
+    basis : 'paper' or 'b-spline'
+        Eqs. (15)-(17), or `clutchid.model.b_spline`.
+
+    Raises
+    ------
+    ParameterError
+        If knots do not increase, the number of weights does not fit, or a number is not finite.
+
+    Examples
+    --------
+    The paper's ballistic estimate peaks at 5.0 kN, 4 bar on the piston:
+
+    >>> load = Load((9.3850e5, -0.5817e5, 0.3909e5), phi2_slope=0.001)
+    >>> f"{load.force(np.array([8.5e-3]))[0]:.0f} N"
+    '4957 N'
+    """
+
+    theta: tuple[float, ...] = (9e5, 0.0, 0.0)
+    knots: tuple[float, ...] = PAPER_KNOTS
+    phi2_slope: float = 1.0
+    basis: str = "paper"
+
+    def __post_init__(self) -> None:
+        problems = []
+        if self.basis not in BASES:
+            raise ParameterError(unknown_name(str(self.basis), BASES, "load basis"))
+        paper = self.basis == "paper"
+        count = 3 if paper else len(self.knots) + 2
+        if len(self.theta) != count or not all(math.isfinite(value) for value in self.theta):
+            number = "three" if paper else str(count)
+            problems.append(f"theta = {self.theta}: {number} finite weights in {self.unit} are needed.")
+        increasing = all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
+        enough = len(self.knots) == 4 if paper else len(self.knots) >= 2
+        if not enough or not increasing or not all(math.isfinite(knot) for knot in self.knots):
+            problems.append(
+                f"knots = {self.knots} m: {'four' if paper else 'two or more'} strictly increasing positions are "
+                f"needed, all of them finite; the paper has {PAPER_KNOTS}."
+            )
+        if not math.isfinite(self.phi2_slope):
+            problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")
+        if problems:
+            raise ParameterError("\n".join(problems))
+        object.__setattr__(self, "theta", tuple(float(value) for value in self.theta))
+        object.__setattr__(self, "knots", tuple(float(value) for value in self.knots))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the weights: theta_1, theta_2, ..."""
+        return _weight_names(len(self.theta))
+
+    @classmethod
+    def on_b_splines(cls, other: Load | None = None, knots: tuple[float, ...] = DEFAULT_KNOTS) -> Load:
+        """A load on cubic B-splines that comes as near as it can to `other`, by default to the paper's start.
+
+        Raises
+        ------
+        ParameterError
+            If knots do not increase.
+
+        Examples
+        --------
+        >>> load = Load.on_b_splines(Load((9.385e5, 0.0, 0.0)))
+        >>> f"{load.force(np.array([8.5e-3]))[0]:.0f} N"
+        '4927 N'
+        """
+        blank = cls((0.0,) * (len(knots) + 2), tuple(knots), 1.0, "b-spline")
+        y = np.linspace(knots[0], knots[-1], 20 * len(knots))
+        wanted = (cls() if other is None else other).force(y)
+        return replace(blank, theta=tuple(np.linalg.lstsq(blank.phi(y), wanted, rcond=None)[0].tolist()))
+
+    @property
+    def unit(self) -> str:
+        """Unit of the weights."""
+        return "N/m" if self.basis == "paper" else "N"
+
+    def curvature(self, y: FloatArray) -> FloatArray:
+        """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
+        y = np.asarray(y, dtype=np.float64)
+        segment = np.searchsorted(self.breakpoints, y, side="right")
+        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
+        c = self.coefficients[:, segment]
+        result: FloatArray = (2 * c[..., 2] + 6 * offset * c[..., 3]).T
+        return result
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        return _paper_table(self.knots, self.phi2_slope) if self.basis == "paper" else _b_splines(self.knots)
+
+    @property
+    def breakpoints(self) -> FloatArray:
+        """Positions in m where the polynomials change, shape (s - 1,)."""
+        return self._table[0]
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """Coefficients of every basis function, shape (n_theta, s, 4), in powers of y - left breakpoint."""
+        return self._table[1]
+
+    def combined(self, theta: FloatArray | None = None) -> FloatArray:
+        """Coefficients of the load itself, shape (s, 4), with the weights `theta` in place of the own ones."""
+        weights = np.asarray(self.theta if theta is None else theta, dtype=np.float64)
+        result: FloatArray = np.tensordot(weights, self.coefficients, axes=1)
+        return result
+
+    def phi(self, y: FloatArray) -> FloatArray:
+        """Basis functions in m at the positions `y` in m, shape (n, n_theta)."""
+        y = np.asarray(y, dtype=np.float64)
+        segment = np.searchsorted(self.breakpoints, y, side="right")
+        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
+        c = self.coefficients[:, segment]
+        result: FloatArray = (c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))).T
+        return result
+
+    def force(self, y: FloatArray) -> FloatArray:
+        """Load in N at the positions `y` in m, shape (n,)."""
+        result: FloatArray = self.phi(y) @ np.asarray(self.theta)
+        return result
+
+
+@cache
+def _paper_table(knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
+    breakpoints, coefficients = functions().paper_table(*knots, phi2_slope)
+    return _frozen(np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64))
+
+
+@cache
+def _b_splines(knots: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    return _frozen(*b_spline_table(knots))
+
+
+def _frozen(*table: FloatArray) -> tuple[FloatArray, FloatArray]:
+    breakpoints, coefficients = (np.ascontiguousarray(array) for array in table)  # the layout that kernels read
+    for array in (breakpoints, coefficients):
+        array.flags.writeable = False
+    return breakpoints, coefficients
