@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.estimate.request import FitRequest
     from clutchid.model.actuator import Actuator
+    from clutchid.model.compiled import Model
     from clutchid.model.equipment import Equipment
     from clutchid.numerics.least_squares import Progress
 
@@ -80,8 +81,8 @@ def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
     return [replace(log, warnings=(*log.warnings, *inspect(log, actuator).warnings)) for log in logs]
 
 
-def start_file(path: Path, model: str | None) -> ParameterFile:
-    """The parameter file to start from; it defines the model.
+def start_file(path: Path, model: Model | None) -> ParameterFile:
+    """The parameter file to start from; it defines the model, but for one of the user's own, which must be the same.
 
     Raises
     ------
@@ -89,15 +90,16 @@ def start_file(path: Path, model: str | None) -> ParameterFile:
         If the file cannot be understood, or a different `model` is given.
     """
     from clutchid.estimate.parameter_file import read_parameters
+    from clutchid.model.own import OwnModel
 
-    content = read_parameters(path)
+    content = read_parameters(path, model if isinstance(model, OwnModel) else None)
     if model is not None and model != content.actuator.model:
         known = content.actuator.model
         raise ParameterError(f"--model {model}: {path} is for the model '{known}'; leave --model out.")
     return content
 
 
-def start_of(path: Path | None, model: str | None, request: FitRequest) -> tuple[Actuator, FitRequest]:
+def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tuple[Actuator, FitRequest]:
     """The actuator to start from, and the request with the calibration of its file, if the request supports one.
 
     Raises

@@ -17,6 +17,7 @@ from clutchid.log import Log
 from clutchid.units import UNITS, known_units
 
 if TYPE_CHECKING:
+    from clutchid.model.compiled import Model
     from clutchid.simulation import Partition
     from clutchid.uncertainty.coordinates import Prior
 
@@ -157,6 +158,13 @@ def priors(items: Sequence[str]) -> dict[str, Prior]:
                 f"--prior {item}: write NAME=VALUE±STD in SI units, the STD above 0, for example P_S=8.5e5±5e3."
             )
     return result
+
+
+def model_of(text: str | None) -> Model | None:
+    """The option --model: a variant, or FILE.py:NAME of a model of one's own, whose file is executed."""
+    from clutchid.model.own_file import model_named
+
+    return None if text is None else model_named(text)
 
 
 def partition_of(

@@ -19,6 +19,7 @@ from clutchid.cli.common import (
     bounds,
     check_outputs,
     guarded,
+    model_of,
     partition_of,
     pressure,
     print_json,
@@ -85,8 +86,8 @@ def fit(
         Reset to all measured columns (the default), or to the position alone. With `--every 1 --carry q --take
         position` the measured position is an input, and only the air is simulated.
     model
-        Model variant: isothermal (the paper), energy-balance, either with -stribeck. By default isothermal, and
-        energy-balance-stribeck for `--free auto`.
+        Model variant: isothermal (the paper), energy-balance, either with -stribeck; or FILE.py:NAME, a model of your
+        own, whose file is executed. By default isothermal, and energy-balance-stribeck for `--free auto`.
     method
         simulation (the paper), shooting (multiple shooting with soft continuity) or prediction-error (a Kalman filter
         that predicts every sample). By default that of the calibration in --start, if there is one; else shooting if
@@ -155,7 +156,7 @@ def _work(
             "--dbc) take all that follows them: put the recordings first."
         )
     check_outputs({"--save": files.save, "--report": files.report}, _inputs(files))
-    actuator, request = workflow.start_of(files.start, model, asked())
+    actuator, request = workflow.start_of(files.start, model_of(model), asked())
     ambient, channel_map, dbc = how
     reading = workflow.Reading(pressure(ambient, actuator.parameters.P_0), channel_map, dbc)
     read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)

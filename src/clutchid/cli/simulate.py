@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, partition_of, pressure, print_json
-from clutchid.workflow import Reading, read_recordings
+from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, model_of, partition_of, pressure, print_json
+from clutchid.workflow import Reading, read_recordings, start_file
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
@@ -24,6 +24,7 @@ def simulate(
     *,
     parameters: Path,
     out: Path,
+    model: str | None = None,
     every: int | None = None,
     parts: int | None = None,
     carry: Literal["p", "q"] | None = None,
@@ -47,6 +48,8 @@ def simulate(
         Parameter file (TOML), as written by `clutchid fit --save`.
     out
         Simulation to write (.csv, .parquet, .mf4 or .mat).
+    model
+        FILE.py:NAME, the model of your own that the parameter file was saved with; the file is executed.
     every
         Reset to the measured position after every N samples.
     parts
@@ -68,12 +71,11 @@ def simulate(
     """
 
     def work() -> int:
-        from clutchid.estimate.parameter_file import read_parameters
         from clutchid.io import write
         from clutchid.simulation import simulate as simulate_log
 
         check_outputs({"--out": out}, _inputs(log, parameters, band))
-        partition, content = partition_of(every, parts, carry), read_parameters(parameters)
+        partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
         air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
         recording, *others = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
         starts, notes = _starts(recording, content, partition, parameters)

@@ -104,6 +104,8 @@ def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
     row, value = actuator.row(base), actuator.value(base)
     if value <= 0.0:
         return row.low, row.high
+    if actuator.own_row(base) is not None:
+        return max(row.low, value / DEFAULT_RANGE), min(row.high, value * DEFAULT_RANGE)
     if not np.isfinite(row.high):
         return value / DEFAULT_RANGE, value * DEFAULT_RANGE
     return row.low if row.low_included else value / DEFAULT_RANGE, row.high

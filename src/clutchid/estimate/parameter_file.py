@@ -16,18 +16,20 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.estimate.actuator_section import equipment_in, section_of, with_gravity
 from clutchid.estimate.calibration_section import calibration_in, calibration_section
+from clutchid.estimate.model_section import MODEL_KEYS, model_entries, model_in
 from clutchid.estimate.older_lags import with_lags
 from clutchid.estimate.recording_sections import Starts, is_number, own_values, starts_in
 from clutchid.estimate.result import Fit
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.own import OwnModel
 from clutchid.model.weighted_load import BASES, Load
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.uncertainty.calibration import Calibration
 
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
-_MODEL_KEYS = ("variant", "load_basis", "knots", "phi2_slope")
+_LOAD_KEYS = ("load_basis", "knots", "phi2_slope")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 
 
@@ -111,7 +113,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
     document: dict[str, Any] = {
         **section_of(actuator.equipment),
         "model": {
-            "variant": actuator.model,
+            **model_entries(actuator.model),
             "load_basis": load.basis,
             "knots": list(load.knots),
             **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
@@ -135,15 +137,23 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def read_parameters(path: str | PathLike[str]) -> ParameterFile:
+def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) -> ParameterFile:
     """Read a parameter file; missing entries have their defaults, except knots and weights of B-splines.
 
     A negative lag of a sensor, from an earlier version, is read as 0 with a UserWarning.
 
+    Parameters
+    ----------
+    path
+        The file.
+    model
+        The model of the user's own that the file was saved with: a file never loads code.
+
     Raises
     ------
     ParameterError
-        If the file cannot be read or any entry is unknown or inadmissible; the text lists all problems.
+        If the file cannot be read, was saved with another `model`, or any entry is unknown or inadmissible; the text
+        lists all problems.
     """
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -160,16 +170,22 @@ def read_parameters(path: str | PathLike[str]) -> ParameterFile:
     if problems:
         raise ParameterError(_all(path, problems))
     document = with_lags(document, path)
+    known, model_problems = model_in(document.get("model", {}), model)
+    if model_problems and (model is not None or "own" in document["model"]):
+        raise ParameterError(_all(path, model_problems))  # what else the file has, only the right model can say
     equipment, problems = equipment_in(document)
-    model, values, gravity_problems = with_gravity(document)
-    load, load_problems = _load(model, values)
-    parameters, parameter_problems = _parameters(values | equipment.fixed, load)
-    starts, start_problems = starts_in(document.get("recording", {}))
+    problems += model_problems
+    section, values, gravity_problems = with_gravity(document)
+    load, load_problems = _load(section, values)
+    own, own_problems = _own(values, model)
+    parameters, parameter_problems = _parameters(values | equipment.fixed, load, tuple(own))
+    starts, start_problems = starts_in(document.get("recording", {}), (*Parameters.names(), *own))
+    gravity_problems += own_problems
     problems += gravity_problems + load_problems + parameter_problems + start_problems
     if problems or load is None or parameters is None:
         raise ParameterError(_all(path, problems))
     try:
-        actuator = Actuator(parameters, load, model.get("variant", "isothermal"), equipment)
+        actuator = Actuator(parameters, load, known, equipment, tuple(own.values()))
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
     return ParameterFile(actuator, starts, document.get("fit", {}), own_values(document.get("recording", {})))
@@ -181,10 +197,9 @@ def _all(path: str | PathLike[str], problems: list[str]) -> str:
 
 
 def _load(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, list[str]]:
-    problems = [unknown_name(name, _MODEL_KEYS, "entry of [model]") for name in model if name not in _MODEL_KEYS]
-    variant, basis = model.get("variant", "isothermal"), model.get("load_basis", "paper")
-    if not isinstance(variant, str):
-        problems.append(f"[model] variant = {variant!r}: a name in quotes is needed, for example 'isothermal'.")
+    known = (*MODEL_KEYS, *_LOAD_KEYS)
+    problems = [unknown_name(name, known, "entry of [model]") for name in model if name not in known]
+    basis = model.get("load_basis", "paper")
     if basis not in BASES:
         return None, [*problems, unknown_name(str(basis), BASES, "load basis")]
     numbers, lacking = _paper_numbers(model, values) if basis == "paper" else _spline_numbers(model, values)
@@ -230,8 +245,17 @@ def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict
     return {"knots": knots, "phi2_slope": [Load().phi2_slope], "theta": theta}, problems
 
 
-def _parameters(values: dict[str, Any], load: Load | None) -> tuple[Parameters | None, list[str]]:
-    known = (*Parameters.names(), *(load or Load()).names)
+def _own(values: dict[str, Any], model: OwnModel | None) -> tuple[dict[str, float], list[str]]:
+    """Values of the parameters of a model of the user's own, and problems with them."""
+    rows = {} if model is None else model.parameters
+    own = {name: values.get(name, row.default) for name, row in rows.items()}
+    wrong = [name for name, value in own.items() if not is_number(value)]
+    problems = [f"{name} = {own[name]!r}: a number in {rows[name].unit} is needed." for name in wrong]
+    return {name: rows[name].default if name in wrong else value for name, value in own.items()}, problems
+
+
+def _parameters(values: dict[str, Any], load: Load | None, own: tuple[str, ...]) -> tuple[Parameters | None, list[str]]:
+    known = (*Parameters.names(), *own, *(load or Load()).names)
     # if the load itself is wrong, the number of its weights is unknown
     problems = [
         unknown_name(name, known)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.parameters import unknown_name
 
 _START_KEYS = ("position_start", "pressure_a_start")
 
@@ -23,12 +24,12 @@ def is_number(value: object) -> bool:
     return True
 
 
-def starts_in(recordings: dict[str, Any]) -> tuple[dict[str, Starts], list[str]]:
-    """Start values of the segments of every recording, and problems with the sections."""
+def starts_in(recordings: dict[str, Any], names: Sequence[str]) -> tuple[dict[str, Starts], list[str]]:
+    """Start values of the segments of every recording, and problems; `names` are those of the parameters."""
     starts: dict[str, Starts] = {}
     problems = []
     for stem, entry in recordings.items():
-        wrong = _start_problems(stem, entry)
+        wrong = _start_problems(stem, entry, names)
         if wrong:
             problems += wrong
         else:
@@ -43,16 +44,16 @@ def own_values(recordings: dict[str, Any]) -> dict[str, dict[str, float]]:
     return {stem: values for stem, values in own.items() if values}
 
 
-def _start_problems(stem: str, entry: object) -> list[str]:
+def _start_problems(stem: str, entry: object, names: Sequence[str]) -> list[str]:
     """Problems with the start values of one recording."""
     if not isinstance(entry, dict):
         return [f"[recording] {stem} = {entry!r}: a section [recording.'{stem}'] with {_in_words()} is needed."]
     where = f"[recording.'{stem}']"
-    known = (*_START_KEYS, *Parameters.names())
+    known = (*_START_KEYS, *names)
     problems = [unknown_name(name, known, f"entry of {where}") for name in entry if name not in known]
     problems += [
         f"{where} {name} = {entry[name]!r}: a number is needed."
-        for name in Parameters.names()
+        for name in names
         if name in entry and not is_number(entry[name])
     ]
     lists = {key: entry.get(key, []) for key in _START_KEYS}

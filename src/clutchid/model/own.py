@@ -67,7 +67,7 @@ class OwnState:
     unit, meaning
         SI unit and a noun phrase.
     scale
-        Size that it reaches, above 0; it makes searches dimensionless and is where stiffness is evaluated.
+        Size that it reaches, above 0; it makes searches dimensionless.
     start
         Name of the parameter that is its initial value; 0 without one.
     noise
@@ -117,8 +117,8 @@ class OwnModel:
         Rate of change of each new state, and of others that are to change in another way.
     without
         States of the variant to leave out; y, v, p_A and p_B remain.
-    name
-        An identifier; a model from a file has its name there.
+    name, file
+        An identifier, and the name of the file that has the model; `own_model` sets both.
 
     Raises
     ------
@@ -151,6 +151,7 @@ class OwnModel:
     rates: Mapping[str, Expr] = field(default_factory=dict)
     without: tuple[str, ...] = ()
     name: str = "own"
+    file: str = ""
 
     def __post_init__(self) -> None:
         from clutchid.model.own_checks import check
@@ -164,7 +165,7 @@ class OwnModel:
         return f"OwnModel('{self.name}', on {self.base})"
 
     def __str__(self) -> str:
-        return self.name
+        return f"{self.file}:{self.name}" if self.file else self.name
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, OwnModel) and (self.name, self.sha256) == (other.name, other.sha256)

@@ -32,9 +32,9 @@ def own_model(path: str | PathLike[str], name: str) -> OwnModel:
     models = {key: value for key, value in names.items() if isinstance(value, OwnModel)}
     if name not in models:
         if name in names:
-            raise ParameterError(f"{path}: {name} is a {type(names[name]).__name__}, no OwnModel; {_listed(models)}")
+            raise ParameterError(f"{path}: {name} is no OwnModel but {type(names[name]).__name__}; {_listed(models)}")
         raise ParameterError(f"{path}: there is no '{name}'; {_listed(models)}")
-    return replace(models[name], name=name)
+    return replace(models[name], name=name, file=file.name)
 
 
 def model_named(text: str) -> Model:

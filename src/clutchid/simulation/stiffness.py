@@ -32,6 +32,10 @@ STROKE_TIME = 0.1
 RESET_SPEED = 0.9
 
 
+#: Number and length in s of the steps in which own states settle: longer than a stroke; overshoot is halved each time.
+SETTLING_STEPS, SETTLING_STEP = 20, 1e-2
+
+
 def top_speed(partition: Partition | None) -> float:
     """Fastest motion in m/s for which the integration must be stable."""
     if partition is None or partition.parts == 1 or partition.carry == "p":
@@ -78,30 +82,42 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
         "p_G": (p.P_S,),
     }
     x = np.array(list(product(*(ranges.get(name, (0.0,)) for name in actuator.states))))
-    x = _with_own_states(x, actuator)
-    rates, jacobian = np.empty_like(x), np.empty((*x.shape, x.shape[1]))
     largest = 0.0
-    load = actuator.load
     for duty in ((1.0, 0.0), (0.0, 1.0)):
-        u = np.zeros((x.shape[0], len(kernels(actuator.model).INPUTS)))
-        u[:, :2] = duty
-        kernels(actuator.model).linearise(x, u, actuator.array(), load.breakpoints, load.combined(), rates, jacobian)
+        _, jacobian = _linearised(actuator, _with_own_states(x, actuator, duty), duty)
         finite = jacobian[np.all(np.isfinite(jacobian), axis=(1, 2))]
         largest = max(largest, float(np.abs(np.linalg.eigvals(finite)).max(initial=0.0)))
     return largest
 
 
-def _with_own_states(x: FloatArray, actuator: Actuator) -> FloatArray:
-    """The states `x` with those of an own model at their start, and all one scale above and below it."""
-    model = actuator.model
-    if not isinstance(model, OwnModel) or not model.states:
+def _linearised(actuator: Actuator, x: FloatArray, duty: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Rates, shape (n, n_states), and Jacobians at the states `x`, with constant duty cycles."""
+    rates, jacobian, load = np.empty_like(x), np.empty((*x.shape, x.shape[1])), actuator.load
+    u = np.zeros((x.shape[0], len(kernels(actuator.model).INPUTS)))
+    u[:, :2] = duty
+    kernels(actuator.model).linearise(x, u, actuator.array(), load.breakpoints, load.combined(), rates, jacobian)
+    return rates, jacobian
+
+
+def _with_own_states(x: FloatArray, actuator: Actuator, duty: tuple[float, float]) -> FloatArray:
+    """The states `x` with those of an own model where they start, and where they settle while the others stay.
+
+    They move by the linearly implicit Euler method, which no stiffness makes unstable.
+    """
+    rows = actuator.state_rows
+    own = [i for i, name in enumerate(rows) if isinstance(actuator.model, OwnModel) and name in actuator.model.states]
+    if not own:
         return x
-    at = [actuator.states.index(name) for name in model.states]
-    start = [actuator.value(state.start) if state.start else 0.0 for state in model.states.values()]
-    scales = np.array([state.scale for state in model.states.values()])
-    wider = np.tile(x, (3, 1))
-    wider[:, at] = np.array(start) + np.repeat([-1.0, 0.0, 1.0], len(x))[:, None] * scales
-    return wider
+    x[:, own] = [actuator.value(row.starts_at) if row.starts_at else 0.0 for row in list(rows.values())[own[0] :]]
+    settled = x.copy()
+    for _ in range(SETTLING_STEPS):
+        rates, jacobian = _linearised(actuator, settled, duty)
+        matrix = np.eye(len(own)) / SETTLING_STEP - jacobian[:, own][:, :, own]
+        good = np.all(np.isfinite(matrix), axis=(1, 2)) & np.all(np.isfinite(rates), axis=1)
+        good[good] = np.abs(np.linalg.det(matrix[good])) > 0.0
+        step = np.linalg.solve(matrix[good], rates[good][:, own, None])[:, :, 0]
+        settled[np.ix_(good, own)] += step
+    return np.concatenate([x, settled])
 
 
 def stiffness_over(actuator: Actuator, bounds: Mapping[str, tuple[float, float]], speed: float = TOP_SPEED) -> float:
