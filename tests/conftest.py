@@ -42,8 +42,9 @@ THETA = (9.0e5, -0.3e5, 0.6e5)
 #: Files whose tests refit, calibrate, integrate with adaptive solvers, start processes or compile C: seconds each. The
 #: inner loop leaves them out with ``-m "not slow"``.
 SLOW = {
-    "c/test_energy_balance_c.py", "cli/test_commands.py", "estimate/test_calibrate.py",
-    "estimate/prediction_error/test_fit.py", "golden/test_golden_results.py", "laws/test_carrier.py",
+    "c/test_energy_balance_c.py", "c/test_own_model_c.py", "cli/test_commands.py", "estimate/test_calibrate.py",
+    "estimate/prediction_error/test_fit.py", "golden/test_golden_results.py", "house/test_own_models_page.py",
+    "laws/test_carrier.py",
     "laws/test_energy_balance.py", "oracles/test_finite_differences.py", "oracles/test_plain_twin.py",
     "oracles/test_sandwich.py", "report/test_fit_page.py", "rig/test_coulomb.py", "rig/test_lugre.py",
     "study/paper/test_paper_study.py", "study/proving/test_proving.py", "truck/test_balances.py",

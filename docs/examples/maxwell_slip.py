@@ -23,10 +23,11 @@ maxwell_slip = OwnModel(
     without=("z",),  # the deflection of the LuGre seal
     parameters={
         "K_1": OwnParameter(8e5, "N/m", "stiffness of element 1", range=(1e4, 1e8), std=2e5),
-        "F_1": OwnParameter(120, "N", "slip force of element 1", range=(1, 1e4), std=40),
+        "F_1": OwnParameter(120, "N", "slip force of element 1", range=(1, 1e4), std=40, drift=10),
         "K_2": OwnParameter(2e5, "N/m", "stiffness of element 2", range=(1e4, 1e8), std=5e4),
-        "F_2": OwnParameter(80, "N", "slip force of element 2", range=(1, 1e4), std=30),
+        "F_2": OwnParameter(80, "N", "slip force of element 2", range=(1, 1e4), std=30, drift=5),
         "D_z": OwnParameter(2500, "N·s/m", "damping of the elements", range=(0, 1e6)),
+        # no prior: what a spring does, a load does as well, so its values are those of its drawing
         "K_r": OwnParameter(4e3, "N/m", "stiffness of the return spring", range=(0, 1e5)),
         "F_r": OwnParameter(50, "N", "force of the return spring at y = 0", range=(0, 1e3)),
         "n_vs": OwnParameter(1.2, "1", "exponent of the supply valve's opening", range=(0.5, 3), std=0.2),

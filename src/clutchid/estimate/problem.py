@@ -70,7 +70,8 @@ def _wearing(
     if calibration is None or not free.reads_load(actuator):
         return {}
     taken = {base_of(name) for name in free.names}
-    priors = {name: Prior(actuator.value(name), calibrated_deviation(actuator, name, calibration)) for name in WEARING}
+    wearing = [name for name in WEARING if name in actuator.in_equations]
+    priors = {name: Prior(actuator.value(name), calibrated_deviation(actuator, name, calibration)) for name in wearing}
     return {
         str(ParameterName(name, log.name)): prior
         for log in logs

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import runpy
+import sys
 import traceback
+from contextlib import redirect_stdout
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -26,7 +28,8 @@ def own_model(path: str | PathLike[str], name: str) -> OwnModel:
     if not file.is_file():
         raise ParameterError(f"{path}: there is no such file; a model is named FILE.py:NAME.")
     try:
-        names = runpy.run_path(str(file), run_name="<own model>")
+        with redirect_stdout(sys.stderr):  # standard output is for results
+            names = runpy.run_path(str(file), run_name="<own model>")
     except (Exception, SystemExit) as error:
         raise ParameterError(f"{_place(file, error)}: {_what(error)}") from error
     models = {key: value for key, value in names.items() if isinstance(value, OwnModel)}

@@ -29,7 +29,8 @@ def own_system(model: OwnModel, base: System) -> System:
         If terms depend on each other in a circle, or a symbol is not defined.
     """
     rates, terms = combined_rates(model, base), combined_terms(model, base)
-    needed = ordered(terms, rates.values())
+    used = ordered(terms, rates.values())
+    needed = ordered(terms, [_real(name) for name in terms if name in used])  # as in the variant, where that can be
     symbols = tuple(_real(name) for name in rates)
     return replace(
         base,
