@@ -223,6 +223,12 @@ def test_values_outside_their_range_are_refused_with_the_range():
             lambda: element(parameters={"K_2": STIFFNESS, "F_2": OwnParameter(0.5, "N", "slip", (1, 1e4))}),
             "parameter F_2: default = 0.5 N: it is at least 1 and at most 10000.",
         ),
+        (
+            lambda: element(parameters={"K_2": OwnParameter("stiff", "N/m", "stiffness", (0, 1e9)), "F_2": SLIP}),
+            "parameter K_2: default = 'stiff': a number is needed.",
+        ),
+        (lambda: element(rates=[v]), "rates = [v]: a dictionary by name is needed."),
+        (lambda: spring(without="z"), "without = 'z': a tuple of names is needed, ('z',)."),
         (lambda: element(parameters={"K_2": 2e5, "F_2": SLIP}), "parameters: K_2 = 200000.0: write OwnParameter(...)."),
     ],
 )  # fmt: skip

@@ -175,7 +175,7 @@ class OwnModel:
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the meaning: equations and all properties of parameters and states, not of the file's layout."""
+        """SHA-256 of equations and numbers; words for people, names of file and model and the layout do not matter."""
         from sympy import srepr
 
         from clutchid.model.own_system import canonical
@@ -183,9 +183,17 @@ class OwnModel:
         meaning: dict[str, Any] = {
             "base": self.base,
             "without": sorted(self.without),
-            "parameters": [[name, asdict(row)] for name, row in self.parameters.items()],
-            "states": [[name, asdict(row)] for name, row in self.states.items()],
+            "parameters": [[name, _meaning(row)] for name, row in self.parameters.items()],
+            "states": [[name, _meaning(row)] for name, row in self.states.items()],
             "terms": sorted([name, srepr(canonical(value))] for name, value in self.terms.items()),
             "rates": sorted([name, srepr(canonical(value))] for name, value in self.rates.items()),
         }
         return hashlib.sha256(json.dumps(meaning).encode()).hexdigest()
+
+
+def _meaning(row: OwnParameter | OwnState) -> dict[str, Any]:
+    """The entries of a row, numbers as floats, without the words for people."""
+    entries = {key: value for key, value in asdict(row).items() if key != "meaning"}
+    if isinstance(row, OwnParameter):
+        entries["range"] = list(map(float, row.range or ()))
+    return {key: float(value) if isinstance(value, (int, float)) else value for key, value in entries.items()}

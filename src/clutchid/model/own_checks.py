@@ -6,7 +6,7 @@ import difflib
 import keyword
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from clutchid.codegen.system import Expr, System
@@ -58,6 +58,13 @@ def _wrong_types(model: OwnModel) -> Iterator[str]:
 
     from clutchid.model.own import OwnParameter, OwnState
 
+    mappings = ("parameters", "states", "terms", "rates")
+    wrong = [key for key in mappings if not isinstance(getattr(model, key), Mapping)]
+    yield from (f"{key} = {getattr(model, key)!r}: a dictionary by name is needed." for key in wrong)
+    if isinstance(model.without, str):
+        yield f"without = {model.without!r}: a tuple of names is needed, ({model.without!r},)."
+    if wrong:
+        return
     for key, kind in (("parameters", OwnParameter), ("states", OwnState)):
         for name, row in getattr(model, key).items():
             if not isinstance(row, kind):
@@ -109,11 +116,26 @@ def _row_problems(model: OwnModel) -> Iterator[str]:
         yield from (f"state {name}: {problem}" for problem in _state_problems(state, model))
 
 
+def _no_numbers(entries: Mapping[str, object]) -> list[str]:
+    """Problems with entries that are no numbers."""
+    wrong = {key: v for key, v in entries.items() if isinstance(v, bool) or not isinstance(v, (int, float))}
+    return [f"{key} = {value!r}: a number is needed." for key, value in wrong.items()]
+
+
 def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
     yield from _bad_unit(parameter.unit)
+    limits = parameter.range if isinstance(parameter.range, tuple | list) else ()
+    entries = {
+        "default": parameter.default,
+        "drift": parameter.drift,
+        **{f"range[{i}]": v for i, v in enumerate(limits)},
+    }
+    if problems := _no_numbers(entries | ({} if parameter.std is None else {"std": parameter.std})):
+        yield from problems
+        return
     if parameter.range is None:
         yield "no admissible range; give range=(SMALLEST, LARGEST), with -inf or inf where it is open."
-    elif len(parameter.range) != 2 or not parameter.range[0] < parameter.range[1]:
+    elif len(limits) != 2 or not parameter.range[0] < parameter.range[1]:
         yield f"range = {parameter.range}: the smallest and the largest admissible value are needed, in this order."
     elif not parameter.row.admits(parameter.default):
         yield f"default = {parameter.default!r} {parameter.unit}: it is {parameter.row.allowed}."
@@ -125,6 +147,9 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
 
 def _state_problems(state: OwnState, model: OwnModel) -> Iterator[str]:
     yield from _bad_unit(state.unit)
+    if problems := _no_numbers({"scale": state.scale} | ({} if state.noise is None else {"noise": state.noise})):
+        yield from problems
+        return
     if not 0.0 < state.scale < math.inf:
         yield f"scale = {state.scale!r} {state.unit}: the size that it reaches is above 0 and finite."
     if state.noise is not None and not 0.0 < state.noise < math.inf:
@@ -142,7 +167,7 @@ def _state_problems(state: OwnState, model: OwnModel) -> Iterator[str]:
 
 def _bad_unit(unit: str) -> Iterator[str]:
     try:
-        _dimension(unit)
+        _dimension(str(unit))
     except ValueError as error:
         yield f"unit {unit!r}: {error}. All values are in SI."
 
