@@ -327,7 +327,7 @@ def test_a_bad_parameter_file_names_every_problem(text: str, words: list[str], r
 def test_the_files_model_wins_over_another_one(recording: Path, tmp_path: Path) -> None:
     path = tmp_path / "start.toml"
     path.write_text("[model]\nvariant = 'isothermal'\n")
-    done = call("fit", recording, "--start", path, "--model", "other")
+    done = call("fit", recording, "--start", path, "--model", "energy-balance")
     assert done.returncode == 2
     assert "leave --model out" in done.stderr
 
