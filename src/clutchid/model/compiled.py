@@ -105,10 +105,10 @@ def kernels(model: Model) -> ModuleType:
 
 
 @cache
-def step(variant: str) -> Any:
-    """The kernel ``step`` of `variant`, to be passed to a kernel that takes one for every variant.
+def step(model: Model) -> Any:
+    """The kernel ``step`` of `model`, to be passed to a kernel that takes one for every model.
 
-    It has one type for all variants, so such a kernel is compiled once and its machine code is kept.
+    It has one type for all models, so such a kernel is compiled once and its machine code is kept.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def step(variant: str) -> Any:
     fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
     places = types.Array(types.int64, 1, "C")
     interval, tables = (types.float64, types.int64), (fixed, load, basis)
-    return Callback(kernels(variant).step, (x, S, fixed, fixed, *interval, *tables, *[places] * 5, x))
+    return Callback(kernels(model).step, (x, S, fixed, fixed, *interval, *tables, *[places] * 5, x))
 
 
 @cache
@@ -157,7 +157,7 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
         module.run_all.compile((x, matrix, *plan, fixed, matrix, basis, *[places] * 5, places, matrix, cube))
         module.linearise.compile((matrix, matrix, x, fixed, matrix, matrix, cube))
         module.prepare.compile((x, places, x))
-        step(variant)
+        step(model)
     functions().opening.compile((x, types.float64, types.float64))
     functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))
 
