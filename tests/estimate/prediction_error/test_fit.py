@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR, predict
 from clutchid.estimate.problem import fit_problem
 from clutchid.estimate.request import FitRequest
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Linearisation
 from clutchid.uncertainty.calibration import Calibration
 
 EXACT = Calibration((), np.zeros((0, 0)))
@@ -154,3 +156,19 @@ def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):
         fit_with_priors(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
     with pytest.raises(ParameterError, match="no parameter is free"):
         fit_with_priors(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))
+
+
+def test_a_round_whose_first_steps_are_all_rejected_goes_on_with_shorter_ones():
+    """Only within 1e-3 of the start the model can be simulated; the minimum lies at 1."""
+    problem = SimpleNamespace(bounds=lambda: (np.array([-10.0]), np.array([10.0])))
+
+    def predicted(x):
+        cost = 0.5 * float((x - 1.0) @ (x - 1.0))
+        return SimpleNamespace(linearisation=lambda: Linearisation(np.eye(1), x - 1.0, cost, 1))
+
+    def evaluate(x, _):
+        return predicted(x) if abs(x[0]) <= 1e-3 else Failure("diverged")
+
+    start = np.zeros(1)
+    # the damping that the first five steps reach, 33, makes one of 0.03
+    assert 0.0 < module.minimise_round(problem, start, predicted(start), evaluate).x[0] <= 1e-3

@@ -28,8 +28,9 @@ TOLERANCE = 1e-5
 #: doubled.
 CONVERGED_MOVE, MIN_STEP_SHARE = 0.5, 0.1
 
-#: Most rounds before and after the re-estimation of the sensor noise; most evaluations of a round.
-COARSE_ROUNDS, FINE_ROUNDS, MAX_EVALUATIONS = 1, 12, 6
+#: Most rounds before and after the re-estimation of the sensor noise; most evaluations of a round, and of one in which
+#: all steps of the first evaluations were rejected: within ten the damping grows from 1e-3 beyond its limit of 1e12.
+COARSE_ROUNDS, FINE_ROUNDS, MAX_EVALUATIONS, MAX_REJECTED = 1, 12, 6, 12
 
 _METHOD = "prediction-error"
 
@@ -80,6 +81,8 @@ def search(
             return current
         minimum = minimise_round(problem, x, current, evaluate)
         move, R = minimum.x - x, minimum.at.R
+        if minimum.status != "converged" and not move.any():
+            return FilterSolution(x, current, "stalled", count)
         reverses = float((R @ move) @ (R @ previous_move)) < 0.0
         step_share = max(0.5 * step_share, MIN_STEP_SHARE) if reverses else min(2.0 * step_share, 1.0)
         candidate = evaluate(x + step_share * move)
@@ -94,14 +97,21 @@ def search(
 def minimise_round(
     problem: FitProblem, x: FloatArray, current: Prediction, evaluate: Callable[..., Prediction | Failure]
 ) -> Solution:
-    """Minimum of the sum of squares, with gains and variances of the filter at `x`."""
+    """Minimum of the sum of squares, with gains and variances of the filter at `x`.
+
+    A round in which every step was rejected goes on with shorter ones: no step is not a minimum.
+    """
 
     def linearise(at: FloatArray) -> Linearisation | Failure:
         prediction = evaluate(at, current)
         return prediction if isinstance(prediction, Failure) else prediction.linearisation()
 
     start = x, current.linearisation()
-    return minimise(linearise, start, *problem.bounds(), tolerance=TOLERANCE, max_evaluations=MAX_EVALUATIONS)
+    for evaluations in (MAX_EVALUATIONS, MAX_REJECTED):
+        minimum = minimise(linearise, start, *problem.bounds(), tolerance=TOLERANCE, max_evaluations=evaluations)
+        if minimum.status != "limit" or not np.array_equal(minimum.x, x):
+            break
+    return minimum
 
 
 #: Prediction error through a Kalman filter.
