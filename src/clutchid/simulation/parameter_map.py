@@ -45,7 +45,7 @@ class ParameterMap:
     """
 
     actuator: Actuator
-    numbers: KernelArrays
+    arrays: KernelArrays
     bases: tuple[str, ...]
     places: tuple[int, ...]
     slopes: FloatArray
@@ -55,11 +55,11 @@ class ParameterMap:
 
     def fixed(self) -> ParameterMap:
         """The same with fixed theta: the values stay in the actuator, no parameter is free."""
-        return ParameterMap(self.actuator, self.numbers, (), (), np.zeros(0), 0, self.sensors, {})
+        return ParameterMap(self.actuator, self.arrays, (), (), np.zeros(0), 0, self.sensors, {})
 
     def load_pieces(self, low: float, high: float) -> tuple[int, int]:
         """First and last polynomial piece of the load between two positions in m."""
-        return bisect_right(self.numbers.breakpoints, low), bisect_right(self.numbers.breakpoints, high)
+        return bisect_right(self.arrays.breakpoints, low), bisect_right(self.arrays.breakpoints, high)
 
     def active_columns(self, pieces: tuple[int, int]) -> ActiveColumns:
         """The columns of a window over these pieces of the load.
@@ -67,7 +67,7 @@ class ParameterMap:
         A load weight acts on the states where its basis function is not zero; sensor parameters do not act on them.
         """
         if pieces not in self.cache:
-            acting = np.any(self.numbers.basis[:, pieces[0] : pieces[1] + 1] != 0.0, axis=(1, 2))
+            acting = np.any(self.arrays.basis[:, pieces[0] : pieces[1] + 1] != 0.0, axis=(1, 2))
             idle = {name for name, acts in zip(self.actuator.load.names, acting.tolist(), strict=True) if not acts}
             active = [i for i, name in enumerate(self.bases) if name not in idle and name not in SENSOR_PARAMETERS]
             self.cache[pieces] = self._active_columns(active)

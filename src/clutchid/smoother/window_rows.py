@@ -57,7 +57,7 @@ def window_rows(
     while True:
         active = mapped.active_columns(pieces)
         out, sens, end, failed = run_to_end(
-            window, mapped.numbers, (start, active.start), active.sensitivities, OUTPUT_STATES
+            window, mapped.arrays, (start, active.start), active.sensitivities, OUTPUT_STATES
         )
         if failed >= 0 or not np.isfinite(end).all():
             return _failure(track, window, out, failed, mapped)
@@ -85,7 +85,7 @@ def window_cost(
     track: Track, window: Segment, start: FloatArray, mapped: ParameterMap, measure: Sequence[str], noise: Noise
 ) -> tuple[FloatArray, float] | Failure:
     """Final state of a window from `start`, and the cost of its residuals, without derivatives."""
-    out, failed = run(window, mapped.numbers, start)
+    out, failed = run(window, mapped.arrays, start)
     if failed >= 0:
         return _failure(track, window, out, failed, mapped)
     sensors, measured = _sensors_and_samples(track, window, mapped, measure, noise)
