@@ -85,7 +85,7 @@ def test_rows_and_end_have_the_derivatives_to_a_number_that_differences_have(pro
 
 
 @pytest.mark.parametrize("name", ["tau_y", "tau_p"])
-@pytest.mark.parametrize("lag", [-1e-3, 0.0, 0.3e-3, 5e-3])
+@pytest.mark.parametrize("lag", [2e-6, 0.3e-3, 5e-3])
 def test_rows_have_the_derivatives_to_any_lag_that_differences_have(problem, telling, uncompressed, name, lag):
     place, h = NAMES.index(name), 1e-4
     x = np.zeros(len(NAMES))
