@@ -1,10 +1,13 @@
 """Generated modules on disk."""
 
 import errno
+import hashlib
 import os
+import pickle
 import sys
 import tempfile
 import threading
+from collections import OrderedDict
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -283,6 +286,15 @@ def test_damaged_machine_code_is_compiled_once_more(source, suffix, damage):
     _twice(source)
     path = _machine_code(source, suffix)
     path.write_bytes(damage(path.read_bytes()))
+    assert [_twice(source), _twice(source)] == [True, False]
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_machine_code_with_types_of_another_process_is_compiled_once_more(source, suffix):
+    _twice(source)
+    path = _machine_code(source, suffix)
+    content = pickle.dumps(OrderedDict()).replace(b"OrderedDict", b"OfNoProcess")
+    path.write_bytes(hashlib.sha256(content).digest() + content)
     assert [_twice(source), _twice(source)] == [True, False]
 
 

@@ -63,7 +63,10 @@ class _Sealed(IndexDataCacheFile):
         content = Path(path).read_bytes()
         if hashlib.sha256(content[_SIZE:]).digest() != content[:_SIZE]:
             raise OSError(f"{path} is damaged.")
-        return pickle.loads(content[_SIZE:])
+        try:
+            return pickle.loads(content[_SIZE:])
+        except (AttributeError, ImportError, pickle.UnpicklingError) as problem:  # types of another process or version
+            raise OSError(f"{path} cannot be read: {problem}.") from problem
 
     def _keep(self, path: str, value: Any) -> None:
         content = self._dump(value)
