@@ -16,6 +16,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
@@ -135,6 +136,7 @@ def _keys(sources: Sequence[Path]) -> Iterator[str]:
         yield _digest([*parts, *_versions()])
 
 
+@cache
 def _meaning(path: Path, content: bytes) -> bytes:
     """A Python file without comments and docstrings."""
     if path.suffix != ".py":
