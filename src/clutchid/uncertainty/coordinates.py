@@ -13,7 +13,7 @@ from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 
 #: Relative standard deviation of the parameters of a new actuator from Appendix A or a data sheet; the prior is
-#: log-normal. Areas and stroke are known from the drawing. Reasons: docs/methods.md.
+#: log-normal. Areas and stroke are known from the drawing. Reasons: docs/derivations.md.
 SHARES: Mapping[str, float] = {
     "A_A": 0.001, "A_B": 0.001, "V_0A": 0.15, "V_0B": 0.15, "P_0": 0.003, "T_0": 0.02, "R": 0.002, "M": 0.15,
     "P_S": 0.05, "D_v": 0.4, "K_z": 0.3, "D_zdot": 0.3, "F_C": 0.4, "C_vs": 0.15, "C_ve": 0.15, "C_r": 0.4,

@@ -24,7 +24,7 @@ from clutchid.smoother.trajectory import noise_scales
 from clutchid.uncertainty.calibration import Calibration
 
 #: Correlation time in s of the model error in position. A load from position alone was closer to the truth if ten
-#: samples at 1 kHz were weighted as one, see docs/methods.md.
+#: samples at 1 kHz were weighted as one, see docs/derivations.md.
 MEMORY = 0.01
 
 _METHOD = "shooting"
