@@ -20,8 +20,8 @@ DRIFT_SHARES: Mapping[str, float] = {
 }  # fmt: skip
 DRIFT_WIDTHS: Mapping[str, float] = {"R_0vs": 6e-4, "R_0ve": 6e-4, "tau_y": 3e-5, "m_ve": 0.003}
 
-#: Factor on all standard deviations, without and with a correlation time of the residuals; chosen on trucks of the proving
-#: ground, where 95 % intervals then contain the true load at 96.4 % of the points of 240 trucks, see docs/truck.md.
+#: Factor on all standard deviations, without and with a correlation time of the residuals; chosen on trucks of the
+#: proving ground: 95 % intervals then contain the true load at 96.4 % of the points of 240 of them, see docs/truck.md.
 DEVIATION_FACTOR, DEVIATION_FACTOR_WITH_MEMORY = 0.85, 0.55
 
 
