@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from clutchid.codegen.c99 import c99_source
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.model.compiled import kernels
 from clutchid.model.isothermal import isothermal
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 
 FloatArray = NDArray[np.float64]

@@ -13,7 +13,8 @@ from hypothesis import settings
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS, compile_ahead, kernels, system
+from clutchid.model.compiled import compile_ahead, kernels, system
+from clutchid.model.variants import VARIANTS
 from fixtures.model_recordings import (  # noqa: F401, fixtures of several packages
     adapted,
     calibrated,

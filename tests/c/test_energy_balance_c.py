@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import VARIANTS, kernels, system
+from clutchid.model.compiled import kernels, system
+from clutchid.model.variants import VARIANTS
 from clutchid.model.weighted_load import Load
 from clutchid.simulation.stiffness import stiffness
 

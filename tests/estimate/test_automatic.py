@@ -19,7 +19,7 @@ from clutchid.estimate.automatic import (
     automatic,
 )
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.preparation.carrier import centred
 from clutchid.signals.duty_cycle import duty_grid
 from clutchid.simulation import simulate

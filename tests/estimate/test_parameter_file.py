@@ -11,7 +11,7 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 
 #: A load on two knots, and the four weights that it needs.

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from clutchid.filter import filtering as module
 from clutchid.filter.filtering import filtered
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.process_noise import process_noise, start_deviations
 from clutchid.simulation.run import columns, run_to_end, start_state

@@ -10,7 +10,7 @@ import pytest
 
 from clutchid.estimate.parameter_file import read_parameters
 from clutchid.model import own_model
-from clutchid.model.own_units import TERM_UNITS
+from clutchid.model.own.units import TERM_UNITS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "own_models.md"

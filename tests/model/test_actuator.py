@@ -5,7 +5,8 @@ import pytest
 
 from clutchid.errors import ParameterError
 from clutchid.model import PAPER_KNOTS, Actuator, Load
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.model.compiled import kernels
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 
 

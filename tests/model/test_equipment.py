@@ -8,8 +8,8 @@ import pytest
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS
 from clutchid.model.equipment import VALVES, Equipment
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 

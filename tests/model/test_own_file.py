@@ -4,7 +4,7 @@ import pytest
 
 from clutchid.errors import ParameterError
 from clutchid.model import own_model
-from clutchid.model.own_file import model_named
+from clutchid.model.own.file import model_named
 
 SPRING = """
 from sympy import symbols

@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
 from clutchid.states import STATES

@@ -7,7 +7,8 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS, kernels, system
+from clutchid.model.compiled import kernels, system
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.states import STATES

@@ -8,7 +8,8 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator
-from clutchid.model.compiled import VARIANTS, kernels
+from clutchid.model.compiled import kernels
+from clutchid.model.variants import VARIANTS
 from clutchid.simulation import simulate
 from clutchid.simulation.failing_term import failing_term
 

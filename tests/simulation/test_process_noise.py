@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.process_noise import process_noise

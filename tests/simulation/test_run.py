@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.simulation.plan import Segment, plan
 from clutchid.simulation.run import (
     POSITION_START,

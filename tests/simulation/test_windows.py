@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from clutchid.log import Log
 from clutchid.model import Actuator
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.windows import initial_states, tracks

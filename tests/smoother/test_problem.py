@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.model import Actuator, Load
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.windows import initial_states, tracks, units

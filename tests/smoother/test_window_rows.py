@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
 from clutchid.smoother import window_rows as module

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.model.compiled import VARIANTS
+from clutchid.model.variants import VARIANTS
 from clutchid.states import STATES
 from clutchid.uncertainty.noise import Noise
 

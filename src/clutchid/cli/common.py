@@ -162,7 +162,7 @@ def priors(items: Sequence[str]) -> dict[str, Prior]:
 
 def model_of(text: str | None) -> Model | None:
     """The option --model: a variant, or FILE.py:NAME of a model of one's own, whose file is executed."""
-    from clutchid.model.own_file import model_named
+    from clutchid.model.own.file import model_named
 
     return None if text is None else model_named(text)
 

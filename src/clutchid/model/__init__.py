@@ -2,7 +2,7 @@
 
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel, OwnParameter, OwnState
-from clutchid.model.own_file import own_model
+from clutchid.model.own.file import own_model
 from clutchid.model.weighted_load import PAPER_KNOTS, Load
 
 __all__ = ["PAPER_KNOTS", "Actuator", "Load", "OwnModel", "OwnParameter", "OwnState", "own_model"]

@@ -10,20 +10,10 @@ from typing import Any, TypeAlias
 
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.system import System
-from clutchid.errors import ParameterError
-from clutchid.model.own import OwnModel
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.model.own.model import OwnModel
+from clutchid.model.variants import VARIANTS, check_variant, variant_system
+from clutchid.parameters import Parameters
 from clutchid.states import STATES, State
-
-#: States of each gas model, in the order of the kernels; a variant is a gas model, with or without Stribeck friction.
-_GAS = {
-    "isothermal": ("y", "v", "p_A", "p_B", "z"),
-    "energy-balance": ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h"),
-}
-_STRIBECK = "-stribeck"
-
-#: Model variants by name, with their states.
-VARIANTS = {f"{gas}{friction}": states for gas, states in _GAS.items() for friction in ("", _STRIBECK)}
 
 #: A variant by name, or a model of the user's own.
 Model: TypeAlias = str | OwnModel
@@ -39,16 +29,11 @@ def system(model: Model) -> System:
     ParameterError
         If there is no such variant.
     """
-    from clutchid.model.energy_balance import energy_balance
-    from clutchid.model.isothermal import isothermal
-
-    check_model(model)
     if isinstance(model, OwnModel):
-        from clutchid.model.own_system import own_system
+        from clutchid.model.own.system import own_system
 
-        return own_system(model, system(model.base))
-    gas = {"isothermal": isothermal, "energy-balance": energy_balance}[model.removesuffix(_STRIBECK)]
-    return gas(stribeck=model.endswith(_STRIBECK))
+        return own_system(model, variant_system(model.base))
+    return variant_system(model)
 
 
 def check_model(model: Model) -> None:
@@ -59,8 +44,8 @@ def check_model(model: Model) -> None:
     ParameterError
         The text has the nearest known one.
     """
-    if not isinstance(model, OwnModel) and model not in VARIANTS:
-        raise ParameterError(unknown_name(str(model), VARIANTS, "model"))
+    if not isinstance(model, OwnModel):
+        check_variant(model)
 
 
 @cache

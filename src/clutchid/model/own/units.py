@@ -11,8 +11,8 @@ from typing import TypeAlias
 import sympy as sp
 
 from clutchid.codegen.system import Expr, System
-from clutchid.model.own import OwnModel
-from clutchid.model.own_system import BEFORE, canonical, combined_terms, ordered
+from clutchid.model.own.rows import Physics
+from clutchid.model.own.system import BEFORE, canonical, combined_terms, ordered
 from clutchid.parameters import Parameters
 from clutchid.states import STATES
 
@@ -154,7 +154,7 @@ def _demand_number(value: Expr, unit: Dimension) -> None:
         raise ValueError(f"{value} needs a number without unit, it has [{shown(unit)}]")
 
 
-def unit_problems(model: OwnModel, base: System) -> Iterator[str]:
+def unit_problems(model: Physics, base: System) -> Iterator[str]:
     """Terms and rates whose units do not fit, one sentence each."""
     rows: dict[str, str] = {**TERM_UNITS, **{BEFORE.format(name): unit for name, unit in TERM_UNITS.items()}}
     rows |= {name: Parameters.row(name).unit for name in Parameters.names()}

@@ -11,8 +11,9 @@ from os import PathLike
 from pathlib import Path
 
 from clutchid.errors import ParameterError
-from clutchid.model.compiled import VARIANTS, Model
-from clutchid.model.own import OwnModel
+from clutchid.model.compiled import Model
+from clutchid.model.own.model import OwnModel
+from clutchid.model.variants import VARIANTS
 from clutchid.parameters import unknown_name
 
 

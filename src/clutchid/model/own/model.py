@@ -10,89 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from clutchid.codegen.system import Expr
-from clutchid.parameters import Row
-from clutchid.states import STATES, State
-
-#: Defaults of a new state relative to its scale: process noise over 0.1 s, standard deviation at a vented start and at
-#: any other, and a large rate in 1/s. They are those of the deflection z of the seals.
-_LIKE = STATES["z"]
-NOISE, START, UNKNOWN_START, FAST = (
-    value / _LIKE.scale for value in (_LIKE.noise, _LIKE.start, _LIKE.unknown_start, _LIKE.fast)
-)
-
-
-@dataclass(frozen=True, slots=True)
-class OwnParameter:
-    """A parameter of an `OwnModel`, in SI.
-
-    Parameters
-    ----------
-    default, unit, meaning
-        Value without another one, SI unit such as ``N·s/m`` (or ``N*s/m``), and a noun phrase.
-    range
-        Smallest and largest admissible value; -inf and inf are open. Required.
-    std
-        Standard deviation of its prior, in its unit, above 0. The prior is log-normal where the range has no negative
-        value and the default is above 0, else normal. A parameter with it is free in ``--free auto``; without it the
-        parameter is fixed there.
-    drift
-        Standard deviation of its change between two recordings of one actuator, in its unit, at least 0.
-    """
-
-    default: float
-    unit: str
-    meaning: str
-    range: tuple[float, float] | None = None
-    std: float | None = None
-    drift: float = 0.0
-
-    @property
-    def row(self) -> Row:
-        """The row that parameters of the package have."""
-        low, high = self.range or (float("nan"), float("nan"))
-        return Row(self.unit, self.meaning, low, high, True, "own model")
-
-    @property
-    def positive(self) -> bool:
-        """Whether the prior is log-normal."""
-        return self.row.low >= 0.0 and self.default > 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class OwnState:
-    """A state of an `OwnModel`, in SI.
-
-    Parameters
-    ----------
-    unit, meaning
-        SI unit and a noun phrase.
-    scale
-        Size that it reaches, above 0; it makes searches dimensionless.
-    start
-        Name of the parameter that is its initial value; 0 without one.
-    noise
-        Standard deviation of the process noise over 0.1 s, above 0; 5 % of the scale without one.
-    """
-
-    unit: str
-    meaning: str
-    scale: float
-    start: str | None = None
-    noise: float | None = None
-
-    def row(self, name: str) -> State:
-        """The row that states of the package have."""
-        return State(
-            unit=self.unit,
-            meaning=self.meaning,
-            column=f"{name} [{self.unit}]",
-            scale=self.scale,
-            noise=NOISE * self.scale if self.noise is None else self.noise,
-            start=START * self.scale,
-            unknown_start=UNKNOWN_START * self.scale,
-            starts_at=self.start,
-            fast=FAST * self.scale,
-        )
+from clutchid.model.own.rows import OwnParameter, OwnState
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +72,7 @@ class OwnModel:
     file: str = ""
 
     def __post_init__(self) -> None:
-        from clutchid.model.own_checks import check
+        from clutchid.model.own.checks import check
 
         check(self)
         for key in ("parameters", "states", "terms", "rates"):
@@ -178,7 +96,7 @@ class OwnModel:
         """SHA-256 of equations and numbers; words for people, names of file and model and the layout do not matter."""
         from sympy import srepr
 
-        from clutchid.model.own_system import canonical
+        from clutchid.model.own.system import canonical
 
         meaning: dict[str, Any] = {
             "base": self.base,

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 from clutchid.codegen.system import Expr, System
 from clutchid.errors import ParameterError
 from clutchid.log import COLUMNS
-from clutchid.model.compiled import VARIANTS, system
+from clutchid.model.own.rows import OwnParameter, OwnState, Physics
+from clutchid.model.variants import VARIANTS, variant_system
 from clutchid.parameters import Parameters, unknown_name
 from clutchid.states import STATES
 
 if TYPE_CHECKING:
-    from clutchid.model.own import OwnModel, OwnParameter, OwnState
-    from clutchid.model.own_units import Dimension
+    from clutchid.model.own.units import Dimension
 
 #: States that measurement, resets and the load need.
 REQUIRED = ("y", "v", "p_A", "p_B")
@@ -29,7 +29,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TAKEN = ("load", "auto", "time", "f_l", "y_measured", "p_A_measured", "y_start", "p_A_start")
 
 
-def check(model: OwnModel) -> None:
+def check(model: Physics) -> None:
     """Refuse a model whose names, units or equations do not fit.
 
     Raises
@@ -39,24 +39,22 @@ def check(model: OwnModel) -> None:
     """
     if model.base not in VARIANTS:
         raise ParameterError(f"base: {unknown_name(str(model.base), VARIANTS, 'model variant')}")
-    base = system(model.base)
+    base = variant_system(model.base)
     problems = [*_wrong_types(model)]
     if not problems:
         problems = [*_name_problems(model, base), *_row_problems(model), *_equation_problems(model, base)]
     if not problems:
-        from clutchid.model.own_units import unit_problems
+        from clutchid.model.own.units import unit_problems
 
         problems = [*_use_problems(model, base)] or [*unit_problems(model, base)]
     if problems:
         raise ParameterError("\n".join(problems))
 
 
-def _wrong_types(model: OwnModel) -> Iterator[str]:
+def _wrong_types(model: Physics) -> Iterator[str]:
     """Entries that are no records or expressions."""
     from sympy import Expr as Expression
     from sympy import SympifyError, sympify
-
-    from clutchid.model.own import OwnParameter, OwnState
 
     mappings = ("parameters", "states", "terms", "rates")
     wrong = [key for key in mappings if not isinstance(getattr(model, key), Mapping)]
@@ -79,7 +77,7 @@ def _wrong_types(model: OwnModel) -> Iterator[str]:
                 yield f"{key}: {name} = {value!r}: a SymPy expression of symbols('...') is needed, no text."
 
 
-def _name_problems(model: OwnModel, base: System) -> Iterator[str]:
+def _name_problems(model: Physics, base: System) -> Iterator[str]:
     """New names that are no identifiers or have a meaning already, and states that cannot be left out."""
     terms = {str(symbol) for symbol, _ in base.definitions}
     meanings = {
@@ -109,7 +107,7 @@ def _name_problems(model: OwnModel, base: System) -> Iterator[str]:
             yield f"without: {name}: of the states of {model.base}, {others} can be left out."
 
 
-def _row_problems(model: OwnModel) -> Iterator[str]:
+def _row_problems(model: Physics) -> Iterator[str]:
     for name, parameter in model.parameters.items():
         yield from (f"parameter {name}: {problem}" for problem in _parameter_problems(parameter))
     for name, state in model.states.items():
@@ -145,7 +143,7 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
         yield f"drift = {parameter.drift!r} {parameter.unit}: a standard deviation is at least 0 and finite."
 
 
-def _state_problems(state: OwnState, model: OwnModel) -> Iterator[str]:
+def _state_problems(state: OwnState, model: Physics) -> Iterator[str]:
     yield from _bad_unit(state.unit)
     if problems := _no_numbers({"scale": state.scale} | ({} if state.noise is None else {"noise": state.noise})):
         yield from problems
@@ -173,12 +171,12 @@ def _bad_unit(unit: str) -> Iterator[str]:
 
 
 def _dimension(unit: str) -> Dimension:
-    from clutchid.model.own_units import dimension_of
+    from clutchid.model.own.units import dimension_of
 
     return dimension_of(unit)
 
 
-def _equation_problems(model: OwnModel, base: System) -> Iterator[str]:
+def _equation_problems(model: Physics, base: System) -> Iterator[str]:
     """Rates that are missing or belong to nothing, and symbols and functions that nobody knows."""
     from clutchid.codegen.numba_source import block
     from clutchid.codegen.program import lower
@@ -200,7 +198,7 @@ def _equation_problems(model: OwnModel, base: System) -> Iterator[str]:
             yield f"{where}: {error} Piecewise, Abs, Min and Max are known too."
 
 
-def _unknown_symbol(name: str, known: set[str], model: OwnModel, states: list[str]) -> str:
+def _unknown_symbol(name: str, known: set[str], model: Physics, states: list[str]) -> str:
     if name in model.without:
         return f"{name} is left out (without)."
     near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.4)
@@ -211,16 +209,16 @@ def _unknown_symbol(name: str, known: set[str], model: OwnModel, states: list[st
     )
 
 
-def _equations(model: OwnModel) -> Iterator[tuple[str, Expr]]:
-    from clutchid.model.own_system import canonical
+def _equations(model: Physics) -> Iterator[tuple[str, Expr]]:
+    from clutchid.model.own.system import canonical
 
     yield from ((f"terms: {name}", canonical(value)) for name, value in model.terms.items())
     yield from ((f"rates: {name}", canonical(value)) for name, value in model.rates.items())
 
 
-def _use_problems(model: OwnModel, base: System) -> Iterator[str]:
+def _use_problems(model: Physics, base: System) -> Iterator[str]:
     """Terms in a circle, what is used nowhere, and states that are left out and still used."""
-    from clutchid.model.own_system import combined_rates, combined_terms, ordered
+    from clutchid.model.own.system import combined_rates, combined_terms, ordered
 
     terms, rates = combined_terms(model, base), combined_rates(model, base)
     try:

@@ -1,0 +1,45 @@
+"""The model variants: their states and equations."""
+
+from __future__ import annotations
+
+from clutchid.codegen.system import System
+from clutchid.errors import ParameterError
+from clutchid.parameters import unknown_name
+
+#: States of each gas model, in the order of the kernels; a variant is a gas model, with or without Stribeck friction.
+_GAS = {
+    "isothermal": ("y", "v", "p_A", "p_B", "z"),
+    "energy-balance": ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h"),
+}
+_STRIBECK = "-stribeck"
+
+#: Model variants by name, with their states.
+VARIANTS = {f"{gas}{friction}": states for gas, states in _GAS.items() for friction in ("", _STRIBECK)}
+
+
+def variant_system(variant: str) -> System:
+    """The equations of a model variant.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    from clutchid.model.energy_balance import energy_balance
+    from clutchid.model.isothermal import isothermal
+
+    check_variant(variant)
+    gas = {"isothermal": isothermal, "energy-balance": energy_balance}[variant.removesuffix(_STRIBECK)]
+    return gas(stribeck=variant.endswith(_STRIBECK))
+
+
+def check_variant(variant: str) -> None:
+    """Refuse a variant that does not exist.
+
+    Raises
+    ------
+    ParameterError
+        The text has the nearest known one.
+    """
+    if variant not in VARIANTS:
+        raise ParameterError(unknown_name(str(variant), VARIANTS, "model"))
