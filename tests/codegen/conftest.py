@@ -122,7 +122,7 @@ class Kernels:
         weights = np.arange(n_theta)
         functions = (self.basis, weights, nx + n_p + weights) if self.system.table else ()
         sens = np.full((n, nx, S.shape[1]), np.nan)
-        status = getattr(self.module, kernel)(
+        status = self.module.run_all(
             *head, S, *common, *table, *functions, *(row.copy() for row in fill), np.arange(nx), out, sens
         )
         return status, out, sens

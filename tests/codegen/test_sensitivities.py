@@ -65,7 +65,7 @@ def test_the_table_kernel_carries_the_same_derivatives_to_states_and_weights(ass
     n = 150
     several = [
         kernels.run(ASSORTED["x0"], ASSORTED["p"], [0.01] * n, theta=ASSORTED["theta"], kernel=kernel)[2]
-        for kernel in ("run_table", "run_all")
+        for kernel in ("run_all, weights only", "run_all")
     ]
     chosen = [0, 1, 2, 3, 6, 7]  # without the two parameters
     # Some 40 operations a step on numbers of order 1 that may cancel.

@@ -115,7 +115,7 @@ def test_all_three_kernels_compute_the_same_states(assorted, compiled):
     runs = [
         kernels.run([3.0, 0.2, 0.0, 2.0], [0.8, 0.9], [0.01] * n, u=u, jump={100: 1, 200: 2}, measured=0.5,
                     theta=(0.5, 0.7), kernel=kernel)[1]
-        for kernel in ("run", "run_table", "run_all")
+        for kernel in ("run", "run_all, weights only", "run_all")
     ]  # fmt: skip
     # They may group sums differently: n steps, some 20 operations each, all contracting.
     np.testing.assert_allclose(runs[1], runs[0], rtol=n * 20 * np.finfo(float).eps)

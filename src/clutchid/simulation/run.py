@@ -33,11 +33,6 @@ class Columns:
     fill_row: IntArray
     fill_column: IntArray
 
-    @property
-    def needs_parameters(self) -> bool:
-        """Whether a derivative with respect to a parameter other than a load weight is requested."""
-        return self.fill_slot.size > 0
-
 
 def columns(actuator: Actuator, names: Sequence[str]) -> Columns:
     """Columns of the sensitivities to `names`: parameters, load weights, `POSITION_START`, `PRESSURE_START`."""
