@@ -75,7 +75,7 @@ def _call(name: str, text: str) -> Callable[..., Any]:
 
 @intrinsic
 def room(_typing: Any, size: Any) -> Any:
-    """An array of so many numbers, a literal, on the stack: it dies with the kernel, and may become registers."""
+    """An array of `size` numbers, a literal, on the stack of the kernel; it may become registers."""
     if not isinstance(size, types.IntegerLiteral):
         raise RequireLiteralValue("the size of a room on the stack")
     kind, count = types.Array(types.float64, 1, "C"), size.literal_value

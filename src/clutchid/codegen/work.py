@@ -17,7 +17,7 @@ class Work:
     First the segment in which the table was read last, then `constants` and `held`; then four `stages` of `stride`
     numbers, in each of which lie the rates (or new states after a jump), segment and offset of the table, Jacobian,
     derivatives to the table's value, and parameter slots. After the `head` of all these come the blocks of columns,
-    each of `block` numbers, see `lanes`; a block has its first `source` after so many.
+    each of `block` numbers, see `lanes`; the first source of a block begins at its number `source`.
     """
 
     constants: int

@@ -28,7 +28,7 @@ def calibration_section(kept: Calibration) -> dict[str, Any]:
 
 
 def calibration_in(section: Any, weights: int, method: str) -> Calibration:
-    """The calibration in a file, for a load with so many `weights`, by `method`; earlier versions have no score.
+    """The calibration in a file by `method`, for a load with `weights` weights; earlier versions have no score.
 
     Raises
     ------

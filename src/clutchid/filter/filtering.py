@@ -173,7 +173,7 @@ def _sensors(mapped: ParameterMap) -> IntArray:
 
 
 def _model_arrays(mapped: ParameterMap, which: Columns, width: int) -> ModelArrays:
-    """Arguments of the generated step, for so many columns."""
+    """Arguments of the generated step for `width` columns."""
     arrays, module = mapped.arrays, kernels(mapped.actuator.model)
     work = np.empty(module.work_size(width))
     module.prepare(arrays.parameters, which.fill_slot, work)
