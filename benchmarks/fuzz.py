@@ -24,8 +24,8 @@ import numpy as np
 
 from clutchid.errors import ClutchidError
 from clutchid.io import read, write
-from clutchid.io.channel_map import Channel, ChannelMap
-from clutchid.io.look import look
+from clutchid.io.look.look import look
+from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.log import COLUMNS, Log
 
 #: A case that takes longer has hung, in s; and what a reader may take, in bytes.

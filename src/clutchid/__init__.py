@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from clutchid.estimate import Fit, fit
     from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
     from clutchid.io import read, read_pieces, write
-    from clutchid.io.look import look
+    from clutchid.io.look.look import look
     from clutchid.log import Log
     from clutchid.model import Actuator, Load
     from clutchid.parameters import Parameters
@@ -45,7 +45,7 @@ _HOME = {
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
     "fit": "clutchid.estimate",
-    "look": "clutchid.io.look",
+    "look": "clutchid.io.look.look",
     "parameter_file": "clutchid.estimate.parameter_file",
     "read": "clutchid.io",
     "read_pieces": "clutchid.io",

@@ -58,7 +58,7 @@ def read_recordings(
 
     channels = None
     if reading.channel_map is not None:
-        from clutchid.io.channel_map import read_map
+        from clutchid.io.map.channel_map import read_map
 
         channels = read_map(reading.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, MissingExtra
-from clutchid.io.can import scan as can_scan
-from clutchid.io.can.file import container, frame_log, open_file
-from clutchid.io.can.frames import Frames, as_payload
-from clutchid.io.can.merge import merged
-from clutchid.io.can.mf4 import holds_bus_frames
+from clutchid.io.formats.can import scan as can_scan
+from clutchid.io.formats.can.file import container, frame_log, open_file
+from clutchid.io.formats.can.frames import Frames, as_payload
+from clutchid.io.formats.can.merge import merged
+from clutchid.io.formats.can.mf4 import holds_bus_frames
 
 can = pytest.importorskip("can", reason="python-can, of the extra can, writes the logs")
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, is the oracle")

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.io.channel_map import Channel, ChannelMap, map_text, read_map, write_map
 from clutchid.io.columns import QUANTITIES
+from clutchid.io.map.channel_map import Channel, ChannelMap, map_text, read_map, write_map
 from clutchid.units import known_units
 
 numbers = st.floats(-1e9, 1e9, allow_nan=False)

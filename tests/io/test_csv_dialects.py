@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import clutchid.io as cio
 from clutchid.errors import DataError
-from clutchid.io.csv import file as csv_file
-from clutchid.io.csv.file import open_file
+from clutchid.io.formats.csv import file as csv_file
+from clutchid.io.formats.csv.file import open_file
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import DataError
-from clutchid.io.can.dbc import messages_in, read_dbc
-from clutchid.io.can.j1939 import first_code
-from clutchid.io.can.signals import Page, Signal, decode, present, raw_bits
+from clutchid.io.formats.can.dbc import messages_in, read_dbc
+from clutchid.io.formats.can.j1939 import first_code
+from clutchid.io.formats.can.signals import Page, Signal, decode, present, raw_bits
 
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, reads the DBC and is the oracle")
 

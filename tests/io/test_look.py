@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.io.look import look
+from clutchid.io.look.look import look
 
 
 def test_columns_are_shown_as_written_and_in_si(recording, save):
@@ -43,7 +43,7 @@ def test_the_time_axis_is_measured(recording, save):
 
 @pytest.mark.parametrize("small", [0, 1e9])
 def test_columns_without_a_meaning_are_looked_at_too(recording, save, small, monkeypatch):
-    monkeypatch.setattr("clutchid.io.csv.file._SMALL", small)
+    monkeypatch.setattr("clutchid.io.formats.csv.file._SMALL", small)
     text = recording(3).replace("\n", ",20,low\n").replace(",20,low", ",oil [degC],state", 1)
     seen = look(save(text))
     oil, state = seen.rasters[0].columns[5:]

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from scipy.io import loadmat, savemat
 
 from clutchid.errors import DataError, ExportError
-from clutchid.io.mat import bytes as mat_bytes
-from clutchid.io.mat import file as mat_file
-from clutchid.io.mat import rasters as mat_rasters
-from clutchid.io.mat import tree as mat_tree
+from clutchid.io.formats.mat import bytes as mat_bytes
+from clutchid.io.formats.mat import file as mat_file
+from clutchid.io.formats.mat import rasters as mat_rasters
+from clutchid.io.formats.mat import tree as mat_tree
 from clutchid.log import COLUMNS, Log
 
 N = 40

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from clutchid.errors import DataError
-from clutchid.io.mat import file as mat_file
+from clutchid.io.formats.mat import file as mat_file
 
 T = np.arange(60) / 1000
 

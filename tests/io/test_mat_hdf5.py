@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, MissingExtra
-from clutchid.io.mat import file as mat_file
-from clutchid.io.mat import hdf5 as mat_hdf5
+from clutchid.io.formats.mat import file as mat_file
+from clutchid.io.formats.mat import hdf5 as mat_hdf5
 
 h5py = pytest.importorskip("h5py", reason="h5py is needed, of the extra 'mat'.")
 

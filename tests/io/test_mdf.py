@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from clutchid.errors import DataError, ExportError, MissingExtra
-from clutchid.io.mdf.file import holds_bus_frames, open_file, save
-from clutchid.io.mdf.numbers import Bits as Place
-from clutchid.io.mdf.numbers import formula, unpacked
+from clutchid.io.formats.mdf.file import holds_bus_frames, open_file, save
+from clutchid.io.formats.mdf.numbers import Bits as Place
+from clutchid.io.formats.mdf.numbers import formula, unpacked
 from clutchid.log import COLUMNS, Log
 
 pytest.importorskip("asammdf", reason="reading MDF needs asammdf: pip install 'clutchid[mdf]'")
@@ -135,8 +135,8 @@ def test_what_is_written_is_read_back_bit_for_bit_with_its_metadata(tmp_path, lo
 
 
 def test_a_long_log_is_written_and_read_in_blocks_that_count_on(tmp_path, monkeypatch):
-    monkeypatch.setattr("clutchid.io.mdf.file.BLOCK", 1000)
-    monkeypatch.setattr("clutchid.io.mdf.file._CHUNK", 4096)
+    monkeypatch.setattr("clutchid.io.formats.mdf.file.BLOCK", 1000)
+    monkeypatch.setattr("clutchid.io.formats.mdf.file._CHUNK", 4096)
     time = np.arange(2500) / 1000
     log = Log(time, {"position": np.sin(time), "duty_supply": np.cos(time)})
     save(log, tmp_path / "run.mf4")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import clutchid.io as cio
 from clutchid.errors import DataError
-from clutchid.io.parquet import file as parquet_file
-from clutchid.io.parquet.pages import damage
+from clutchid.io.formats.parquet import file as parquet_file
+from clutchid.io.formats.parquet.pages import damage
 
 GOOD = {
     "time [ms]": [0, 1, 2],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.io.columns import REQUIRED
-from clutchid.io.proposal import map_for, propose
+from clutchid.io.map.proposal import map_for, propose
 
 TIME = np.arange(100) / 100
 DUTY = (TIME % 0.2 < 0.1) * 1.0

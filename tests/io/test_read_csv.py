@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import clutchid.io as cio
 from clutchid.errors import DataError, ParameterError
-from clutchid.io.csv import file as csv_file
+from clutchid.io.formats.csv import file as csv_file
 from clutchid.parameters import Parameters
 from clutchid.units import UNITS
 

@@ -7,7 +7,7 @@ import pytest
 
 import clutchid.io as cio
 from clutchid.errors import DataError
-from clutchid.io.csv import file as csv_file
+from clutchid.io.formats.csv import file as csv_file
 
 
 def problems(path):

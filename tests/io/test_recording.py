@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.io.channel_map import Channel, ChannelMap
 from clutchid.io.columns import REQUIRED
+from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.recording import pieces
 
 FAST, SLOW = np.arange(2000) / 1000 + 0.0003, np.arange(200) / 100

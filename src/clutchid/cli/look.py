@@ -12,7 +12,7 @@ from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressur
 from clutchid.parameters import Parameters
 
 if TYPE_CHECKING:
-    from clutchid.io.overview import Look
+    from clutchid.io.look.overview import Look
 
 
 def look(
@@ -44,8 +44,8 @@ def look(
     """
 
     def work() -> int:
-        from clutchid.io.channel_map import write_map
-        from clutchid.io.look import look as look_at
+        from clutchid.io.look.look import look as look_at
+        from clutchid.io.map.channel_map import write_map
 
         check_outputs({"--save": save}, [("the recording itself", file)])
         at = pressure(ambient, Parameters().P_0)
@@ -66,7 +66,8 @@ def look(
 def _checks(file: Path, contents: Look, map_: Path | None, ambient: float) -> str:
     """Results of the checks before a fit on the recording, or on its first million samples."""
     from clutchid.inspection import inspect
-    from clutchid.io import channel_map, read_pieces
+    from clutchid.io import read_pieces
+    from clutchid.io.map import channel_map
 
     channels = channel_map.read_map(map_) if map_ else contents.proposal.channels
     if map_ is None and (contents.problems or (contents.needs_map and not contents.proposal.complete)):

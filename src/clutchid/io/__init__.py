@@ -12,12 +12,12 @@ from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check, check_ambient
 from clutchid.io.columns import REQUIRED
 from clutchid.io.files import atomic_write, digest
-from clutchid.io.opening import open_source
+from clutchid.io.formats.opening import open_source
 from clutchid.io.source import BLOCK, Source, in_contract
 from clutchid.log import Log
 
 if TYPE_CHECKING:
-    from clutchid.io.channel_map import ChannelMap
+    from clutchid.io.map.channel_map import ChannelMap
 
 __all__ = ["AMBIENT", "atomic_write", "read", "read_pieces", "write"]
 
@@ -113,7 +113,7 @@ def _logs(
     if given is None and in_contract(source):
         logs = _by_contract(source, ambient, required, rows)
     else:
-        from clutchid.io.proposal import map_for
+        from clutchid.io.map.proposal import map_for
         from clutchid.io.recording import pieces
 
         chosen = map_for(source, given, required)
@@ -132,7 +132,7 @@ def _logs(
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
     if channels is None:
         return None
-    from clutchid.io.channel_map import ChannelMap, read_map
+    from clutchid.io.map.channel_map import ChannelMap, read_map
 
     return channels if isinstance(channels, ChannelMap) else read_map(channels)
 
@@ -172,10 +172,10 @@ def write(log: Log, path: str | PathLike[str]) -> None:
 
 
 def _writers() -> dict[str, Callable[[Log, Path], None]]:
-    from clutchid.io.csv import file as csv_file
-    from clutchid.io.mat import file as mat_file
-    from clutchid.io.mdf import file as mdf_file
-    from clutchid.io.parquet import file as parquet_file
+    from clutchid.io.formats.csv import file as csv_file
+    from clutchid.io.formats.mat import file as mat_file
+    from clutchid.io.formats.mdf import file as mdf_file
+    from clutchid.io.formats.parquet import file as parquet_file
 
     return {
         ".csv": csv_file.save,

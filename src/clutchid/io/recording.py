@@ -11,11 +11,11 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.io.alignment import Stream, aligned
-from clutchid.io.channel_map import Channel, ChannelMap
 from clutchid.io.checks import check, in_si, usual_interval
 from clutchid.io.clock import Clock, repair
 from clutchid.io.columns import Heading
-from clutchid.io.picking import Pick, pick
+from clutchid.io.map.channel_map import Channel, ChannelMap
+from clutchid.io.map.picking import Pick, pick
 from clutchid.io.source import Source
 from clutchid.io.table import Places, Rows, Table
 from clutchid.log import HOLE, FloatArray, Log

@@ -1,0 +1,1 @@
+"""What is in a file, even if it cannot be read as a recording."""
