@@ -20,12 +20,14 @@ class Raster:
 
     `headings` are all its channels in order of their index, including the time stamps; `clock` is the index of the time
     stamps, None if the file does not define it; `size` the number of samples per channel; `name` its name in the file.
+    `others` are its channels that cannot be read as numbers: name, and what they hold ("text", "3 x 4 numbers").
     """
 
     headings: tuple[Heading, ...]
     size: int
     name: str = ""
     clock: int | None = None
+    others: tuple[tuple[str, str], ...] = ()
 
 
 class Tables(Protocol):
