@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check, check_ambient
-from clutchid.io.columns import REQUIRED
+from clutchid.io.columns import QUANTITIES, REQUIRED
 from clutchid.io.files import atomic_write, digest
 from clutchid.io.formats.opening import open_source
+from clutchid.io.guard.limits import MEMORY_VARIABLE, memory
 from clutchid.io.source import BLOCK, Source, in_contract
 from clutchid.log import Log
 
 if TYPE_CHECKING:
     from clutchid.io.map.channel_map import ChannelMap
+
+#: A file that unpacks to more than so many times its size holds nothing that a recording would.
+_MOST_GROWTH = 50
 
 __all__ = ["AMBIENT", "atomic_write", "read", "read_pieces", "write"]
 
@@ -107,6 +111,8 @@ def _logs(
     check_ambient(ambient)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))
+    if rows is None:
+        _check_size(source)
     metadata = {"source": source.path.name, "ambient_Pa": repr(float(ambient))}
     if rows is None:
         metadata["sha256"] = digest(source.path)
@@ -129,6 +135,17 @@ def _logs(
             progress(done, size)
 
 
+def _check_size(source: Source) -> None:
+    """Refuse to read a small file as a whole that unpacks to more than there may be in memory."""
+    size = 8 * max((raster.size * min(len(raster.headings), len(QUANTITIES)) for raster in source.rasters), default=0)
+    there = source.path.stat().st_size
+    if size > max(memory() / 2.5, _MOST_GROWTH * there):
+        raise DataError(
+            f"{source.path}: a file of {there / 1e6:.3g} MB that unpacks to {size / 1e9:.3g} GB; save less, cut out "
+            f"what is needed with `clutchid cut`, or allow more with the environment variable {MEMORY_VARIABLE}=8GB."
+        )
+
+
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
     if channels is None:
         return None
@@ -148,7 +165,7 @@ def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: 
             raise DataError.of(str(source.path), [*source.problems, *checked.problems])
         columns = dict(checked.columns)
         warnings = (*source.warnings, *checked.warnings)
-        yield Log(columns.pop("time"), columns, source.path.stem, dict(source.metadata), warnings)
+        yield Log(columns.pop("time"), columns, source.name, dict(source.metadata), warnings)
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:

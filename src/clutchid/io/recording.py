@@ -75,7 +75,7 @@ def _logs(source: Source, blocks: Iterator[Block], messages: _Messages) -> Itera
         if messages.problems:
             raise DataError.of(str(source.path), messages.problems)
         warnings, messages.warnings = tuple(dict.fromkeys(messages.warnings)), []
-        yield Log(time, columns, source.path.stem, dict(source.metadata), warnings)
+        yield Log(time, columns, source.name, dict(source.metadata), warnings)
     if messages.problems:
         raise DataError.of(str(source.path), messages.problems)
 

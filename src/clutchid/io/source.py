@@ -60,6 +60,11 @@ class Source:
     unnamed: str = ""
 
     @property
+    def name(self) -> str:
+        """Name of the recording: that of the file without its suffix, and without ``.gz``."""
+        return Path(self.path.name.removesuffix(".gz")).stem
+
+    @property
     def tabular(self) -> bool:
         """Whether it is a table whose columns the user can rename, so that messages ask for the standard names."""
         return self.format in ("CSV", "Parquet")

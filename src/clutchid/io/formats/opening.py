@@ -1,18 +1,30 @@
-"""Open a recording: the format is detected from the content, and its reader is loaded on demand."""
+"""Open a recording: the format is detected from the content, and its reader is loaded on demand.
+
+Text, and Parquet of moderate size, is read in this process; everything else in the guarded reader process (`io.guard`),
+which calls `opened_here`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import gzip
+import shutil
+import tempfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
 from clutchid.errors import ClutchidError, DataError
 from clutchid.io.files import plain_file
-from clutchid.io.source import Source
+from clutchid.io.formats.kinds import ENOUGH, kind_of, refusal
+from clutchid.io.source import Source, Tables
+from clutchid.io.table import Table
 
-#: Number of bytes at the start of a file that determine its format.
-_ENOUGH = 1024
+#: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
+_MOST_UNPACKED = 8_000_000_000
+_CHUNK = 1 << 20
 
 
 def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
@@ -21,14 +33,36 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     Raises
     ------
     DataError
-        If the recording or a DBC file is not a readable plain file; problems inside the recording are in
-        ``Source.problems``.
+        If the recording or a DBC file is not a readable plain file, is no recording, or ended the reader process;
+        problems inside a recording are in ``Source.problems``.
     MissingExtra
         If the format needs a library that is not installed.
     """
     file = plain_file(path)
+    databases = [plain_file(name, "DBC file") for name in dbc]
+    head = _head(file)
+    if reason := refusal(head, file):
+        raise DataError(f"{file}: {reason}")
+    kind = kind_of(head)
+    if kind in ("csv", "parquet"):
+        return opened_here(file, databases)
+    from clutchid.io.guard.remote import guarded_source
+
+    return guarded_source(file, databases)
+
+
+def opened_here(file: Path, dbc: Sequence[Path]) -> Source:
+    """Open a file of any known format in this process.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read; problems inside a recording are in ``Source.problems``.
+    MissingExtra
+        If the format needs a library that is not installed.
+    """
     try:
-        source = _opened(file, [plain_file(name, "DBC file") for name in dbc])
+        source = _opened(file, dbc)
     except OSError as error:
         if isinstance(error, ClutchidError):
             raise
@@ -38,26 +72,33 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
 
 
+def _head(file: Path) -> bytes:
+    try:
+        with file.open("rb") as stream:
+            return stream.read(ENOUGH)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
+
+
 def _opened(file: Path, dbc: Sequence[Path]) -> Source:
-    with file.open("rb") as stream:
-        head = stream.read(_ENOUGH)
-    if head[:8] in (b"MDF     ", b"UnFinMF "):
+    kind = kind_of(_head(file))
+    if kind == "gzip":
+        return _unpacked(file, dbc)
+    if kind == "mdf":
         return _mdf(file, dbc)
-    if head[:4] == b"PAR1":
+    if kind in ("blf", "asc"):
+        return _can(file, dbc)
+    if kind == "parquet":
         from clutchid.io.formats.parquet import file as parquet_file
 
         return parquet_file.open_file(file)
-    if head[:4] == b"LOGG":
-        return _can(file, dbc)
-    if b"\0" in head:  # not text, except UTF-16
+    if kind == "mat":
         from clutchid.io.formats.mat import file as mat_file
 
-        if mat_file.is_mat(head):
-            return mat_file.open_file(file)
-    from clutchid.io.formats.can import asc as asc_file
+        return mat_file.open_file(file)
     from clutchid.io.formats.csv import file as csv_file
 
-    return _can(file, dbc) if asc_file.is_asc(head) else csv_file.open_file(file)
+    return csv_file.open_file(file)
 
 
 def _can(file: Path, dbc: Sequence[Path]) -> Source:
@@ -76,3 +117,55 @@ def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
     source = mdf_file.open_file(file)
     silent = not (source.rasters or source.problems)
     return _can(file, ()) if silent and mf4_bus.holds_bus_frames(file) else source
+
+
+def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
+    """The recording in a gzip file, unpacked to a temporary file that is deleted with its reader."""
+    folder = tempfile.TemporaryDirectory(prefix="clutchid-")
+    inner = Path(folder.name) / (file.name.removesuffix(".gz") or "recording")
+    with _named(file, inner):
+        _unpack(file, inner)
+        head = _head(inner)
+        reason = "is packed twice; unpack it once." if kind_of(head) == "gzip" else refusal(head, inner)
+        if reason:
+            raise DataError(f"{file}: {reason}")
+        source = opened_here(inner, dbc)
+    return replace(source, path=file, tables=_UnpackedTables(file, inner, folder, source.tables))
+
+
+@contextmanager
+def _named(file: Path, inner: Path) -> Iterator[None]:
+    """What goes wrong with the unpacked file as an error that names the packed one."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(str(error).replace(str(inner), str(file))) from error
+
+
+def _unpack(file: Path, to: Path) -> None:
+    most = min(_MOST_UNPACKED, shutil.disk_usage(to.parent).free // 2)
+    try:
+        with gzip.open(file, "rb") as packed, to.open("wb") as plain:
+            size = 0
+            while chunk := packed.read(_CHUNK):
+                size += len(chunk)
+                if size > most:
+                    raise DataError(f"{file}: unpacks to more than {most / 1e9:.3g} GB; unpack and shorten it.")
+                plain.write(chunk)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _UnpackedTables:
+    """Reads from an unpacked file, see `Tables`, and keeps its folder as long."""
+
+    file: Path
+    inner: Path
+    folder: tempfile.TemporaryDirectory[str]
+    tables: Tables
+
+    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Tables of the unpacked file."""
+        with _named(self.file, self.inner):
+            yield from self.tables(raster, columns, rows)

@@ -1,0 +1,148 @@
+"""What runs in the reader process: it opens files, and reads their channels block by block, as it is asked."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO
+
+from clutchid.errors import ClutchidError, DataError, MissingExtra
+from clutchid.io.columns import shortened
+from clutchid.io.formats.opening import opened_here
+from clutchid.io.guard.limits import memory
+from clutchid.io.guard.messages import Message, described, packed, receive, send
+from clutchid.io.source import Source
+from clutchid.io.table import Table
+
+Answer = tuple[Message, bytes]
+
+
+def main() -> None:
+    """Answer until the other side has gone. What libraries print goes nowhere."""
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    _limit_allocations()
+    serve(sys.stdin.buffer, os.fdopen(answers.fileno(), "wb", closefd=False))
+
+
+def _limit_allocations() -> None:
+    """An allocation of much more than the limit fails at once where the system can do that; the rest is watched."""
+    if sys.platform == "linux":
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        wanted = 2 * memory()
+        resource.setrlimit(resource.RLIMIT_DATA, (wanted if hard < 0 else min(wanted, hard), hard))
+
+
+def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
+    """Answer every question, in turn, until there are no more."""
+    work = _Work()
+    while True:
+        try:
+            question, _ = receive(questions)
+        except EOFError:
+            return
+        message, columns = _answer(work, question)
+        try:
+            send(answers, message, columns)
+        except BrokenPipeError:
+            return
+        work.read_ahead()
+
+
+def _answer(work: _Work, question: Message) -> Answer:
+    """The answer, or what went wrong."""
+    try:
+        return work.answer(question)
+    except (MissingExtra, DataError) as error:
+        return _failure("missing" if isinstance(error, MissingExtra) else "data", str(error))
+    except MemoryError:
+        return _failure("memory", "")
+    except OSError as error:
+        return _failure("unreadable", error.strerror or str(error))
+    except ClutchidError as error:
+        return _failure("data", str(error))
+    except Exception as error:
+        return _failure("unexpected", shortened(f"{type(error).__name__}: {error}", 200))
+
+
+def _failure(kind: str, text: str) -> Answer:
+    return {"failed": kind, "text": text, "traceback": traceback.format_exc()}, b""
+
+
+class _Work:
+    """The files that are open, and the readings that go on."""
+
+    def __init__(self) -> None:
+        self._opened: dict[int, Source] = {}
+        self._streams: dict[int, _Stream] = {}
+        self._count = 0
+        self._last: _Stream | None = None
+
+    def answer(self, question: Message) -> Answer:
+        """Do what is asked, and forget what is not needed any more."""
+        for number in question["forget"]:
+            self._opened.pop(number, None)
+            if self._streams.pop(number, None) is self._last:
+                self._last = None
+        deeds: dict[str, Callable[[Message], Answer]] = {
+            "open": self._open,
+            "tables": self._tables,
+            "next": self._next,
+        }
+        return deeds[question["do"]](question)
+
+    def read_ahead(self) -> None:
+        """Read a block more of the reading that goes on, while the other side works on the one before."""
+        if self._last is not None:
+            self._last.read_ahead()
+
+    def _number(self) -> int:
+        self._count += 1
+        return self._count
+
+    def _open(self, question: Message) -> Answer:
+        source = opened_here(Path(question["path"]), [Path(name) for name in question["dbc"]])
+        number = self._number()
+        self._opened[number] = source
+        return {"source": number, **described(source)}, b""
+
+    def _tables(self, question: Message) -> Answer:
+        number, source = self._number(), self._opened[question["source"]]
+        self._streams[number] = _Stream(source.tables(question["raster"], question["columns"], question["rows"]))
+        return {"stream": number}, b""
+
+    def _next(self, question: Message) -> Answer:
+        self._last = self._streams[question["stream"]]
+        table = self._last.next()
+        return ({"end": True}, b"") if table is None else packed(table)
+
+
+class _Stream:
+    """A reading that goes on; from its second block on it is a block ahead of what was asked for."""
+
+    def __init__(self, tables: Iterator[Table]) -> None:
+        self._tables = tables
+        self._given = 0
+        self._ahead: list[Table | Exception | None] = []
+
+    def next(self) -> Table | None:
+        """The next block; None behind the last."""
+        self._given += 1
+        found = self._ahead.pop() if self._ahead else next(self._tables, None)
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def read_ahead(self) -> None:
+        """Read the next block, or keep the error for when it is asked for."""
+        if self._given > 1 and not self._ahead:
+            try:
+                self._ahead.append(next(self._tables, None))
+            except Exception as error:
+                self._ahead.append(error)
