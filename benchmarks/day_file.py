@@ -1,23 +1,25 @@
 """A day's recording read from a file, cut, and fitted: ``python benchmarks/day_file.py [--format mf4] [--hours 24]``.
 
 A virtual truck drives for an hour at 1 kHz, and the file repeats that hour. `clutchid cut` then chooses the strokes
-that tell most, and `clutchid fit` fits them; both are processes of their own, whose time and highest memory are
-printed. Formats: csv and mf4.
+that tell most, and `clutchid fit` fits them; both are processes of their own, whose time and highest memory, that of
+the reader process with it, are printed. Formats: csv and mf4.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import multiprocessing
-import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 from clutchid.log import COLUMNS, Log
 
@@ -69,14 +71,25 @@ def measured(*arguments: str) -> str:
     command = [sys.executable, "-c", "from clutchid.cli import main; main()", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
+    peaks: list[int] = []
+    watch = threading.Thread(target=watched, args=(process.pid, peaks))
+    watch.start()
     said = process.stdout.read().strip().splitlines()
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    last = said[0] if said else ""
+    process.wait()
+    watch.join()
     return (
-        f"{arguments[0]}: exit {process.returncode}, {time.monotonic() - begun:.0f} s wall, "
-        f"{used.ru_utime + used.ru_stime:.0f} s CPU, peak {used.ru_maxrss / 1024:.0f} MiB | {last}"
+        f"{arguments[0]}: exit {process.returncode}, {time.monotonic() - begun:.1f} s, "
+        f"peak {max(peaks) / 1e9:.2f} GB with its reader process | {said[0] if said else ''}"
     )
+
+
+def watched(pid: int, peaks: list[int]) -> None:
+    """Append the memory in bytes of a process with all its children, until it ends."""
+    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            parent = psutil.Process(pid)
+            peaks.append(sum(process.memory_info().rss for process in (parent, *parent.children(recursive=True))))
+        time.sleep(0.05)
 
 
 def main() -> None:

@@ -1,21 +1,26 @@
 """Broken files: every reader must answer with a recording or one clear sentence, in time and within 1 GB.
 
+Binary files and gzip are opened in the guarded reader process; what ended it is counted, and must be one sentence.
+
     python benchmarks/fuzz.py [FORMAT ...] [--cases 10000] [--seed 0]
 
-Formats are csv, parquet, mf4, mat, mat73, blf and asc. A good file of each is truncated, gets flipped bits, bytes that
-are missing, repeated or put in, and numbers that claim to be huge; each case is then looked at and read in a process of
-its own that may be stopped. Printed are the cases with a traceback, those that hung, and the largest memory.
+Formats are csv, gz, parquet, mf4, mat, mat73, blf, asc and trc. A good file of each is truncated, gets flipped bits,
+bytes that are missing, repeated or put in, and numbers that claim to be huge; each case is then looked at and read in a
+process of its own that may be stopped. Printed are the cases with a traceback, those that hung, and the largest memory.
 """
 
 from __future__ import annotations
 
 import argparse
+import gzip
 import multiprocessing
+import os
 import resource
 import sys
 import tempfile
 import time
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -28,8 +33,20 @@ from clutchid.io.look.look import look
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.log import COLUMNS, Log
 
-#: A case that takes longer has hung, in s; and what a reader may take, in bytes.
+#: A case that takes longer has hung, in s; and what clutchid's own process may take, in bytes.
 PATIENCE, MEMORY = 30.0, 1 << 30
+
+#: Seconds that the reader process has for an answer here; as set by the user it is a minute.
+READER_SECONDS = "5"
+
+#: What the sentences say that tell of an end of the reader process.
+ENDS = {
+    "died": "the reader process ended on it",
+    "gave up": "was not read within",
+    "memory": "needs more than",
+}
+
+FORMATS = ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc", "trc"]
 
 DBC = """VERSION ""
 BU_: ECU
@@ -63,11 +80,17 @@ def good_file(kind: str, folder: Path) -> tuple[Path, ChannelMap | None]:
         path = folder / f"good.{kind}"
         write(example(), path)
         return path, None
+    if kind == "gz":
+        plain = folder / "good.csv"
+        write(example(), plain)
+        path = folder / "good.csv.gz"
+        path.write_bytes(gzip.compress(plain.read_bytes(), mtime=0))
+        return path, None
     if kind == "mat73":  # MATLAB has no units
         units = {"time": "s", **COLUMNS}
         named = {name: Channel(name, unit=units[name]) for name in ("time", *example().columns)}
         return _mat73(folder / "good73.mat"), ChannelMap(named)
-    if kind in ("blf", "asc"):
+    if kind in ("blf", "asc", "trc"):
         dbc = folder / "clutch.dbc"
         dbc.write_text(DBC)
         signals = dict(
@@ -130,12 +153,15 @@ def spoiled(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def answered(path: Path, channels: ChannelMap | None) -> str:
-    """What the readers say of a file: 'read', 'refused', or the traceback of what they should not have raised."""
+    """What the readers say of a file: 'read', 'refused', how it ended the reader process, or a traceback: a finding."""
     try:
         look(path, dbc=channels.dbc if channels else ()).table()
         read(path, channels=channels)
     except ClutchidError as error:
-        return "refused" if str(error).strip() else "an error without a sentence"
+        text = str(error).strip()
+        if "panick" in text or "Traceback" in text:
+            return f"a sentence that is none: {text}"
+        return next((end for end, mark in ENDS.items() if mark in text), "refused" if text else "no sentence")
     except Exception:  # the finding itself
         return traceback.format_exc()
     return "read"
@@ -145,7 +171,7 @@ def cases(kind: str, seeds: range, folder: Path) -> Iterator[tuple[int, Path, Ch
     """Spoiled files of a format, one after the other under one name."""
     good, channels = good_file(kind, folder)
     data = good.read_bytes()
-    path = folder / f"case{good.suffix}"
+    path = folder / f"case{''.join(good.suffixes)}"
     for seed in seeds:
         path.write_bytes(b"" if seed == 0 else spoiled(data, np.random.default_rng(seed)))
         yield seed, path, channels
@@ -153,6 +179,7 @@ def cases(kind: str, seeds: range, folder: Path) -> Iterator[tuple[int, Path, Ch
 
 def _worker(kind: str, seeds: range, pipe: Connection) -> None:
     """Answer cases and report each; a case that was begun but not answered hung or died."""
+    os.environ["CLUTCHID_READER_SECONDS"] = READER_SECONDS
     with tempfile.TemporaryDirectory() as folder:
         for seed, path, channels in cases(kind, seeds, Path(folder)):
             pipe.send(("begin", seed, ""))
@@ -165,7 +192,7 @@ def _worker(kind: str, seeds: range, pipe: Connection) -> None:
 def fuzz(kind: str, count: int, first: int, show: Callable[[str], None]) -> bool:
     """Whether all `count` cases of a format from seed `first` were answered as they should."""
     context = multiprocessing.get_context("spawn")
-    told: dict[str, int] = {"read": 0, "refused": 0}
+    answers = Counter({"read": 0, "refused": 0})
     bad: list[str] = []
     peak, seed, begun = 0, first, time.monotonic()
     while seed < first + count:
@@ -177,7 +204,7 @@ def fuzz(kind: str, count: int, first: int, show: Callable[[str], None]) -> bool
             try:
                 message = ours.recv() if ours.poll(PATIENCE) else ("hung", seed, 0)
             except EOFError:
-                message = ("died", seed, 0)
+                message = ("clutchid died", seed, 0)
             answer, at, used = message
             if answer == "begin":
                 seed = at
@@ -186,19 +213,18 @@ def fuzz(kind: str, count: int, first: int, show: Callable[[str], None]) -> bool
                 seed = first + count
                 break
             peak = max(peak, used)
-            if answer in told:
-                told[answer] += 1
+            if answer in ("read", "refused", *ENDS):
+                answers[answer] += 1
             else:
                 bad.append(f"seed {at}: {answer}")
             seed = at + 1
-            if answer in ("hung", "died"):
+            if answer in ("hung", "clutchid died"):
                 break
         process.kill()
         process.join()
-    show(
-        f"{kind}: {count} cases in {time.monotonic() - begun:.0f} s, {told['read']} read, {told['refused']} refused, "
-        f"{len(bad)} wrong, peak {peak / 2**20:.0f} MiB"
-    )
+    counted = ", ".join(f"{number} {answer}" for answer, number in answers.items())
+    taken = f"{count} cases in {time.monotonic() - begun:.0f} s"
+    show(f"{kind}: {taken}, {counted}, {len(bad)} wrong, peak {peak / 2**20:.0f} MiB")
     for text in bad[:5]:
         show(text)
     return not bad and peak < MEMORY
@@ -206,7 +232,9 @@ def fuzz(kind: str, count: int, first: int, show: Callable[[str], None]) -> bool
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("formats", nargs="*", default=["csv", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
+    parser.add_argument(
+        "formats", nargs="*", default=["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc", "trc"]
+    )
     parser.add_argument("--cases", type=int, default=10000)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()

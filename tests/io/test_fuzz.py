@@ -18,15 +18,16 @@ def driver():
     return module
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
+@pytest.mark.parametrize("kind", ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
 def test_a_broken_file_is_answered_in_words(kind, tmp_path):
     fuzz = driver()
-    told = {seed: fuzz.answered(path, channels) for seed, path, channels in fuzz.cases(kind, range(60), tmp_path)}
-    assert {seed: answer for seed, answer in told.items() if answer not in ("read", "refused")} == {}
-    assert told[0] == "refused"  # the empty file
+    answers = {seed: fuzz.answered(path, channels) for seed, path, channels in fuzz.cases(kind, range(60), tmp_path)}
+    expected = ("read", "refused", *fuzz.ENDS)
+    assert {seed: answer for seed, answer in answers.items() if answer not in expected} == {}
+    assert answers[0] == "refused"  # the empty file
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
+@pytest.mark.parametrize("kind", ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc"])
 def test_the_file_before_it_was_broken_is_read(kind, tmp_path):
     fuzz = driver()
     path, channels = fuzz.good_file(kind, tmp_path)
