@@ -85,11 +85,12 @@ def measured(*arguments: str) -> str:
 
 def watched(pid: int, peaks: list[int]) -> None:
     """Append the memory in bytes of a process with all its children, until it ends."""
-    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
-        with contextlib.suppress(psutil.NoSuchProcess):
-            parent = psutil.Process(pid)
-            peaks.append(sum(process.memory_info().rss for process in (parent, *parent.children(recursive=True))))
-        time.sleep(0.05)
+    with contextlib.suppress(psutil.NoSuchProcess):
+        parent = psutil.Process(pid)
+        while parent.status() != psutil.STATUS_ZOMBIE:
+            with contextlib.suppress(psutil.NoSuchProcess):  # a reader process that has just ended
+                peaks.append(sum(each.memory_info().rss for each in (parent, *parent.children(recursive=True))))
+            time.sleep(0.05)
 
 
 def main() -> None:
