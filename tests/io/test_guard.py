@@ -4,11 +4,14 @@ import gzip
 import os
 import queue
 import signal
+import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from scipy.io import savemat
 
@@ -16,6 +19,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.io import read, read_pieces
 from clutchid.io.formats.opening import open_source, opened_here
 from clutchid.io.guard import process as guard
+from clutchid.io.guard.messages import send
 from clutchid.io.look.look import look
 
 TEXT = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n" + "".join(
@@ -192,3 +196,25 @@ def test_a_small_file_that_unpacks_to_gigabytes_is_not_read_as_a_whole(tmp_path,
     savemat(path, {"time": zeros, "position": zeros, "duty_supply": zeros, "duty_exhaust": zeros}, do_compression=True)
     with pytest.raises(DataError, match=r"zeros\.mat: a file of 0\.2\d+ MB that unpacks to 0\.224 GB"):
         read(path)
+
+
+@needs_signals
+def test_the_process_does_not_outlive_clutchid(packed):
+    script = (
+        "import os, signal, sys; from clutchid.io import read; from clutchid.io.guard.process import reader;"
+        "read(sys.argv[1]); print(reader().pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    done = subprocess.run([sys.executable, "-c", script, str(packed)], capture_output=True, text=True, check=False)
+    deadline = time.monotonic() + 10.0
+    while psutil.pid_exists(int(done.stdout)) and psutil.Process(int(done.stdout)).status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@needs_signals
+def test_a_process_that_nobody_waits_for_ends_by_itself(packed):
+    worker = guard.ReaderProcess()
+    question = {"do": "open", "path": str(packed), "dbc": [], "forget": [], "limit": 1e-6}
+    send(worker._process.stdin, question)
+    assert worker._process.wait(timeout=20) == -signal.SIGALRM
+    worker.end()

@@ -105,9 +105,9 @@ class ReaderProcess:
 
     def _exchanged(self, question: Message, path: Path) -> Answer:
         assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # it has ended: that is found below
-            send(self._process.stdin, question)
         limit = seconds(path.stat().st_size if path.exists() else 0)
+        with contextlib.suppress(OSError):  # it has ended: that is found below
+            send(self._process.stdin, {**question, "limit": limit})
         deadline = time.monotonic() + limit
         while True:
             try:

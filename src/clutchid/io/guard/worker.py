@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -22,11 +23,10 @@ Answer = tuple[Message, bytes]
 
 def main() -> None:
     """Answer until the other side has gone. What libraries print goes nowhere."""
-    answers = os.fdopen(os.dup(1), "wb", buffering=0)
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, 1)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     _limit_allocations()
-    serve(sys.stdin.buffer, os.fdopen(answers.fileno(), "wb", closefd=False))
+    serve(sys.stdin.buffer, answers)
 
 
 def _limit_allocations() -> None:
@@ -47,12 +47,20 @@ def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
             question, _ = receive(questions)
         except EOFError:
             return
+        _end_within(2 * question["limit"])
         message, columns = _answer(work, question)
         try:
             send(answers, message, columns)
         except BrokenPipeError:
             return
         work.read_ahead()
+        _end_within(0.0)
+
+
+def _end_within(seconds: float) -> None:
+    """Let the system end this process where nobody is left who would: clutchid gives up earlier. 0 takes that back."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _answer(work: _Work, question: Message) -> Answer:
