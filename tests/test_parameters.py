@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.names import unknown_name
+from clutchid.parameters import Parameters
 
 
 def test_a_negative_conductance_is_refused_in_the_words_of_the_design():

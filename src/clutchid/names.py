@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import difflib
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+
+#: Unknown names that a message lists; a file may have any number of them.
+_SHOWN = 5
 
 #: Suffix of a parameter that has a value of its own in every recording, NAME@EACH.
 EVERY_RECORDING = "EACH"
@@ -51,3 +55,32 @@ def listed_names(names: str | Iterable[str]) -> tuple[str, ...]:
     True
     """
     return tuple(part.strip() for part in names.split(",") if part.strip()) if isinstance(names, str) else tuple(names)
+
+
+def unknown_name(name: str, known: Iterable[str], what: str = "parameter") -> str:
+    """Message for a name that is not among `known`, with the nearest known name.
+
+    Examples
+    --------
+    >>> unknown_name("C_sv", ["C_vs", "C_ve"])
+    "no parameter 'C_sv'; did you mean 'C_vs'? Known are C_vs, C_ve."
+    """
+    names = list(known)
+    same = [known for known in names if known.casefold() == name.casefold()]
+    near = difflib.get_close_matches(name, same or names, n=1, cutoff=0.0 if same else 0.4)
+    hint = f"; did you mean '{near[0]}'?" if near else "."
+    return f"no {what} '{name}'{hint} Known are {', '.join(names)}."
+
+
+def unknown_names(names: Iterable[str], known: Sequence[str], what: str = "parameter") -> list[str]:
+    """Messages for those of `names` that are not `known`: the first few, and the count of the others.
+
+    Examples
+    --------
+    >>> unknown_names(["F_c", "M"], ["F_C", "M"])
+    ["no parameter 'F_c'; did you mean 'F_C'? Known are F_C, M."]
+    """
+    unknown = [name for name in names if name not in known]
+    messages = [unknown_name(name, known, what) for name in unknown[:_SHOWN]]
+    messages[:-1] = [message.partition(" Known are ")[0] for message in messages[:-1]]  # once is enough
+    return [*messages, f"and {len(unknown) - _SHOWN:,} more."] if len(unknown) > _SHOWN else messages

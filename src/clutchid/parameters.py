@@ -7,9 +7,8 @@ without its basis.
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, replace
 from functools import cache
 from typing import Any
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
+from clutchid.names import unknown_name
 
 _APPENDIX = "Appendix A"
 _ERRATA = "not in the paper, docs/deviations.md"
@@ -194,8 +194,8 @@ class Parameters:
         problems = []
         for item in fields(self):
             row, value = item.metadata["row"], getattr(self, item.name)
-            if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
-                problems.append(f"{item.name} = {value!r}: a number in {row.unit} is needed.")
+            if not is_number(value):
+                problems.append(f"{item.name} = {_short(value)}: a number in {row.unit} is needed.")
             elif not row.admits(float(value)):
                 problems.append(f"{_shown(item.name, float(value), row)}: {_advice(item, row)}")
             else:
@@ -255,22 +255,25 @@ class Parameters:
         return replace(self, **changes)
 
 
-def unknown_name(name: str, known: Iterable[str], what: str = "parameter") -> str:
-    """Message for a name that is not among `known`, with the nearest known name.
-
-    Examples
-    --------
-    >>> unknown_name("C_sv", ["C_vs", "C_ve"])
-    "no parameter 'C_sv'; did you mean 'C_vs'? Known are C_vs, C_ve."
-    """
-    names = list(known)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-    hint = f"; did you mean '{near[0]}'?" if near else "."
-    return f"no {what} '{name}'{hint} Known are {', '.join(names)}."
+def is_number(value: object) -> bool:
+    """Whether a value, of a TOML file for example, is a number within the range of a float."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        return False
+    try:
+        float(value)  # TOML has no largest integer
+    except OverflowError:
+        return False
+    return True
 
 
 def _shown(name: str, value: float, row: Row) -> str:
     return f"{name} = {value:g}" + ("" if row.unit == "1" else f" {row.unit}")
+
+
+def _short(value: object) -> str:
+    """A value as it is written, or its beginning."""
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:39]}…"
 
 
 def _advice(item: Field[float], row: Row) -> str:

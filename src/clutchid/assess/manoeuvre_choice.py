@@ -11,8 +11,8 @@ from clutchid.errors import ParameterError, SolveError
 from clutchid.log import FloatArray, Log
 from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
+from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import triangular
-from clutchid.parameters import unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.simulation import Simulation, simulate
 from clutchid.uncertainty.identifiability import listed

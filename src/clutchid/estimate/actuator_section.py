@@ -8,9 +8,9 @@ from dataclasses import asdict
 from typing import Any
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.recording_sections import is_number
 from clutchid.model.equipment import Equipment
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
+from clutchid.parameters import is_number
 
 _EQUIPMENT = ("name", "description", "chamber_b", "valves")
 _GRAVITY = "gravity_load"

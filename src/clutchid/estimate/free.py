@@ -9,8 +9,7 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.model.actuator import Actuator
-from clutchid.names import EVERY_RECORDING, ParameterName, base_of
-from clutchid.parameters import unknown_name
+from clutchid.names import EVERY_RECORDING, ParameterName, base_of, unknown_name
 from clutchid.uncertainty.coordinates import Prior
 
 #: Default bounds of a parameter: this factor below and above its start value.

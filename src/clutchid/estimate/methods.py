@@ -16,8 +16,8 @@ from clutchid.estimate.shooting.fit import SHOOTING
 from clutchid.estimate.simulation_error.fit import fit_simulation_error
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import Progress
-from clutchid.parameters import unknown_name
 
 
 @dataclass(frozen=True, slots=True)

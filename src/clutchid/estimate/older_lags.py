@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
-from clutchid.estimate.recording_sections import is_number
 from clutchid.measured import MEASURED
+from clutchid.parameters import is_number
 
 #: Smallest lag in s that earlier versions admitted; they shifted the recorded signal in time.
 OLDEST = -0.05

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,14 +16,16 @@ from clutchid.estimate.actuator_section import equipment_in, section_of, with_gr
 from clutchid.estimate.calibration_section import calibration_in, calibration_section
 from clutchid.estimate.model_section import MODEL_KEYS, model_entries, model_in
 from clutchid.estimate.older_lags import with_lags
-from clutchid.estimate.recording_sections import Starts, is_number, own_values, starts_in
+from clutchid.estimate.recording_sections import Starts, own_values, starts_in
 from clutchid.estimate.result import Fit
 from clutchid.io.files import atomic_write
+from clutchid.io.toml_file import read_toml
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
-from clutchid.model.weighted_load import BASES, Load
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.model.weighted_load import BASES, MOST_KNOTS, Load
+from clutchid.names import unknown_name, unknown_names
+from clutchid.parameters import Parameters, is_number
 from clutchid.uncertainty.calibration import Calibration
 
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
@@ -151,17 +151,14 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
 
     Raises
     ------
+    DataError
+        If there is no readable plain file.
     ParameterError
-        If the file cannot be read, was saved with another `model`, or any entry is unknown or inadmissible; the text
-        lists all problems.
+        If it is no TOML, was saved with another `model`, or any entry is unknown or inadmissible; the text lists all
+        problems.
     """
-    try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"{path}: cannot be read ({error.strerror}).") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ParameterError(f"{path}: is no TOML file: {error}.") from error
-    problems = [unknown_name(name, _SECTIONS, "section") for name in document if name not in _SECTIONS]
+    document = read_toml(path, "parameter file")
+    problems = unknown_names(document, _SECTIONS, "section")
     problems += [
         f"[{name}] must be a section with entries."
         for name in _SECTIONS
@@ -198,7 +195,7 @@ def _all(path: str | PathLike[str], problems: list[str]) -> str:
 
 def _load(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, list[str]]:
     known = (*MODEL_KEYS, *_LOAD_KEYS)
-    problems = [unknown_name(name, known, "entry of [model]") for name in model if name not in known]
+    problems = unknown_names(model, known, "entry of [model]")
     basis = model.get("load_basis", "paper")
     if basis not in BASES:
         return None, [*problems, unknown_name(str(basis), BASES, "load basis")]
@@ -233,6 +230,9 @@ def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict
     if not isinstance(knots, list):
         problems.append("[model] knots: load_basis = 'b-spline' needs a list of two or more positions in m.")
         return {}, problems
+    if len(knots) > MOST_KNOTS:
+        problems.append(f"[model] knots: {len(knots):,} positions; at most {MOST_KNOTS} are allowed.")
+        return {}, problems
     names = [f"theta_{i + 1}" for i in range(len(knots) + 2)]
     missing = [name for name in names if name not in values]
     if missing:
@@ -257,11 +257,10 @@ def _own(values: dict[str, Any], model: OwnModel | None) -> tuple[dict[str, floa
 def _parameters(values: dict[str, Any], load: Load | None, own: tuple[str, ...]) -> tuple[Parameters | None, list[str]]:
     known = (*Parameters.names(), *own, *(load or Load()).names)
     # if the load itself is wrong, the number of its weights is unknown
-    problems = [
-        unknown_name(name, known)
-        for name in values
-        if name not in known and not (load is None and re.fullmatch(r"theta_[1-9]\d*", name))
-    ]
+    weights_unknown = load is None
+    problems = unknown_names(
+        [name for name in values if not (weights_unknown and re.fullmatch(r"theta_[1-9]\d*", name))], known
+    )
     try:
         parameters = Parameters().replace({name: v for name, v in values.items() if name in Parameters.names()})
     except ParameterError as error:

@@ -6,22 +6,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_names
+from clutchid.parameters import is_number
 
 _START_KEYS = ("position_start", "pressure_a_start")
 
 Starts = tuple[tuple[float, float], ...]
-
-
-def is_number(value: object) -> bool:
-    """Whether a value of a TOML file is a number within the range of a float."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    try:
-        float(value)  # TOML has no largest integer
-    except OverflowError:
-        return False
-    return True
 
 
 def starts_in(recordings: dict[str, Any], names: Sequence[str]) -> tuple[dict[str, Starts], list[str]]:
@@ -50,7 +40,7 @@ def _start_problems(stem: str, entry: object, names: Sequence[str]) -> list[str]
         return [f"[recording] {stem} = {entry!r}: a section [recording.'{stem}'] with {_in_words()} is needed."]
     where = f"[recording.'{stem}']"
     known = (*_START_KEYS, *names)
-    problems = [unknown_name(name, known, f"entry of {where}") for name in entry if name not in known]
+    problems = unknown_names(entry, known, f"entry of {where}")
     problems += [
         f"{where} {name} = {entry[name]!r}: a number is needed."
         for name in names

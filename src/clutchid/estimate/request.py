@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 from clutchid.errors import ParameterError
 from clutchid.measured import MEASURED
-from clutchid.names import ParameterName
-from clutchid.parameters import unknown_name
+from clutchid.names import ParameterName, unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior

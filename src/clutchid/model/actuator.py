@@ -13,7 +13,8 @@ from clutchid.model.compiled import Model, check_model, kernels, parameter_names
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter
 from clutchid.model.weighted_load import Load
-from clutchid.parameters import Parameters, Row, unknown_name
+from clutchid.names import unknown_name
+from clutchid.parameters import Parameters, Row
 from clutchid.states import State
 
 

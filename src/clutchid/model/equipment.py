@@ -9,7 +9,8 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import INPUTS, FloatArray, Log
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.names import unknown_name
+from clutchid.parameters import Parameters
 
 #: Valves by name, with the duty cycles that a recording needs for them.
 VALVES = MappingProxyType(

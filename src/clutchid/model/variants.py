@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from clutchid.codegen.system import System
 from clutchid.errors import ParameterError
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
 
 #: States of each gas model, in the order of the kernels; a variant is a gas model, with or without Stribeck friction.
 _GAS = {

@@ -12,13 +12,16 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
 from clutchid.model.compiled import functions
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
 
 #: Knots of the paper in m, Section 2.5.
 PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
 
 #: Bases of the load by name.
 BASES = ("paper", "b-spline")
+
+#: Knots that a load may have: more of them make a fit slow and no better.
+MOST_KNOTS = 500
 
 
 @cache
@@ -68,6 +71,8 @@ class Load:
         problems = []
         if self.basis not in BASES:
             raise ParameterError(unknown_name(str(self.basis), BASES, "load basis"))
+        if len(self.knots) > MOST_KNOTS:
+            raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
         paper = self.basis == "paper"
         count = 3 if paper else len(self.knots) + 2
         if len(self.theta) != count or not all(math.isfinite(value) for value in self.theta):

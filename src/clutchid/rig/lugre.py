@@ -13,8 +13,9 @@ from clutchid.assess.diagnostics import fit_percent
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimate.result import Estimate
 from clutchid.log import FloatArray, Log
+from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import Solution, minimise
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.parameters import Parameters
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import Segment, free_run, segments
 from clutchid.rig.lugre_problem import FREE, LugreProblem, linearised, lugre_problem, residuals, starts

@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
 from clutchid.simulation.failing_term import failing_term
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Plan, Segment, plan

@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
 from clutchid.truck.law import SAMPLE
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.parameters import Row, unknown_name
+from clutchid.names import unknown_name
+from clutchid.parameters import Row
 
 LOADS = ("diaphragm", "kluever")
 DRIVES = ("pwm", "bang-bang")

@@ -13,7 +13,7 @@ from typing import Any
 from clutchid.errors import DataError, ParameterError
 from clutchid.io.columns import QUANTITIES, unit_spelled
 from clutchid.io.files import atomic_write, plain_file
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
 from clutchid.units import UNITS, known_units
 
 _TOP = ("dbc", "raster")

@@ -14,7 +14,8 @@ from clutchid.errors import ParameterError
 from clutchid.log import COLUMNS
 from clutchid.model.own.rows import OwnParameter, OwnState, Physics
 from clutchid.model.variants import VARIANTS, variant_system
-from clutchid.parameters import Parameters, unknown_name
+from clutchid.names import unknown_name
+from clutchid.parameters import Parameters
 from clutchid.states import STATES
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from clutchid.errors import ParameterError
 from clutchid.model.compiled import Model
 from clutchid.model.own.model import OwnModel
 from clutchid.model.variants import VARIANTS
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
 
 
 def own_model(path: str | PathLike[str], name: str) -> OwnModel:

@@ -13,7 +13,7 @@ from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.fit import MethodName
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.parameters import unknown_name
+from clutchid.names import unknown_name
 from clutchid.report.changes import notes_of
 from clutchid.simulation import Partition, simulate
 from clutchid.study.proving.answers import Answer, Workflow
