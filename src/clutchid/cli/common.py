@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import re
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
+_NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EIO)
+
 
 def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
     """Run `work` and turn an error of clutchid into one sentence and an exit code.
@@ -35,6 +38,8 @@ def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
     except BrokenPipeError:
         raise
     except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, OSError) and error.errno in _NO_ROOM and error.filename is None:
+            raise  # standard output: `main` says so
         if debug:
             traceback.print_exc()
         message, status = _sentence_and_status(error, debug)
@@ -47,7 +52,7 @@ def _sentence_and_status(error: BaseException, debug: bool) -> tuple[str, str]:
         bad = isinstance(error, (DataError, ParameterError, ExportError))
         return str(error), "bad_input" if bad else "failed"
     if isinstance(error, (MemoryError, KeyboardInterrupt)):
-        return f"stopped: {type(error).__name__}.", "failed"
+        return "stopped." if isinstance(error, KeyboardInterrupt) else "stopped: out of memory.", "failed"
     what = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
     return f"{what} {'Report it with the traceback.' if debug else 'Run again with --debug and report it.'}", "failed"
 

@@ -117,7 +117,14 @@ def digest(path: Path) -> str:
 
 def _writable(path: str | PathLike[str]) -> Path:
     """Target of `path` with links resolved, so that a link is kept and its file replaced."""
-    target = Path(path).resolve()
+    try:
+        target = Path(path).resolve()
+        target.stat()
+    except FileNotFoundError:
+        pass
+    except (OSError, RuntimeError) as error:  # a loop of links, a name that is too long
+        reason = _reason(error) if isinstance(error, OSError) else "a loop of links"
+        raise ExportError(f"{path}: cannot be written ({reason}); name another file.") from None
     if not target.parent.is_dir():
         raise ExportError(f"{path}: the folder '{Path(path).parent}' does not exist; create it first.")
     if target.is_dir():

@@ -22,6 +22,8 @@ from clutchid.truck.truth import Truth, truth_of, write_truth
 
 #: Longest drive in s: an hour needs half a gigabyte.
 LONGEST = 3600.0
+#: Largest number of dropouts per second: each lasts 5 ms or longer.
+_MOST_DROPOUTS = 20
 #: Distance in m between the far stop and the largest set point.
 MARGIN = 2e-3
 
@@ -200,8 +202,8 @@ def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple
         problems.append(f"seconds = {seconds:g}: a drive lasts 0.5 to {LONGEST:g} s.")
     if seed < 0:
         problems.append(f"seed = {seed}: must be an integer of at least 0.")
-    if dropouts < 0:
-        problems.append(f"dropouts = {dropouts}: must be at least 0.")
+    if not 0 <= dropouts <= _MOST_DROPOUTS * seconds:
+        problems.append(f"dropouts = {dropouts}: must be at least 0, and at most {_MOST_DROPOUTS} a second.")
     if recorder not in ("controller", "bus"):
         problems.append(f"recorder = {recorder!r}: must be controller or bus.")
     if stuck is not None and not 0 <= stuck[0] < stuck[1]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from importlib.metadata import version
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
@@ -138,9 +139,22 @@ def _results(name: str, numbers: Sequence[int], workers: int) -> Iterable[dict[s
     """Results in order of completion; even a single worker is a separate process, so that results are identical."""
     if not numbers:
         return
-    with _one_thread(), ProcessPoolExecutor(min(workers, len(numbers)), mp_context=get_context("spawn")) as pool:
+    count = min(workers, len(numbers))
+    with _one_thread(), ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
         for future in as_completed([pool.submit(prove_one, name, n) for n in numbers]):
             yield future.result()
+
+
+def end_with_parent() -> None:
+    """Let this worker end when the process that started it is gone, however it went."""
+
+    def wait() -> None:
+        parent = parent_process()
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 @contextmanager
@@ -186,10 +200,12 @@ def _folder(out: Path, name: str) -> Path:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    if not path.exists():
+    """Contents of a file of results; None where there is none, or only a part of it, which is made again."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
         return None
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return content
+    return content if isinstance(content, dict) else None
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:

@@ -132,6 +132,10 @@ def workflow(name: str) -> Workflow:
         raise ParameterError(
             unknown_name(name, WORKFLOWS, "workflow") + " For your own workflow write MODULE:FUNCTION."
         )
+    if not all(part.isidentifier() for part in (*module.split("."), function)):
+        raise ParameterError(
+            f"--workflow {name}: write MODULE:FUNCTION of an importable module, such as mine.tuned:run."
+        )
     try:
         found: Workflow = getattr(importlib.import_module(module), function)
     except (ImportError, AttributeError) as error:

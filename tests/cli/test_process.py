@@ -1,0 +1,97 @@
+"""The command as a process: signals, full disks and odd paths end in one sentence, and nothing is left behind."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from clutchid.errors import ExportError, ParameterError
+from clutchid.io.files import check_writable
+from clutchid.study.proving.ground import _read
+from clutchid.study.proving.workflows import workflow
+from clutchid.truck import drive, truck
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals, links or devices")
+COMMAND = [sys.executable, "-m", "clutchid"]
+
+
+def ended(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+@posix
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
+def test_the_workers_of_prove_end_with_it(end, tmp_path):
+    done = subprocess.Popen([*COMMAND, "prove", "--out", str(tmp_path), "--trucks", "4", "--workers", "2"],
+                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+    deadline = time.monotonic() + 60
+    while len(workers := psutil.Process(done.pid).children(recursive=True)) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    time.sleep(2.0)  # they load the package
+    workers = psutil.Process(done.pid).children(recursive=True)
+    done.send_signal(end)
+    done.wait(timeout=60)
+    deadline = time.monotonic() + 10
+    while not all(ended(worker.pid) for worker in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+@posix
+def test_an_interrupt_while_the_command_loads_is_quiet():
+    for delay in (0.2, 0.3, 0.5):
+        done = subprocess.Popen([*COMMAND, "fit", "no.csv"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        time.sleep(delay)
+        done.send_signal(signal.SIGINT)
+        _, said = done.communicate(timeout=60)
+        assert "Traceback" not in said
+        assert done.returncode in (-signal.SIGINT, 1, 2)
+
+
+@posix
+def test_a_full_standard_output_is_one_sentence(tmp_path):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*COMMAND, "drive", "--help"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 1
+    assert done.stderr.splitlines() == ["clutchid: standard output cannot be written (No space left on device)."]
+
+
+@posix
+def test_an_output_that_no_file_can_be_is_refused(tmp_path):
+    one, other = tmp_path / "one.toml", tmp_path / "other.toml"
+    one.symlink_to(other)
+    other.symlink_to(one)
+    with pytest.raises(
+        ExportError, match=r"one\.toml: cannot be written \(.*loop|one\.toml: cannot be written \(.*links"
+    ):
+        check_writable(one)
+    with pytest.raises(ExportError, match=r"cannot be written \(File name too long\); name another file"):
+        check_writable(tmp_path / ("a" * 300))
+
+
+@pytest.mark.parametrize("name", ["../../x:y", ":run", "module:", "a b:run", ".x:run"])
+def test_a_workflow_that_is_no_name_of_a_function_is_refused(name):
+    with pytest.raises(ParameterError, match="write MODULE:FUNCTION of an importable module"):
+        workflow(name)
+
+
+@pytest.mark.parametrize("content", ["", "{", '{"truck": 0, "fai', "[1]", "\x00"])
+def test_a_result_that_is_not_whole_is_made_again(content, tmp_path):
+    path = tmp_path / "truck_00000.json"
+    path.write_text(content)
+    assert _read(path) is None
+
+
+def test_no_more_dropouts_are_made_than_a_drive_can_have():
+    with pytest.raises(ParameterError, match="dropouts = 1000000000: must be at least 0, and at most 20 a second"):
+        drive(truck(0), seconds=5.0, dropouts=10**9)
