@@ -1,5 +1,6 @@
 """The command as a process: signals, full disks and odd paths end in one sentence, and nothing is left behind."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -95,3 +96,25 @@ def test_a_result_that_is_not_whole_is_made_again(content, tmp_path):
 def test_no_more_dropouts_are_made_than_a_drive_can_have():
     with pytest.raises(ParameterError, match="dropouts = 1000000000: must be at least 0, and at most 20 a second"):
         drive(truck(0), seconds=5.0, dropouts=10**9)
+
+
+@posix
+def test_a_file_that_cannot_be_written_does_not_cost_the_fit(shared, tmp_path):
+    lines = (shared / "data" / "trucks" / "truck1" / "worn1.csv").read_text().splitlines()[:4001]
+    (tmp_path / "s.csv").write_text("\n".join(lines))
+    options = ["fit", "s.csv", "--save", "fit.toml", "--report", "page.html"]
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000));"  # the page is larger
+    run = f"{limit} import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); from clutchid.cli import main; main()"
+    for extra in ([], ["--json"]):
+        done = subprocess.run([sys.executable, "-c", run, *options, *extra],
+                              capture_output=True, text=True, cwd=tmp_path, check=False)  # fmt: skip
+        said = "the fit is complete, but page.html: cannot be written (File too large); what was there is unchanged."
+        assert done.returncode == 1
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.toml", "s.csv"]
+        if extra:
+            answer = json.loads(done.stdout)
+            assert (answer["status"], answer["message"]) == ("failed", said)
+            assert answer["parameters"]["theta_1"]["value"] > 0
+        else:
+            assert "theta_1" in done.stdout
+            assert f"clutchid: {said}" in done.stderr.splitlines()

@@ -54,7 +54,8 @@ def test_a_full_disk_is_one_sentence(tmp_path):
     with pytest.raises(ExportError) as caught, atomic_write(tmp_path / "fit.toml"):
         raise OSError(28, "No space left on device")
     assert (
-        str(caught.value) == f"{tmp_path}/fit.toml: cannot be written (No space left on device); nothing was changed."
+        str(caught.value)
+        == f"{tmp_path}/fit.toml: cannot be written (No space left on device); what was there is unchanged."
     )
 
 

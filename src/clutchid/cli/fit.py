@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -26,7 +26,7 @@ from clutchid.cli.common import (
     priors,
     progress_bar,
 )
-from clutchid.errors import ParameterError
+from clutchid.errors import ExportError, ParameterError
 from clutchid.names import listed_names
 
 if TYPE_CHECKING:
@@ -161,11 +161,10 @@ def _work(
     reading = workflow.Reading(pressure(ambient, actuator.parameters.P_0), channel_map, dbc)
     read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)
     outcome = _fitted(read[: len(files.logs)], actuator, request, read[len(files.logs) :])
-    if files.save is not None:
-        workflow.save(outcome, files.save)
-    if files.report is not None:
-        workflow.report(outcome, shlex.join(["clutchid", *sys.argv[1:]]), files.report)
-    return _answered(outcome, json, files.save, files.report)
+    return _answered(outcome, json, {
+        files.save: lambda path: workflow.save(outcome, path),
+        files.report: lambda path: workflow.report(outcome, shlex.join(["clutchid", *sys.argv[1:]]), path),
+    })  # fmt: skip
 
 
 def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log]) -> Outcome:
@@ -177,21 +176,32 @@ def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify
         return workflow.fit_recordings(logs, actuator, request, verify, shown)
 
 
-def _answered(outcome: Outcome, json: bool, *written: Path | None) -> int:
-    """Print the result and the written files; the exit code."""
+def _answered(outcome: Outcome, json: bool, writers: Mapping[Path | None, Callable[[Path], None]]) -> int:
+    """Print the result, and write the files; the exit code. A file that cannot be written never costs the result."""
     from clutchid.report.fit_text import fit_json, fit_text
 
     result = outcome.fit
-    if json:
-        print_json({**EMPTY, **fit_json(result, outcome.evidence)})
-    else:
-        print(fit_text(result, outcome.evidence))
+    if not json:
+        print(fit_text(result, outcome.evidence), flush=True)
         for warning in result.warnings:
             print(f"warning: {warning}", file=sys.stderr)
-        for path in written:
+    written, failures = [], []
+    for path, write in writers.items():
+        try:
             if path is not None:
-                print(f"written: {path.resolve()}")
-    return FAILED if result.status == "failed" else DONE
+                write(path)
+                written.append(path.resolve())
+        except ExportError as error:
+            failures.append(str(error))
+    if json:
+        lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
+        print_json({**EMPTY, **fit_json(result, outcome.evidence), **lost})
+    else:
+        for path in written:
+            print(f"written: {path}")
+        for failure in failures:
+            print(f"clutchid: the fit is complete, but {failure}", file=sys.stderr)
+    return FAILED if failures or result.status == "failed" else DONE
 
 
 def _inputs(files: _Files) -> list[tuple[str, Path | None]]:

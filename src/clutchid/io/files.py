@@ -51,7 +51,7 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
     except ExportError:
         raise
     except OSError as error:
-        raise ExportError(f"{path}: cannot be written ({_reason(error)}); nothing was changed.") from error
+        raise ExportError(f"{path}: cannot be written ({_reason(error)}); what was there is unchanged.") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
@@ -120,7 +120,7 @@ def _writable(path: str | PathLike[str]) -> Path:
     try:
         target = Path(path).resolve()
         target.stat()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         pass
     except (OSError, RuntimeError) as error:  # a loop of links, a name that is too long
         reason = _reason(error) if isinstance(error, OSError) else "a loop of links"
