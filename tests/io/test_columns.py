@@ -72,3 +72,9 @@ def test_long_lists_and_texts_are_cut():
     assert "and 88 more are not known and left out" in warning
     assert shortened("a\n  b", 40) == "a b"
     assert len(shortened("x" * 100)) == 40
+
+
+def test_a_name_of_two_hundred_characters_is_kept_and_a_longer_one_is_cut():
+    kept, cut = headings(["a" * 200, "b" * 201])
+    assert kept.text == "a" * 200
+    assert cut.text == "b" * 199 + "…"

@@ -122,6 +122,16 @@ def test_the_table_is_aligned(recording, save):
     assert len({len(line) for line in table}) == 1
 
 
+def test_a_long_name_is_whole_in_the_listing_and_in_the_map_and_narrow_in_the_table(save):
+    name = "Vehicle.Powertrain.Transmission.ClutchActuator.PositionMeasured [mm]"
+    seen = look(save(f"t [s],{name}\n0,1.5\n1,2.5\n"))
+    assert seen.rasters[0].columns[1].heading == name
+    assert seen.proposal.channels.channels["position"].channel == name
+    assert name in seen.listing()
+    (cells,) = [line for line in seen.table().splitlines() if "…" in line]
+    assert len(cells) < 120
+
+
 def test_only_a_file_that_cannot_be_opened_raises(tmp_path, recording, save):
     with pytest.raises(DataError, match="there is no such file"):
         look(tmp_path / "no.csv")

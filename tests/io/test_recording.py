@@ -129,3 +129,25 @@ def test_bad_samples_are_told_with_their_row_and_stamps_are_mended(source):
     (log,) = read(source(again, TRAVEL, PRESSURE))
     assert log.time.size == 4000
     assert any(w.startswith("group 0: the clock restarts at row 2001") for w in log.warnings)
+
+
+LONG = "Vehicle.Powertrain.Transmission.ClutchActuator.PositionMeasured [mm]"
+
+
+@pytest.mark.parametrize("name", [LONG, LONG.partition(" [")[0], LONG.upper()])
+def test_a_channel_with_a_long_name_is_mapped(source, name):
+    travel = {"t": ("s", SLOW), LONG: ("mm", SLOW)}
+    (log,) = read(source(travel), ChannelMap({"position": Channel(name)}), required=("time",))
+    assert np.allclose(log["position"], 1e-3 * SLOW)
+
+
+def test_an_exact_name_is_preferred_to_the_same_name_with_a_unit(source):
+    travel = {"t": ("s", SLOW), "Weg [mm]": ("mm", SLOW), "Weg": ("mm", 2 * SLOW), "WEG": ("mm", 3 * SLOW)}
+    (log,) = read(source(travel), ChannelMap({"position": Channel("Weg")}), required=("time",))
+    assert np.allclose(log["position"], 2e-3 * SLOW)
+
+
+def test_a_name_that_several_channels_of_a_group_share_is_asked_for_in_full(source):
+    travel = {"t": ("s", SLOW), "Weg [mm]": ("mm", SLOW), "Weg [m]": ("m", SLOW)}
+    with pytest.raises(DataError, match=r"write the whole name, one of 'Weg \[mm\]', 'Weg \[m\]'"):
+        read(source(travel), ChannelMap({"position": Channel("Weg")}), required=("time",))

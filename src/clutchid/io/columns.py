@@ -21,8 +21,12 @@ QUANTITIES: Mapping[str, str] = MappingProxyType({"time": "s", **COLUMNS})
 #: Quantities that a recording must have.
 REQUIRED = ("time", "position", *INPUTS)
 
+#: Longest name of a channel; a longer one is cut.
+LONGEST_NAME = 200
+
 _GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*)?")
 _SHOWN = 12
+_SHOWN_LENGTH = 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +65,7 @@ def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
 def _heading(index: int, text: str) -> Heading:
     match = _GRAMMAR.fullmatch(text)
     name, unit = match.group("name", "unit") if match else (text.partition("[")[0], None)
-    return Heading(index, shortened(text), quantity_named(name), unit_spelled(unit))
+    return Heading(index, channel_name(text), quantity_named(name), unit_spelled(unit))
 
 
 def channel(index: int, text: str, unit: str | None, comment: str = "") -> Heading:
@@ -72,7 +76,12 @@ def channel(index: int, text: str, unit: str | None, comment: str = "") -> Headi
     >>> channel(3, "Position", " mm "), channel(0, "TravelSensor", "").unit
     (Heading(index=3, text='Position', name='position', unit='mm', comment=''), None)
     """
-    return Heading(index, shortened(text, 80), quantity_named(text), unit_spelled(unit), shortened(comment, 200))
+    return Heading(index, channel_name(text), quantity_named(text), unit_spelled(unit), shortened(comment, 200))
+
+
+def channel_name(text: str) -> str:
+    """The name of a channel in headings and maps: on one line, at most `LONGEST_NAME` characters."""
+    return shortened(text, LONGEST_NAME)
 
 
 def quantity_named(name: str) -> str | None:
@@ -160,5 +169,5 @@ def _missing(names: list[str], columns: Sequence[Heading]) -> str:
 
 
 def _some(texts: Sequence[str]) -> str:
-    shown = ", ".join(f"'{text}'" for text in texts[:_SHOWN])
+    shown = ", ".join(f"'{shortened(text, _SHOWN_LENGTH)}'" for text in texts[:_SHOWN])
     return shown + (f" and {len(texts) - _SHOWN} more" if len(texts) > _SHOWN else "")

@@ -11,6 +11,9 @@ from clutchid.io.map.proposal import Proposal
 from clutchid.io.table import and_more
 from clutchid.text_table import text_table
 
+#: Longest name in the table; the listing and the map have whole names.
+_WIDTH = 48
+
 _TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
 
 
@@ -131,7 +134,15 @@ def _row(column: ColumnLook) -> tuple[str, ...]:
     in_unit = [_short(column.low), _short(column.high)]
     converted = [f"{_short(value)}{si}" if math.isfinite(value) else "-" for value in (column.low_si, column.high_si)]
     unit = f" [{column.unit}]" if column.unit and "[" not in column.heading else ""
-    return (column.name or "(ignored)", column.heading + unit, *in_unit, *converted, f"{column.missing:,}")
+    return (column.name or "(ignored)", _narrow(column.heading) + unit, *in_unit, *converted, f"{column.missing:,}")
+
+
+def _narrow(name: str) -> str:
+    """A name without its middle if it is too long for the table: the end often has the unit."""
+    if len(name) <= _WIDTH:
+        return name
+    half = _WIDTH // 2
+    return f"{name[: half - 1]}…{name[-half:]}"
 
 
 def _samples(count: int) -> str:

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from clutchid.io.columns import QUANTITIES, Heading, unit_spelled
+from clutchid.io.columns import QUANTITIES, Heading, channel_name, unit_spelled
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.source import Raster, Source
 from clutchid.units import UNITS, known_units
@@ -55,18 +55,20 @@ def pick(source: Source, channels: ChannelMap) -> tuple[tuple[Pick, ...], tuple[
 
 
 def _named(source: Source, entry: Channel) -> Iterator[tuple[int, Heading]]:
-    """Channels with that name, compared exactly, else case-insensitively."""
+    """Channels with that name, else with that name before a unit in brackets; then both in any case."""
+    wanted = channel_name(entry.channel)
+    within = [(i, raster) for i, raster in enumerate(source.rasters) if entry.group in (None, raster.name)]
     for same in (str, str.casefold):
-        places = [
-            (index, heading)
-            for index, raster in enumerate(source.rasters)
-            if entry.group is None or raster.name == entry.group
-            for heading in raster.headings
-            if same(heading.text) == same(entry.channel) or same(_bare(heading.text)) == same(entry.channel)
-        ]
-        if places:
-            yield from places
-            return
+        for part in (str, _bare):
+            places = [
+                (index, heading)
+                for index, raster in within
+                for heading in raster.headings
+                if same(part(heading.text)) == same(wanted)
+            ]
+            if places:
+                yield from places
+                return
 
 
 def _bare(text: str) -> str:
@@ -78,8 +80,11 @@ def _misfit(source: Source, name: str, entry: Channel, places: list[tuple[int, H
     """Message for an entry of the map that selects no channel, or more than one."""
     if places:
         groups = [source.rasters[raster].name for raster, _ in places]
-        shown = ", ".join(f"'{group}'" for group in groups[:_SHOWN])
-        return f"{name}: {len(places)} channels are called '{entry.channel}'; name the group, one of {shown}."
+        several = len(set(groups)) > 1
+        names = groups if several else [heading.text for _, heading in places]
+        shown = ", ".join(f"'{text}'" for text in names[:_SHOWN])
+        what = "name the group" if several else "write the whole name"
+        return f"{name}: {len(places)} channels are called '{entry.channel}'; {what}, one of {shown}."
     every = [heading.text for raster in source.rasters for heading in raster.headings]
     within = f" in group '{entry.group}'" if entry.group is not None else ""
     near = difflib.get_close_matches(entry.channel, every, n=1)

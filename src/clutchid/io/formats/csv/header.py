@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from clutchid.io.columns import Heading, channel, headings, quantity_named, shortened, unit_spelled
+from clutchid.io.columns import Heading, channel, channel_name, headings, quantity_named, unit_spelled
 from clutchid.io.formats.csv.cells import NUMBER
 from clutchid.units import UNITS
 
@@ -46,8 +46,8 @@ def heading(index: int, text: str, unit: str | None = None) -> Heading:
         return found if found.unit or not unit else replace(found, unit=unit_spelled(unit))
     for name, written in _parts(text):
         if is_unit(written):
-            return Heading(index, shortened(text), quantity_named(name), unit_spelled(written))
-    return replace(channel(index, text, unit), text=shortened(text))
+            return Heading(index, channel_name(text), quantity_named(name), unit_spelled(written))
+    return channel(index, text, unit)
 
 
 def _parts(text: str) -> Iterator[tuple[str, str]]:
