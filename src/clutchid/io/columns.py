@@ -9,7 +9,7 @@ import difflib
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from clutchid.log import COLUMNS, INPUTS
@@ -77,6 +77,26 @@ def channel(index: int, text: str, unit: str | None, comment: str = "") -> Headi
     (Heading(index=3, text='Position', name='position', unit='mm', comment=''), None)
     """
     return Heading(index, channel_name(text), quantity_named(text), unit_spelled(unit), shortened(comment, 200))
+
+
+def distinct(columns: Iterable[Heading]) -> tuple[Heading, ...]:
+    """Headings of a time grid with a number added to a text that an earlier one has, so that a map can select each.
+
+    Examples
+    --------
+    >>> [heading.text for heading in distinct(headings(["Weg [mm]", "Weg [mm]", "Weg [mm]"]))]
+    ['Weg [mm]', 'Weg [mm] (2)', 'Weg [mm] (3)']
+    """
+    taken: dict[str, int] = {}
+    found = []
+    for column in columns:
+        text = column.text
+        while text and text in taken:
+            taken[column.text] += 1
+            text = f"{column.text} ({taken[column.text]})"
+        taken.setdefault(text, 1)
+        found.append(replace(column, text=text))
+    return tuple(found)
 
 
 def channel_name(text: str) -> str:

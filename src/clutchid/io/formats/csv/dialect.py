@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from clutchid.io.columns import Heading, headings, shortened
+from clutchid.io.columns import Heading, distinct, headings, shortened
 from clutchid.io.formats.csv.cells import Form, decimal_mark, form, missing, nanoseconds, numberlike, written
 from clutchid.io.formats.csv.header import heading, is_comment, split, split_header, uncommented, units_in
+from clutchid.io.formats.csv.records import records
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 
@@ -79,7 +80,7 @@ def dialect(lines: Sequence[str]) -> Dialect | None:
     >>> found.text, found.headings[1].text, found.headings[1].unit
     ('semicolon, decimal comma, names on line 2, units on line 3, samples from line 4', 'Weg', 'mm')
     """
-    filled = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()][:_EXAMINED]
+    filled = [(number, line) for number, line in records(lines) if line.strip()][:_EXAMINED]
     first = next((at for at, (_, line) in enumerate(filled) if not is_comment(line, ";")), None)
     if first is None:
         return None
@@ -90,13 +91,14 @@ def dialect(lines: Sequence[str]) -> Dialect | None:
 def _by_contract(filled: Filled, first: int) -> _Structure | None:
     """Structure if the first line that is not a comment has standard names, and therefore is the header."""
     line = filled[first][1]
-    best: tuple[int, str, list[str]] = (0, "", [])
+    best: tuple[tuple[int, int], str, list[str]] = ((0, 0), "", [])
     for separator in SEPARATORS:
         cells = split_header(line, separator, line.count("[")) if separator == " " else split(line, separator)
         known = [found for found in headings(cells) if found.name is not None]
-        if len(known) > max(best[0], 1) or (len(known) > best[0] and known[0].si is not None):
-            best = (len(known), separator, cells)
-    if not best[0]:
+        with_unit = sum(found.si is not None for found in known)
+        if (len(known), with_unit) > best[0] and (len(known) > 1 or with_unit):
+            best = ((len(known), with_unit), separator, cells)
+    if not best[1]:
         return None
     below = filled[first + 1] if first + 1 < len(filled) else (0, "")
     units = first + 1 if below[0] and units_in(split(below[1], best[1])) else -1
@@ -160,7 +162,14 @@ def _with_separator(
         names = tuple(f"column {index + 1}" for index in range(width))
         return _Structure(separator, names, -1, -1, samples, (samples == 0, fitting, width))
     header, units, names = above
+    first = max(header, units) + 1
+    if all(len(row) == width and _starts_with_number(row) for row in rows[first:samples]):
+        samples = first
     return _Structure(separator, names, header, units, samples, (len(names) == width, fitting, width))
+
+
+def _starts_with_number(row: Sequence[str]) -> bool:
+    return bool(row) and numberlike(row[0])
 
 
 def _is_numeric(cells: Sequence[str]) -> bool:
@@ -189,6 +198,8 @@ def _names_above(
     fitting = texts[False] or [text for text in texts[True] if width > 1]
     if not fitting:
         return ragged
+    while len(fitting) > 1 and fitting[1][0] == fitting[0][0] - 1 and _starts_with_number(fitting[0][1]):
+        fitting = fitting[1:]
     for i, (at, cells) in enumerate(fitting[:-1][:2]):
         if units_in(cells):
             header, names = fitting[i + 1]
@@ -212,9 +223,9 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
     forms = tuple(form([row[column] for row in rows], decimal) for column in range(width))
     lines = [number for number, _ in filled]
     units = (units_in(_unit_cells(filled, structure)) or []) if structure.units >= 0 else []
-    columns = tuple(
+    columns = distinct(
         _stamped(heading(index, name, units[index] if index < len(units) else None), forms[index])
-        for index, name in enumerate(structure.names)
+        for index, name in enumerate(_every_name(structure.names, rows))
     )
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is None:
@@ -227,9 +238,8 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
     )
     header = lines[structure.header] if structure.header >= 0 else 0
     above = max(structure.header, structure.units)
-    samples = (
-        lines[structure.samples] if above < structure.samples - 1 else lines[above] + 1 if above >= 0 else lines[0]
-    )
+    below = lines[above] + 1 + filled[above][1].count("\n")
+    samples = lines[structure.samples] if above < structure.samples - 1 else below if above >= 0 else lines[0]
     return Dialect(
         structure.separator,
         decimal,
@@ -242,6 +252,12 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
         written(start) if start else "",
         _about(filled[: max(structure.header, 0)], structure.separator),
     )
+
+
+def _every_name(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The names, and the number of a column that has samples but no name."""
+    used = [any(not missing(row[column]) for row in rows) for column in range(len(names))]
+    return [name if name.strip() or not used[i] else f"column {i + 1}" for i, name in enumerate(names)]
 
 
 def _unit_cells(filled: Filled, structure: _Structure) -> list[str]:

@@ -16,6 +16,7 @@ from clutchid.io.files import CHUNK
 from clutchid.io.formats.csv.dialect import Dialect, dialect
 from clutchid.io.formats.csv.fast import by_numpy, by_polars, is_plain
 from clutchid.io.formats.csv.lines import SAMPLE, Block, Lines, blocks, lines_of, sample
+from clutchid.io.formats.csv.records import whole_records
 from clutchid.io.formats.csv.text import Part, joined, read_text, table
 from clutchid.io.source import BLOCK, Raster, Source
 from clutchid.io.table import EXAMPLE, Table, to_frame
@@ -147,7 +148,7 @@ def _tables(
 def _parts(lines: Lines, found: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[Part]:
     """The samples block by block, until a line cannot be split."""
     small = lines.path.stat().st_size < _SMALL
-    for block in blocks(lines, found.samples - 1, rows or (lines.last if small else BLOCK)):
+    for block in whole_records(blocks(lines, found.samples - 1, rows or (lines.last if small else BLOCK))):
         part = _fast(block, found, selected, small) or read_text(block, found, selected)
         yield part
         if part.broken:
