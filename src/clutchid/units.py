@@ -62,17 +62,33 @@ _GAUGE_PRESSURES = {
     for mark in ("g", "(g)", "gauge", "_g", "rel", "(rel)", "_rel", "ü")
 }
 
+
+def _words(unit: str, spellings: str) -> dict[str, str]:
+    return dict.fromkeys(spellings.casefold().split(), unit)
+
+
 #: Other spellings of these units, in lower case and without blanks. ``MPa`` and ``mPa`` are not distinguished.
 SPELLINGS: dict[str, str] = {
     **_ABSOLUTE_PRESSURES,
     **_GAUGE_PRESSURES,
-    **dict.fromkeys(("-", "[-]", "ratio", "fraction"), "1"),
-    **dict.fromkeys(("percent", "prozent", "pct"), "%"),
-    **dict.fromkeys(("sec", "sek", "second", "seconds", "sekunde", "sekunden"), "s"),
-    **dict.fromkeys(("msec", "millisecond", "milliseconds"), "ms"),
-    **dict.fromkeys(("deg.c", "celsius", "\N{DEGREE CELSIUS}".casefold()), "°C"),
-    **dict.fromkeys(("meter", "metre"), "m"),
-    **dict.fromkeys(("millimeter", "millimetre"), "mm"),
+    **_words("1", "- [-] ratio fraction"),
+    **_words("%", "percent percentage prozent pct"),
+    **_words("s", "sec secs sek second seconds sekunde sekunden"),
+    **_words("ms", "msec msecs millisec millisecs millisecond milliseconds millisekunde millisekunden"),
+    **_words("us", "usec usecs µsec µsecs microsec microsecs microsecond microseconds mikrosekunde mikrosekunden"),
+    **_words("min", "mins minute minutes minuten"),
+    **_words("h", "hr hrs hour hours stunde stunden"),
+    **_words("°C", "deg.c celsius \N{DEGREE CELSIUS}"),
+    **_words("m", "meter meters metre metres"),
+    **_words("cm", "centimeter centimeters centimetre centimetres"),
+    **_words("mm", "millimeter millimeters millimetre millimetres"),
+    **_words("um", "micrometer micrometers micrometre micrometres micron microns mikrometer"),
+    **_words("N", "newton newtons"),
+    **_words("kN", "kilonewton kilonewtons"),
+    **_words("Pa", "pascal pascals"),
+    **_words("kPa", "kilopascal kilopascals"),
+    **_words("MPa", "megapascal megapascals"),
+    **_words("mbar", "millibar millibars"),
 }
 
 

@@ -172,3 +172,26 @@ def test_a_flipped_sensor_is_told_before_the_fit(tmp_path, log, capsys):
     write(log.with_columns(position=0.02 - log["position"]), tmp_path / "flipped.csv")
     call("fit", tmp_path / "flipped.csv")
     assert "sign" in capsys.readouterr().err
+
+
+def test_look_finishes_a_map_from_proposal_to_fit(tmp_path, log, peak, capsys):
+    file, chosen = tmp_path / "run.csv", tmp_path / "MAP.toml"
+    rows = zip(1e3 * log["position"], 100 * log["duty_supply"], 100 * log["duty_exhaust"], strict=True)
+    file.write_text("ClutchPos_mm,A [%],B [%]\n" + "".join("{},{},{}\n".format(*row) for row in rows))
+    assert call("look", file, "--save", chosen) == 0
+    text = chosen.read_text(encoding="utf-8")
+    assert "# [duty_exhaust]\n# channel = \"?\"  # candidates: 'A [%]', 'B [%]'" in text
+    assert call("look", file, "--map", chosen) == 2
+    said = capsys.readouterr().out
+    assert "no channel is assigned to duty_supply, duty_exhaust" in said
+    assert "rate = 1000.0 above its first table" in said
+    text = text.replace("# rate", "rate")
+    for name, channel in (("duty_supply", "A [%]"), ("duty_exhaust", "B [%]")):
+        text = text.replace(f'# [{name}]\n# channel = "?"', f'[{name}]\nchannel = "{channel}"')
+    chosen.write_text(text, encoding="utf-8")
+    assert call("look", file, "--map", chosen) == 0
+    said = capsys.readouterr().out
+    assert "6,000 samples, 5.999 s from 0 s at 1000 Hz" in said
+    assert "(ignored)" not in said
+    assert "Not checked" not in said
+    assert fitted(file, "--map", chosen) == pytest.approx(peak, rel=1e-4)

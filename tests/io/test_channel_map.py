@@ -31,11 +31,16 @@ def entries(draw):
 
 
 @given(
-    st.lists(entries(), min_size=1), st.none() | st.floats(1e-5, 10.0), st.lists(st.sampled_from(["a.dbc", "ü.dbc"]))
+    st.lists(entries(), min_size=1),
+    st.none() | st.floats(1e-5, 10.0),
+    st.none() | st.floats(1.0, 1e5),
+    st.lists(st.sampled_from(["a.dbc", "ü.dbc"])),
 )
-def test_what_is_written_is_read_again(tmp_path_factory, items, raster, dbc):
+def test_what_is_written_is_read_again(tmp_path_factory, items, raster, rate, dbc):
     folder = tmp_path_factory.mktemp("map")
-    content = ChannelMap(dict(items), tuple(folder / name for name in dbc), raster)
+    content = ChannelMap(
+        dict(items), tuple(folder / name for name in dbc), raster, None if "time" in dict(items) else rate
+    )
     write_map(content, folder / "MAP.toml")
     assert read_map(folder / "MAP.toml") == content
 
@@ -43,6 +48,36 @@ def test_what_is_written_is_read_again(tmp_path_factory, items, raster, dbc):
 def test_comments_of_a_proposal_stand_above_their_entry():
     text = map_text(ChannelMap({"position": Channel("Weg")}, comments={"position": "0 to 20 mm"}), Path())
     assert "# 0 to 20 mm\n[position]\n" in text
+
+
+def test_a_missing_quantity_is_a_block_to_be_filled_in():
+    comments = {"position": "0 to 20 mm", "duty_exhaust": "candidates: 'A'", "rate": "samples per second"}
+    text = map_text(ChannelMap({"position": Channel("Weg")}, comments=comments), Path())
+    assert "\n\n# rate = 1000.0  # samples per second\n\n# 0 to 20 mm\n[position]\n" in text
+    assert "\n# [duty_exhaust]\n# channel = \"?\"  # candidates: 'A'\n" in text
+
+
+def test_a_filled_in_block_and_a_rate_are_read(save):
+    comments = {"duty_exhaust": "candidates: 'A'", "rate": "samples per second"}
+    text = map_text(ChannelMap({"position": Channel("Weg")}, comments=comments), Path())
+    filled = text.replace("# rate", "rate").replace("# [duty", "[duty").replace('# channel = "?"', 'channel = "A"')
+    found = read_map(save(filled, "MAP.toml"))
+    assert found.rate == 1000.0
+    assert {name: entry.channel for name, entry in found.channels.items()} == {"position": "Weg", "duty_exhaust": "A"}
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("rate = 0\n", "rate = 0: samples per second above 0 are needed, for example 1000.0."),
+        ("rate = 'x'\n", "rate = 'x': samples per second above 0"),
+        ("rate = 1e3\n[time]\nchannel = 't'\n", "rate = 1000 Hz and [time] both define the time; keep one of them."),
+    ],
+)
+def test_a_rate_that_cannot_be_is_a_problem(save, text, problem):
+    with pytest.raises(ParameterError) as caught:
+        read_map(save(f"{text}[position]\nchannel = 'Weg'\n", "MAP.toml"))
+    assert problem in str(caught.value)
 
 
 def test_all_problems_are_reported_together(save):

@@ -2,7 +2,16 @@
 
 import pytest
 
-from clutchid.io.columns import QUANTITIES, REQUIRED, heading_problems, headings, ignored, shortened
+from clutchid.io.columns import (
+    QUANTITIES,
+    REQUIRED,
+    heading_problems,
+    headings,
+    ignored,
+    shortened,
+    unit_at_end,
+    unit_spelled,
+)
 from clutchid.log import COLUMNS
 
 
@@ -21,6 +30,28 @@ from clutchid.log import COLUMNS
         ("position [mm", "position", None, None),
         ("position [bar]", "position", "bar", None),
         ("position [MM]", "position", "MM", None),
+        ("time_ms", "time", "ms", "s"),
+        ("Time (ms)", "time", "ms", "s"),
+        ("timeMs", "time", "ms", "s"),
+        ("time_millisec", "time", "ms", "s"),
+        ("time_us", "time", "us", "s"),
+        ("position_mm", "position", "mm", "m"),
+        ("position_m", "position", "m", "m"),
+        ("POSITION_MM", "position", "mm", "m"),
+        ("duty_supply_pct", "duty_supply", "%", "1"),
+        ("duty_supply percent", "duty_supply", "%", "1"),
+        ("pressure_a_bar", "pressure_a", "bar", "Pa"),
+        ("pressure_a_bar_g", "pressure_a", "bar(g)", "Pa"),
+        ("pressure_a_barg", "pressure_a", "bar(g)", "Pa"),
+        ("pressure_a_kPa", "pressure_a", "kPa", "Pa"),
+        ("pressure_a_Pa", "pressure_a", "Pa", "Pa"),
+        ("pressure_a (bar(g))", "pressure_a", "bar(g)", "Pa"),
+        ("force_kN", "force", "kN", "N"),
+        ("force_MN", None, None, None),
+        ("time_m", None, None, None),
+        ("position_s", None, None, None),
+        ("duty_supply_1", None, None, None),
+        ("position_max", None, None, None),
         ("oil [degC]", None, "degC", "K"),
         ("", None, None, None),
     ],
@@ -78,3 +109,42 @@ def test_a_name_of_two_hundred_characters_is_kept_and_a_longer_one_is_cut():
     kept, cut = headings(["a" * 200, "b" * 201])
     assert kept.text == "a" * 200
     assert cut.text == "b" * 199 + "…"
+
+
+@pytest.mark.parametrize(
+    ("unit", "spellings"),
+    [
+        ("s", "s sec secs Sekunden seconds"),
+        ("ms", "ms msec millisec milliseconds Millisekunden"),
+        ("us", "us usec \N{MICRO SIGN}sec microsec microseconds"),
+        ("min", "min minutes"),
+        ("mm", "mm millimeters millimetre"),
+        ("%", "% pct percent Prozent percentage"),
+        ("bar(g)", "barg bar(g) bar_g"),
+        ("kPa", "kPa kPa_abs kilopascal"),
+    ],
+)
+def test_words_for_units_are_known(unit, spellings):
+    assert {unit_spelled(word) for word in spellings.split()} == {unit}
+
+
+@pytest.mark.parametrize(
+    ("text", "si", "unit"),
+    [
+        ("ClutchPos_mm", "m", "mm"),
+        ("clutch travel (mm)", "m", "mm"),
+        ("Signals.Clutch.Travel.mm", "m", "mm"),
+        ("uSup_pct", "1", "%"),
+        ("DutyPct", "1", "%"),
+        ("p_cyl_bar_g", "Pa", "bar(g)"),
+        ("pCylBarG", "Pa", "bar(g)"),
+        ("p_kpa", "Pa", "kPa"),
+        ("PressurekPa", "Pa", None),
+        ("pAtmBar", "Pa", None),
+        ("pos_V", "m", None),
+        ("valve_1", "1", None),
+        ("mm", "m", None),
+    ],
+)
+def test_a_unit_at_the_end_of_a_name_is_found(text, si, unit):
+    assert unit_at_end(text, si) == unit

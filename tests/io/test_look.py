@@ -1,12 +1,15 @@
 """`look` tells what is in a file, good or bad."""
 
 import math
+from dataclasses import replace
 
 import polars as pl
 import pytest
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.io.formats.opening import open_source
 from clutchid.io.look.look import look
+from clutchid.io.map.channel_map import Channel, ChannelMap
 
 
 def test_columns_are_shown_as_written_and_in_si(recording, save):
@@ -130,6 +133,66 @@ def test_a_long_name_is_whole_in_the_listing_and_in_the_map_and_narrow_in_the_ta
     assert name in seen.listing()
     (cells,) = [line for line in seen.table().splitlines() if "…" in line]
     assert len(cells) < 120
+
+
+PLAIN = "n,Weg,gear\n" + "".join(f"{i * i},{i / 10},low\n" for i in range(100))
+
+
+def test_mapped_channels_are_shown_as_mapped_with_their_time_and_findings(save):
+    path = save(PLAIN)
+    assert look(path).rasters[0].time is None
+    entries = {"position": Channel("Weg", unit="mm", sign=-1.0, offset=20.0)}
+    seen = look(path, channels=ChannelMap(entries, rate=200.0))
+    _, weg, gear = seen.rasters[0].columns
+    assert (weg.name, weg.unit, weg.low, weg.high) == ("position", "mm", 0.0, 9.9)
+    assert (weg.low_si, weg.high_si) == pytest.approx((0.0101, 0.02))
+    assert seen.rasters[0].time.rate == pytest.approx(200.0)
+    assert gear.name is None
+    assert "(text)" in seen.table()
+    assert seen.problems == ("no channel is assigned to duty_supply, duty_exhaust; add [duty_supply] to the map.",)
+    assert "Proposed channel map" not in seen.table()
+
+
+def test_a_map_without_time_still_shows_its_channels(save):
+    seen = look(save(PLAIN), channels=ChannelMap({"position": Channel("Weg", unit="mm")}))
+    assert seen.rasters[0].columns[1].name == "position"
+    assert any("defines no time axis" in problem for problem in seen.problems)
+
+
+def test_the_repairs_of_read_are_shown_with_a_map(save):
+    path = save("n,Weg,A,B\n" + "".join(f"{i - (i == 7)},{i / 10},{i % 2},0\n" for i in range(100)))
+    entries = {
+        "time": Channel("n", unit="ms"),
+        "position": Channel("Weg", unit="mm"),
+        "duty_supply": Channel("A", unit="1"),
+        "duty_exhaust": Channel("B", unit="1"),
+    }
+    seen = look(path, channels=ChannelMap(entries))
+    assert seen.problems == ()
+    assert any("repeats the time stamp of another" in warning for warning in seen.warnings)
+    assert seen.rasters[0].time.repeated == 1
+    bad = look(path, channels=ChannelMap({**entries, "duty_supply": Channel("Weg", unit="1")}))
+    assert any("is not a duty cycle" in problem for problem in bad.problems)
+
+
+def test_a_map_of_a_test_rig_needs_no_duty_cycles(save):
+    entries = {"position": Channel("Weg", unit="mm"), "force": Channel("n", unit="N")}
+    assert look(save(PLAIN), channels=ChannelMap(entries, rate=100.0)).problems == ()
+
+
+def test_a_guessed_time_is_a_warning(save):
+    (warning,) = look(save("t,Weg [mm]\n0,1\n0.1,2\n0.2,3\n")).proposal.open[:1]
+    assert warning == "time: 't' has no unit; [s] is guessed from its intervals."
+
+
+def test_channels_without_numbers_are_listed(save, monkeypatch):
+    path = save(PLAIN)
+    made = open_source(path)
+    hidden = replace(made, rasters=(replace(made.rasters[0], others=(("state", "text"), ("image", "3 x 4 numbers"))),))
+    monkeypatch.setattr("clutchid.io.look.look.open_source", lambda *_: hidden)
+    seen = look(path)
+    assert "Without numbers: 'state' (text), 'image' (3 x 4 numbers)" in seen.table()
+    assert '"image"  # no numbers: 3 x 4 numbers' in seen.listing()
 
 
 def test_only_a_file_that_cannot_be_opened_raises(tmp_path, recording, save):

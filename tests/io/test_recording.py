@@ -1,10 +1,13 @@
 """A file and a channel map made a recording."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from clutchid.errors import DataError
 from clutchid.io.columns import REQUIRED
+from clutchid.io.formats.csv.file import open_file
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.recording import pieces
 
@@ -151,3 +154,78 @@ def test_a_name_that_several_channels_of_a_group_share_is_asked_for_in_full(sour
     travel = {"t": ("s", SLOW), "Weg [mm]": ("mm", SLOW), "Weg [m]": ("m", SLOW)}
     with pytest.raises(DataError, match=r"write the whole name, one of 'Weg \[mm\]', 'Weg \[m\]'"):
         read(source(travel), ChannelMap({"position": Channel("Weg")}), required=("time",))
+
+
+def rated(**entries):
+    return ChannelMap({n: MAP.channels[n] for n in ("position",)} | entries, rate=500.0)
+
+
+@pytest.mark.parametrize("rows", [None, 30])
+def test_a_file_without_time_gets_it_from_the_rate_of_the_map(source, rows):
+    logs = read(source({"Weg": TRAVEL["Weg"]}, clock=False), rated(), rows, required=("time",))
+    assert np.array_equal(np.concatenate([log.time for log in logs]), np.arange(200) / 500)
+    assert np.allclose(np.concatenate([log["position"] for log in logs]), 2e-3 * SLOW)
+    assert not any(log.warnings for log in logs)
+
+
+def test_a_rate_beside_a_time_is_a_problem(source):
+    with pytest.raises(DataError, match=r"rate = 500 Hz and \[time\] both define the time; keep one of them"):
+        read(source({"Weg": TRAVEL["Weg"]}, clock=False), rated(time=Channel("t")), required=("time",))
+    with pytest.raises(DataError, match=r"rate = 500 Hz: the file has a time channel, 't'; remove rate from the map"):
+        read(source(TRAVEL), rated(), required=("time",))
+
+
+def test_a_file_without_time_is_told_both_ways_to_give_it(source):
+    chosen = ChannelMap({"position": MAP.channels["position"]})
+    with pytest.raises(DataError, match=r"add \[time\] to the map, or rate = 1000.0 above its first table, in Hz"):
+        read(source({"Weg": TRAVEL["Weg"]}, clock=False), chosen, required=("time",))
+
+
+@pytest.mark.parametrize("stamps", [("m", SLOW), (None, SLOW)])
+def test_a_position_that_increases_is_no_time(source, stamps):
+    made = source({"position(:,1)": stamps, "Weg": TRAVEL["Weg"]})
+    with pytest.raises(DataError, match="the file defines no time axis"):
+        read(made, ChannelMap({"position": MAP.channels["position"]}), required=("time",))
+    (log,) = read(made, rated(), required=("time",))
+    assert log.time[1] == 2e-3
+
+
+def test_metres_are_no_time_even_in_a_channel_of_any_name(source):
+    made = source({"curve(:,1)": ("m", SLOW), "Weg": TRAVEL["Weg"]})
+    with pytest.raises(DataError, match="the file defines no time axis"):
+        read(made, ChannelMap({"position": MAP.channels["position"]}), required=("time",))
+
+
+@pytest.mark.parametrize(
+    ("name", "usual", "words"),
+    [
+        ("t", 1e-2, "'t' has no unit; [s] is guessed"),
+        ("curve(:,1)", 1e-2, "'curve(:,1)' increases and is taken for time in [s], a guess"),
+        ("t_ms", 1e-5, "the unit [ms] is taken from the name of the channel 't_ms'"),
+    ],
+)
+def test_a_guessed_unit_of_time_is_a_warning(source, name, usual, words):
+    made = source({name: (None, SLOW), "Weg": TRAVEL["Weg"]})
+    (log,) = read(made, ChannelMap({"position": MAP.channels["position"]}), required=("time",))
+    assert log.time[1] - log.time[0] == pytest.approx(usual)
+    (warning,) = log.warnings
+    assert words in warning
+
+
+def test_a_unit_from_a_name_is_a_warning(source):
+    (log,) = read(source({"t": ("s", SLOW), "x_mm": (None, SLOW)}), ChannelMap({"position": Channel("x_mm")}), None, ())
+    assert np.allclose(log["position"], 1e-3 * SLOW)
+    assert log.warnings == ("position: the unit [mm] is taken from the name of the channel 'x_mm'.",)
+
+
+def test_a_channel_of_text_cannot_be_mapped(save):
+    made = open_file(save("t [s],gear,y [mm]\n0,low,1\n1,high,2\n"))
+    with pytest.raises(DataError, match="position: channel 'gear' holds text, not one number per sample; name another"):
+        read(made, ChannelMap({"position": Channel("gear", unit="mm")}), required=("time",))
+
+
+def test_a_channel_that_a_format_does_not_read_is_named_with_what_it_holds(source):
+    made = source(TRAVEL)
+    made = replace(made, rasters=(replace(made.rasters[0], others=(("image", "3 x 4 numbers"),)),))
+    with pytest.raises(DataError, match="position: channel 'image' holds 3 x 4 numbers, not one number per sample"):
+        read(made, ChannelMap({"position": Channel("image")}), required=("time",))

@@ -13,6 +13,7 @@ from clutchid.parameters import Parameters
 
 if TYPE_CHECKING:
     from clutchid.io.look.overview import Look
+    from clutchid.io.map.channel_map import ChannelMap
 
 
 def look(
@@ -34,7 +35,7 @@ def look(
     save
         Write the proposed channel map (TOML), to be corrected by hand and given to `fit` and `simulate` with --map.
     map_
-        Channel map for the checks; the proposed one by default.
+        Channel map: quantities, time axis, problems and checks are those of `fit` with this map.
     dbc
         DBC files that decode a bus log; several may follow each other.
     ambient
@@ -45,13 +46,14 @@ def look(
 
     def work() -> int:
         from clutchid.io.look.look import look as look_at
-        from clutchid.io.map.channel_map import write_map
+        from clutchid.io.map.channel_map import read_map, write_map
 
         check_outputs({"--save": save}, [("the recording itself", file)])
         at = pressure(ambient, Parameters().P_0)
-        contents = look_at(file, at, tuple(dbc or ()))
+        given = None if map_ is None else read_map(map_)
+        contents = look_at(file, at, tuple(dbc or ()), given)
         print(contents.table())
-        print(_checks(file, contents, map_, at))
+        print(_checks(file, contents, given, at))
         if save is not None:
             proposed = contents.proposal.channels
             write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
@@ -63,15 +65,16 @@ def look(
     return guarded(work, as_json=False, debug=debug)
 
 
-def _checks(file: Path, contents: Look, map_: Path | None, ambient: float) -> str:
+def _checks(file: Path, contents: Look, given: ChannelMap | None, ambient: float) -> str:
     """Results of the checks before a fit on the recording, or on its first million samples."""
     from clutchid.inspection import inspect
     from clutchid.io import read_pieces
-    from clutchid.io.map import channel_map
 
-    channels = channel_map.read_map(map_) if map_ else contents.proposal.channels
-    if map_ is None and (contents.problems or (contents.needs_map and not contents.proposal.complete)):
-        return "\nNot checked: the recording cannot be read without a channel map, or has problems."
-    chosen = channels if map_ or contents.needs_map else None
-    log = next(read_pieces(file, ambient=ambient, channels=chosen, required=("time", "position")))
+    if given is None and contents.needs_map and not contents.proposal.complete:
+        return "\nNot checked: the recording cannot be read without a channel map."
+    if contents.problems:
+        return "\nNot checked: the recording has problems."
+    proposed = contents.proposal.channels
+    channels = replace(given, dbc=proposed.dbc) if given else proposed if contents.needs_map else None
+    log = next(read_pieces(file, ambient=ambient, channels=channels, required=("time", "position")))
     return f"\n{inspect(log).table()}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -25,6 +25,11 @@ REQUIRED = ("time", "position", *INPUTS)
 LONGEST_NAME = 200
 
 _GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*)?")
+#: A unit at the end of a name begins after one of these, or with a capital after a small letter.
+_UNIT_START = re.compile(r"[\s_.,:;(\[/-]+|(?<=[a-z0-9])(?=[A-Z])")
+
+_UNITS_ANY_CASE = frozenset(unit.casefold() for unit in UNITS)
+
 _SHOWN = 12
 _SHOWN_LENGTH = 80
 
@@ -65,7 +70,7 @@ def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
 def _heading(index: int, text: str) -> Heading:
     match = _GRAMMAR.fullmatch(text)
     name, unit = match.group("name", "unit") if match else (text.partition("[")[0], None)
-    return Heading(index, channel_name(text), quantity_named(name), unit_spelled(unit))
+    return Heading(index, channel_name(text), *_quantity_and_unit(name, unit_spelled(unit)))
 
 
 def channel(index: int, text: str, unit: str | None, comment: str = "") -> Heading:
@@ -76,7 +81,8 @@ def channel(index: int, text: str, unit: str | None, comment: str = "") -> Headi
     >>> channel(3, "Position", " mm "), channel(0, "TravelSensor", "").unit
     (Heading(index=3, text='Position', name='position', unit='mm', comment=''), None)
     """
-    return Heading(index, channel_name(text), quantity_named(text), unit_spelled(unit), shortened(comment, 200))
+    name, spelled = _quantity_and_unit(text, unit_spelled(unit))
+    return Heading(index, channel_name(text), name, spelled, shortened(comment, 200))
 
 
 def distinct(columns: Iterable[Heading]) -> tuple[Heading, ...]:
@@ -107,6 +113,52 @@ def channel_name(text: str) -> str:
 def quantity_named(name: str) -> str | None:
     """Quantity with this standard name; None for any other name."""
     return _KEYS.get(_key(name))
+
+
+def _quantity_and_unit(text: str, unit: str | None) -> tuple[str | None, str | None]:
+    """Quantity with this standard name, which may end with its unit if there is no other."""
+    name = quantity_named(text)
+    if name is None and unit is None:
+        for base, ending in _endings(text):
+            name = quantity_named(base)
+            unit = _unit_called(ending, QUANTITIES[name]) if name else None
+            if unit is not None:
+                return name, unit
+        return None, None
+    return name, unit
+
+
+def unit_at_end(text: str, si: str) -> str | None:
+    """Unit of the quantity with the SI unit `si` at the end of a name; None if there is none.
+
+    Examples
+    --------
+    >>> unit_at_end("ClutchPos_mm", "m"), unit_at_end("p_bar_g", "Pa"), unit_at_end("dutyPct", "1")
+    ('mm', 'bar(g)', '%')
+    >>> unit_at_end("PressurekPa", "Pa"), unit_at_end("position_m", "s"), unit_at_end("mm", "m")
+    (None, None, None)
+    """
+    return next((unit for _, ending in _endings(text) if (unit := _unit_called(ending, si))), None)
+
+
+def _endings(text: str) -> Iterator[tuple[str, str]]:
+    """All ways to split a name into a beginning and an end that may be a unit, the longest end first."""
+    text = text.strip()
+    for match in _UNIT_START.finditer(text):
+        base, ending = text[: match.start()], text[match.end() :]
+        if "(" in match.group():
+            ending = ending.removesuffix(")")
+        prefixed = not match.group() and (base[-1:] + ending).casefold() in _UNITS_ANY_CASE  # the k of kPa
+        if base and ending and not prefixed:
+            yield base, ending
+
+
+def _unit_called(text: str, si: str) -> str | None:
+    """Unit with this spelling, in any case unless that makes another unit of it; the unit 1 is no name."""
+    spelled = unit_spelled(text)
+    known = [unit for unit in known_units(si) if unit != "1"]
+    any_case = {unit.casefold(): unit for unit in known if len(unit) > 1 and unit != "mN"}  # MN is another
+    return spelled if spelled in known else any_case.get(text.casefold())
 
 
 def unit_spelled(text: str | None) -> str | None:

@@ -15,7 +15,7 @@ from clutchid.io.checks import check, in_si, usual_interval
 from clutchid.io.clock import Clock, repair
 from clutchid.io.columns import Heading
 from clutchid.io.map.channel_map import Channel, ChannelMap
-from clutchid.io.map.picking import Pick, pick
+from clutchid.io.map.picking import COUNTED, Pick, pick
 from clutchid.io.source import Source
 from clutchid.io.table import Places, Rows, Table
 from clutchid.log import HOLE, FloatArray, Log
@@ -52,13 +52,11 @@ def pieces(
     DataError
         If the map does not match the file, or samples are invalid; the text lists all problems of the block.
     """
-    picks, problems = pick(source, channels)
-    missing = [name for name in required if name not in channels.channels and name != "time"]
-    if missing:
-        problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add [{missing[0]}] to the map.")
+    picks, problems = picked(source, channels, required)
     if problems or source.problems:
         raise DataError.of(str(source.path), [*source.problems, *problems])
-    messages = _Messages(warnings=[*source.warnings, *channels.comments.get("", "").splitlines()])
+    notes = [note for chosen in picks for note in chosen.notes]
+    messages = _Messages(warnings=[*source.warnings, *channels.comments.get("", "").splitlines(), *notes])
     streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
     streams.sort(key=lambda stream: stream[0])
     usual, base, fastest = streams[0]
@@ -67,6 +65,24 @@ def pieces(
         _, clock = _stream(source, fastest, ambient, rows, _Messages())
         base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
     yield from _logs(source, aligned(base, others), messages)
+
+
+def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+    """Channels that the map selects from the file, and all problems of the map, also for `required` quantities."""
+    picks, problems = pick(source, channels)
+    missing = [name for name in required if name not in channels.channels and name != "time"]
+    if missing:
+        problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add [{missing[0]}] to the map.")
+    return picks, problems
+
+
+def findings(source: Source, picks: Sequence[Pick], ambient: float, rows: int | None) -> tuple[list[str], list[str]]:
+    """Problems and warnings that `pieces` has for the samples of these channels."""
+    messages = _Messages(warnings=[note for chosen in picks for note in chosen.notes])
+    for chosen in [chosen for chosen in picks if "time" in chosen.columns]:
+        for _ in _blocks(source, chosen, ambient, rows, messages):
+            pass
+    return messages.problems, messages.warnings
 
 
 def _logs(source: Source, blocks: Iterator[Block], messages: _Messages) -> Iterator[Log]:
@@ -98,8 +114,11 @@ def _stream(
 def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages) -> Iterator[Block]:
     """The samples of a pick, block by block, with increasing time stamps."""
     clock: Clock | None = None
-    for table in source.tables(chosen.raster, [heading.index for heading, _ in chosen.columns.values()], rows):
-        named = _named(table, chosen)
+    done = 0
+    columns_read = [heading.index for heading, _ in chosen.columns.values() if heading.index != COUNTED]
+    for table in source.tables(chosen.raster, columns_read, rows):
+        named = _named(table if chosen.rate is None else _counted(table, done, chosen.rate), chosen)
+        done += table.size
         stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
         repaired = repair(stamps, named.places, clock)
         clock = repaired.clock
@@ -114,6 +133,11 @@ def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, mess
         yield columns.pop("time") - chosen.delay, columns
 
 
+def _counted(table: Table, done: int, rate: float) -> Table:
+    """The table with the time sample / rate, `done` samples after the first one."""
+    return replace(table, numbers={**table.numbers, COUNTED: (done + np.arange(table.size)) / rate})
+
+
 def _where(source: Source, chosen: Pick) -> str:
     name = source.rasters[chosen.raster].name
     return f"{name}: " if name and len(source.rasters) > 1 else ""
@@ -125,13 +149,14 @@ def _named(table: Table, chosen: Pick) -> Table:
     for i, (heading, entry) in enumerate(chosen.columns.values()):
         headings.append(replace(heading, index=i))
         written = table.numbers.get(heading.index)
-        numbers[i] = np.full(table.size, np.nan) if written is None else _scaled(written, entry)
+        numbers[i] = np.full(table.size, np.nan) if written is None else scaled(written, entry)
         if heading.index in table.unread:
             unread[i] = table.unread[heading.index]
     return replace(table, headings=tuple(headings), numbers=numbers, unread=unread)
 
 
-def _scaled(values: FloatArray, entry: Channel) -> FloatArray:
+def scaled(values: FloatArray, entry: Channel) -> FloatArray:
+    """Samples with the sign, factor and offset of a map entry, in its unit."""
     scale = entry.sign * entry.factor
     return values if (scale, entry.offset) == (1.0, 0.0) else scale * values + entry.offset
 

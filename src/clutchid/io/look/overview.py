@@ -14,6 +14,9 @@ from clutchid.text_table import text_table
 #: Longest name in the table; the listing and the map have whole names.
 _WIDTH = 48
 
+#: Number of channels without numbers that are listed.
+_LISTED = 40
+
 _TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
 
 
@@ -40,7 +43,8 @@ class ColumnLook:
 class RasterLook:
     """Channels with common time stamps: name in the file, samples, channels, time axis (None: there is none).
 
-    `place` is the unit of location of a sample: a line of a text, a row of a table.
+    `place` is the unit of location of a sample: a line of a text, a row of a table. `others` are the channels that hold
+    no numbers, and what they hold.
     """
 
     name: str
@@ -48,6 +52,7 @@ class RasterLook:
     columns: tuple[ColumnLook, ...]
     time: TimeLook | None
     place: str
+    others: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +100,7 @@ def _text(look: Look) -> str:
             + (f" of {entry.group}" if entry.group else "")
             for name, entry in look.proposal.channels.channels.items()
         ]  # fmt: skip
-        lines += [f"  - {remark}" for remark in look.proposal.open]
+        lines += [f"  - {remark}" for remark in (*look.proposal.open, *look.proposal.notes)]
     for title, sentences in (("Problems", look.problems), ("Warnings", look.warnings)):
         if sentences:
             lines += ["", f"{title}:", *(f"  - {sentence}" for sentence in sentences)]
@@ -109,7 +114,12 @@ def _listing(look: Look) -> str:
         for column in raster.columns:
             unit = f" {column.unit}" if column.unit not in (None, "1") else ""
             text = json.dumps(column.heading, ensure_ascii=False)
-            lines.append(f"channel = {text}{group}  # {_short(column.low)} to {_short(column.high)}{unit}")
+            held = dict(raster.others).get(column.heading)
+            what = f"{_short(column.low)} to {_short(column.high)}{unit}" if held is None else f"no numbers: {held}"
+            lines.append(f"channel = {text}{group}  # {what}")
+        lines += [
+            f"{json.dumps(name, ensure_ascii=False)}{group}  # no numbers: {held}" for name, held in _hidden(raster)
+        ]
     return "\n".join(lines)
 
 
@@ -118,7 +128,12 @@ def _raster(raster: RasterLook, named: bool) -> list[str]:
     if named:
         lines += ["", f"{raster.name or '(no name)'}: {_samples(raster.samples)}{_time_text(raster.time)}"]
     if raster.columns:
-        lines += [*([] if named else [""]), *text_table([_TITLES, *map(_row, raster.columns)], 2)]
+        held = dict(raster.others)
+        rows = [_row(column, held.get(column.heading)) for column in raster.columns]
+        lines += [*([] if named else [""]), *text_table([_TITLES, *rows], 2)]
+    hidden = [f"'{_narrow(name)}' ({what})" for name, what in _hidden(raster)]
+    if hidden:
+        lines += ["", f"Without numbers: {and_more(hidden[:_LISTED], len(hidden[_LISTED:]))}"]
     time = raster.time
     if time and time.hole_count:
         shown = [f"{_short(hole.length)} s after {raster.place} {hole.place}" for hole in time.holes]
@@ -128,13 +143,25 @@ def _raster(raster: RasterLook, named: bool) -> list[str]:
     return lines
 
 
-def _row(column: ColumnLook) -> tuple[str, ...]:
-    """The cells of one column in the table."""
+def _hidden(raster: RasterLook) -> list[tuple[str, str]]:
+    """Channels without numbers that are no columns."""
+    shown = {column.heading for column in raster.columns}
+    return [other for other in raster.others if other[0] not in shown]
+
+
+def _row(column: ColumnLook, held: str | None) -> tuple[str, ...]:
+    """The cells of one column in the table; `held` is what it holds if that is no numbers."""
     si = f" {column.si}" if column.si not in (None, "1") else ""
     in_unit = [_short(column.low), _short(column.high)]
     converted = [f"{_short(value)}{si}" if math.isfinite(value) else "-" for value in (column.low_si, column.high_si)]
     unit = f" [{column.unit}]" if column.unit and "[" not in column.heading else ""
-    return (column.name or "(ignored)", _narrow(column.heading) + unit, *in_unit, *converted, f"{column.missing:,}")
+    return (
+        column.name or f"({held or 'ignored'})",
+        _narrow(column.heading) + unit,
+        *in_unit,
+        *converted,
+        f"{column.missing:,}",
+    )
 
 
 def _narrow(name: str) -> str:

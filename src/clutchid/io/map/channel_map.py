@@ -16,7 +16,11 @@ from clutchid.io.files import atomic_write, plain_file
 from clutchid.names import unknown_name
 from clutchid.units import UNITS, known_units
 
-_TOP = ("dbc", "raster")
+_ABOVE_ZERO = {
+    "raster": "an interval above 0 in s is needed, for example 0.001",
+    "rate": "samples per second above 0 are needed, for example 1000.0",
+}
+_TOP = ("dbc", *_ABOVE_ZERO)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +47,15 @@ class ChannelMap:
     """The channel of each quantity, the DBC files that decode a bus log, and the interval of the common time grid in s.
 
     Without the interval `raster`, the time grid is that of the channel with the highest rate. `dbc` are paths of files.
-    `comments` has comments by entry, and on the file as a whole under an empty name; they are written but not read.
+    `rate` in Hz is that of a file without time: the time is sample / rate. `comments` has comments by entry, and on the
+    file as a whole under an empty name; they are written but not read. A comment on an entry that is missing is written
+    with a block to be filled in.
     """
 
     channels: Mapping[str, Channel]
     dbc: tuple[Path, ...] = ()
     raster: float | None = None
+    rate: float | None = None
     comments: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -75,12 +82,22 @@ def read_map(path: str | PathLike[str]) -> ChannelMap:
         for name, values in content.items()
         if name not in _TOP and (entry := _channel(name, values, problems)) is not None
     }
-    dbc, raster = _dbc(content.get("dbc", []), file.parent, problems), _raster(content.get("raster"), problems)
+    dbc = _dbc(content.get("dbc", []), file.parent, problems)
+    raster, rate = (_positive(content, key, what, problems) for key, what in _ABOVE_ZERO.items())
     if not problems and not channels:
         problems.append("contains no channel; write for example [position] with channel = 'NAME'.")
+    found = ChannelMap(channels, dbc, raster, rate)
+    problems += contradictions(found)
     if problems:
         raise ParameterError(_listed(path, problems))
-    return ChannelMap(channels, dbc, raster)
+    return found
+
+
+def contradictions(content: ChannelMap) -> list[str]:
+    """Problems of a map whose entries exclude each other."""
+    if content.rate is None or "time" not in content.channels:
+        return []
+    return [f"rate = {content.rate:g} Hz and [time] both define the time; keep one of them."]
 
 
 def write_map(content: ChannelMap, path: str | PathLike[str]) -> None:
@@ -112,13 +129,15 @@ def map_text(content: ChannelMap, folder: Path) -> str:
     import tomli_w
 
     top: dict[str, Any] = {}
+    blank = ""
     if content.dbc:
         top["dbc"] = [_relative(file, folder) for file in content.dbc]
-    if content.raster is not None:
-        top["raster"] = content.raster
+    top |= {key: value for key in _ABOVE_ZERO if (value := getattr(content, key)) is not None}
+    if content.rate is None and "rate" in content.comments:
+        blank = f"# rate = 1000.0  # {content.comments['rate']}\n"
     parts = [
         "# Channel map of clutchid: quantity = sign * factor * sample + offset in the unit, taken at stamp - delay.",
-        tomli_w.dumps(top).rstrip(),
+        (blank + tomli_w.dumps(top)).rstrip(),
     ]
     for name, entry in content.channels.items():
         comment = content.comments.get(name)
@@ -129,6 +148,9 @@ def map_text(content: ChannelMap, folder: Path) -> str:
         }
         lines = ([f"# {comment}"] if comment else []) + [tomli_w.dumps({name: values}).rstrip()]
         parts.append("\n".join(lines))
+    for name, comment in content.comments.items():
+        if name in QUANTITIES and name not in content.channels:
+            parts.append(f'# [{name}]\n# channel = "?"  # {comment}')
     parts.append("\n".join(f"# {line}" for line in content.comments.get("", "").splitlines()))
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -185,11 +207,12 @@ def _dbc(value: Any, folder: Path, problems: list[str]) -> tuple[Path, ...]:
     return tuple(folder / name for name in names)
 
 
-def _raster(value: Any, problems: list[str]) -> float | None:
+def _positive(content: Mapping[str, Any], key: str, what: str, problems: list[str]) -> float | None:
+    value = content.get(key)
     if value is None:
         return None
     if not _number(value) or value <= 0:
-        problems.append(f"raster = {value!r}: an interval above 0 in s is needed, for example 0.001.")
+        problems.append(f"{key} = {value!r}: {what}.")
         return None
     return float(value)
 

@@ -7,20 +7,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from clutchid.io.columns import QUANTITIES, quantity_named
-from clutchid.units import UNITS
+from clutchid.io.columns import quantity_named
 
 
 def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_CLUTCH = _words("clutch kupplung kuppl kupp coupling actuator aktuator aktor piston kolben cca")
-_SUPPLY = _words("supply inlet fill open load zuluft einlass belueftung belueften be")
-_EXHAUST = _words("exhaust outlet vent release close abluft auslass entlueftung entlueften ent")
-_DUTY = _words("duty pwm valve solenoid ventil tastverhaeltnis ansteuerung mv command cmd")
+_CLUTCH = _words("clutch clu kupplung kuppl kupp coupling actuator aktuator aktor piston kolben cca")
+_SUPPLY = _words("supply sup inlet fill open load zuluft einlass belueftung belueften be")
+_EXHAUST = _words("exhaust exh outlet vent release close abluft auslass entlueftung entlueften ent")
+_DUTY = _words("duty dc pct percent u pwm valve solenoid ventil tastverhaeltnis ansteuerung mv command cmd")
 _PRESSURE = _words("pressure press druck p")
-_TANK = _words("supply reservoir tank vorrat versorgung pneumatic circuit kreis system")
+_CHAMBER = _words("chamber cham kammer cylinder cyl zylinder zyl a")
+_TANK = _words("supply sup reservoir res tank vorrat versorgung pneumatic circuit kreis system")
 _POSITION = _words("position pos travel stroke displacement weg hub lage kolbenweg x y desl")
 _FORCE = _words("force kraft friction reibung reibkraft")
 _OTHERS = _words(
@@ -45,9 +45,9 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
             (_words("time zeit t timestamp timestamps stamp tout clock"),), frozenset(), frozenset()
         ),
         "position": _Quantity((_POSITION,)),
-        "duty_supply": _Quantity((_DUTY, _SUPPLY), _CLUTCH | _words("duty pwm")),
-        "duty_exhaust": _Quantity((_DUTY, _EXHAUST), _CLUTCH | _words("duty pwm")),
-        "pressure_a": _Quantity((_PRESSURE,), _CLUTCH | _words("chamber kammer cylinder zylinder a"), _OTHERS | _TANK),
+        "duty_supply": _Quantity((_DUTY, _SUPPLY), _CLUTCH | _words("duty dc pwm")),
+        "duty_exhaust": _Quantity((_DUTY, _EXHAUST), _CLUTCH | _words("duty dc pwm")),
+        "pressure_a": _Quantity((_PRESSURE,), _CLUTCH | _CHAMBER, _OTHERS | _TANK),
         "pressure_supply": _Quantity((_PRESSURE, _TANK), _words("reservoir tank vorrat supply")),
         "force": _Quantity((_FORCE,)),
     }
@@ -63,6 +63,9 @@ _KNOWN = sorted(
     },
     key=lambda word: (-len(word), word),
 )
+
+#: Symbols that may stand directly before a word: ``pcyl``, ``usup``.
+_SYMBOLS = tuple("puxy")
 
 _JOINTS = ("", "s", "es", "n", "en", "e", "er")
 
@@ -87,16 +90,21 @@ def name_score(name: str, text: str) -> float:
     return 1.0 + len(words & quantity.likes)
 
 
-def unit_in_name(name: str, text: str) -> str | None:
-    """Unit of the quantity `name` at the end of a channel text, if there is one.
+def means_time(text: str) -> bool:
+    """Whether a channel is called like a time."""
+    return name_score("time", text) > 0.0
+
+
+def means_no_time(text: str) -> bool:
+    """Whether a channel is called like another quantity; single letters such as x are not enough.
 
     Examples
     --------
-    >>> unit_in_name("position", "pos_mm"), unit_in_name("pressure_a", "p_abs_Pa"), unit_in_name("position", "pos_V")
-    ('mm', 'Pa', None)
+    >>> [means_no_time(text) for text in ("position(:,1)", "t", "x(:,1)", "curve", "Kolbenweg")]
+    [True, False, False, False, True]
     """
-    end = re.split(r"[_\s.]", text.strip())[-1]
-    return end if end in UNITS and UNITS[end].si == QUANTITIES[name] and end not in (text, "1") else None
+    long = " ".join(token for token in _tokens(text) if len(token) > 1)
+    return not means_time(text) and any(name_score(name, long) > 0.0 for name in _QUANTITIES if name != "time")
 
 
 def _bare(text: str) -> str:
@@ -118,6 +126,8 @@ def _tokens(text: str) -> list[str]:
 
 def _compound(word: str) -> list[str]:
     """Split a compound of known words and German joining letters; any other word is returned unchanged."""
+    if word[:1] in _SYMBOLS and word not in _KNOWN and word[1:] in _KNOWN:
+        return [word[0], word[1:]]
     if word in _KNOWN or len(word) < 5:
         return [word]
     for known in _KNOWN:

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from clutchid.errors import DataError
-from clutchid.io.columns import QUANTITIES, REQUIRED, Heading
+from clutchid.io.columns import QUANTITIES, REQUIRED, Heading, unit_at_end
 from clutchid.io.map.channel_map import Channel, ChannelMap
-from clutchid.io.map.channel_words import name_score, unit_in_name
+from clutchid.io.map.channel_words import name_score
+from clutchid.io.map.picking import own_clock
+from clutchid.io.map.ranges import Range, Ranges, gauge_unit, guessed_unit
 from clutchid.io.source import Raster, Source
-from clutchid.log import FloatArray
+from clutchid.io.table import and_more
+from clutchid.log import INPUTS
 from clutchid.units import UNITS
 
-#: Number of samples that determine the range of a channel.
-_SAMPLED = 1 << 16
+#: Score of a channel with the standard name of the quantity.
+_STANDARD = 100.0
+
+#: Number of channels that are listed where one is missing.
+_LISTED = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A proposed channel map; `open` lists what the user has to decide.
+    """A proposed channel map; `open` lists what the user has to decide, `notes` what the names and samples imply.
 
     A quantity is `certain` if its unit is known and no other channel matches as well.
     """
@@ -30,6 +33,7 @@ class Proposal:
     channels: ChannelMap
     certain: tuple[str, ...]
     open: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -39,48 +43,54 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A channel that may be a quantity, its score, and its unit, which may be `guessed` from the range."""
+    """A channel that may be a quantity, its score, its range, and its unit with the reason if that is a guess."""
 
     raster: Raster
     heading: Heading
     score: float
+    seen: Range
     unit: str | None
-    guessed: bool
+    guess: str
 
 
 def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     """Assign the channels of a file to quantities by names, units and ranges.
+
+    A channel that is constant is proposed for nothing, unless it has the standard name, or is a duty cycle of 0.
 
     Raises
     ------
     DataError
         If samples cannot be read.
     """
-    ranges = _Ranges(source)
+    ranges = Ranges(source)
+    timed = _timed(source, ranges)
     channels: dict[str, Channel] = {}
     certain: list[str] = []
     remarks: list[str] = []
+    notes: list[str] = []
     comments: dict[str, str] = {}
+    unused: dict[str, list[_Candidate]] = {}
     for name in QUANTITIES:
-        found = sorted(_candidates(source, name, ranges), key=lambda candidate: -candidate.score)
-        found = [candidate for candidate in found if not _taken(candidate, channels)]
-        if not found or (name == "time" and not source.tabular and _timed(source)):
+        found = [candidate for candidate in _candidates(source, name, ranges) if not _taken(candidate, channels)]
+        ranked = _ranked(name, found)
+        if not ranked or (name == "time" and not source.tabular and timed):
+            unused[name] = found
             continue
-        best, equal = found[0], [candidate for candidate in found[1:] if candidate.score == found[0].score]
+        best, *others = ranked
         channels[name] = _entry(source, best)
-        comments[name] = _comment(best, ranges)
-        if equal:
-            others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
-            remarks.append(f"{name}: '{best.heading.text}' is proposed, but {others} would match as well.")
-        elif best.guessed:
-            remarks.append(f"{name}: '{best.heading.text}' has no unit; [{best.unit}] is guessed from its range.")
-        elif best.unit is None:
-            remarks.append(f"{name}: '{best.heading.text}' has no known unit; add it to the map.")
-        else:
-            certain.append(name)
-    missing = [name for name in required if name not in channels and not (name == "time" and _timed(source))]
-    remarks += [f"{name}: no channel name matches; add it to the map." for name in missing]
-    return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks))
+        comments[name] = _comment(best)
+        remark = _remark(name, best, [other for other in others if other.score == best.score])
+        remarks += [remark] if remark else []
+        certain += [] if remark else [name]
+        notes += _notes(name, best)
+    for name in required:
+        if name not in channels and not (name == "time" and timed):
+            remarks.append(_missing(name, unused[name]))
+            comments[name] = _choice(source, name, channels)
+            if name == "time":
+                comments["rate"] = "samples per second, for a file without time"
+    return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks), tuple(notes))
 
 
 def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -> ChannelMap | None:
@@ -97,17 +107,34 @@ def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -
         return given
     proposal = propose(source, required)
     if proposal.complete:
-        assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in proposal.channels.channels.items())
-        note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
-        return replace(proposal.channels, comments={"": note})
+        return replace(proposal.channels, comments={"": "\n".join(_identified(source, proposal))})
     if source.tabular or not source.rasters:
         return None
     save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
     raise DataError.of(str(source.path), [*source.problems, *proposal.open, save])
 
 
-def _timed(source: Source) -> bool:
-    return bool(source.rasters) and all(raster.clock is not None for raster in source.rasters)
+def _identified(source: Source, proposal: Proposal) -> list[str]:
+    """Warnings about channels that were identified by other names than the standard ones."""
+    chosen = proposal.channels.channels
+    standard = {heading.text: heading.name for raster in source.rasters for heading in raster.headings}
+    if all(standard[entry.channel] == name for name, entry in chosen.items()):
+        return list(proposal.notes)
+    assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in chosen.items())
+    note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
+    return [note, *proposal.notes]
+
+
+def _timed(source: Source, ranges: Ranges) -> bool:
+    """Whether the file defines the time of every time grid, and no interval contradicts its unit."""
+    for index, raster in enumerate(source.rasters):
+        clock, _ = own_clock(raster)
+        if clock is None:
+            return False
+        undefined = raster.headings[clock.index].unit is None
+        if undefined and guessed_unit("time", ranges(index, clock)) not in (clock.unit, None):
+            return False
+    return bool(source.rasters)
 
 
 def _taken(candidate: _Candidate, channels: Mapping[str, Channel]) -> bool:
@@ -117,68 +144,95 @@ def _taken(candidate: _Candidate, channels: Mapping[str, Channel]) -> bool:
     )
 
 
-def _candidates(source: Source, name: str, ranges: _Ranges) -> Iterable[_Candidate]:
+def _candidates(source: Source, name: str, ranges: Ranges) -> Iterator[_Candidate]:
     for index, raster in enumerate(source.rasters):
+        clock, _ = own_clock(raster)
+        texts = {text for text, _ in raster.others}
         for heading in raster.headings:
-            if heading.index == raster.clock and name != "time":
+            if heading.text in texts or (clock is not None and heading.index == clock.index and name != "time"):
                 continue
-            score = name_score(name, heading.text)
+            score = _STANDARD if heading.name == name else name_score(name, heading.text)
             if score <= 0.0 or not (heading.unit is None or _fits(name, heading.unit)):
                 continue
-            unit = heading.unit or unit_in_name(name, heading.text)
-            guessed = unit or _guess(name, *ranges(index, heading))
-            yield _Candidate(raster, heading, score + (0.5 if unit else 0.0), guessed, guessed is not None and not unit)
+            seen = ranges(index, heading)
+            unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
+            yield _Candidate(raster, heading, score + (0.5 if unit else 0.0), seen, *_unit(name, unit, seen))
+
+
+def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
+    """The unit of a channel, and the reason if it is a guess."""
+    gauge = gauge_unit(unit, seen.low)
+    if unit is None:
+        guess = guessed_unit(name, seen)
+        where = "intervals" if name == "time" else "range"
+        return guess, f"has no unit; [{guess}] is guessed from its {where}" if guess else ""
+    if gauge and not seen.constant:
+        return gauge, f"falls to {seen.low:.3g} {unit}, so that the gauge unit [{gauge}] is guessed instead of [{unit}]"
+    return unit, ""
+
+
+def _ranked(name: str, found: Sequence[_Candidate]) -> list[_Candidate]:
+    """Candidates by falling score, without constant ones; a duty cycle of 0 remains if it is the only candidate."""
+    chosen = [candidate for candidate in found if not candidate.seen.constant or candidate.score >= _STANDARD]
+    if not chosen and name in INPUTS and len(found) == 1 and found[0].seen.high == 0.0:
+        chosen = list(found)
+    return sorted(chosen, key=lambda candidate: -candidate.score)
 
 
 def _fits(name: str, unit: str | None) -> bool:
     return unit in UNITS and UNITS[unit].si == QUANTITIES[name]
 
 
-def _guess(name: str, low: float, high: float) -> str | None:
-    """Unit that matches the range of a channel; None if unclear."""
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return None
-    size = max(abs(low), abs(high))
-    guess: dict[str, Callable[[], str | None]] = {
-        "time": lambda: "s",
-        "m": lambda: "m" if size < 0.3 else "mm" if 1.0 < size < 500.0 else None,
-        "1": lambda: "1" if low >= 0.0 and high <= 1.0 else "%" if low >= 0.0 and 1.0 < high <= 100.0 else None,
-        "Pa": lambda: "Pa" if size > 5e4 else "kPa" if 50.0 < size < 2000.0 else "bar" if 0.5 < size < 20.0 else None,
-    }
-    chosen = guess.get("time" if name == "time" else QUANTITIES[name])
-    return chosen() if chosen else None
+def _remark(name: str, best: _Candidate, equal: Sequence[_Candidate]) -> str:
+    """What has to be decided about a proposed channel; empty if nothing."""
+    text = best.heading.text
+    if equal:
+        others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
+        return f"{name}: '{text}' is proposed, but {others} would match as well."
+    if best.guess:
+        return f"{name}: '{text}' {best.guess}."
+    return "" if best.unit else f"{name}: '{text}' has no known unit; add it to the map."
+
+
+def _notes(name: str, best: _Candidate) -> Iterator[str]:
+    """What the name and the samples of a proposed channel imply."""
+    if best.heading.unit is None and best.unit and not best.guess:
+        yield f"{name}: the unit [{best.unit}] is taken from the name of the channel '{best.heading.text}'."
+    if best.seen.constant:
+        yield f"{name}: '{best.heading.text}' is constant at {best.seen.low:g}."
+
+
+def _missing(name: str, found: Sequence[_Candidate]) -> str:
+    """Remark on a quantity without a channel, of which only constant ones were `found`."""
+    if not found:
+        also = ", or rate = 1000.0 (Hz)" if name == "time" else ""
+        return f"{name}: no channel name matches; add it to the map{also}."
+    names = ", ".join(f"'{candidate.heading.text}' (always {candidate.seen.low:g})" for candidate in found[:5])
+    return f"{name}: only constant channels match by name, {names}; add the right one to the map."
+
+
+def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
+    """Channels that a missing quantity may be: those with a unit of it, else those without a unit."""
+    taken = {entry.channel for entry in channels.values()}
+    free = [
+        heading
+        for raster in source.rasters
+        for heading in raster.headings
+        if heading.text and heading.text not in taken and heading.text not in dict(raster.others)
+    ]
+    chosen = [heading for heading in free if _fits(name, heading.unit)] or [h for h in free if h.unit is None]
+    shown = [f"'{heading.text}'" for heading in chosen[:_LISTED]]
+    return f"candidates: {and_more(shown, len(chosen) - len(shown))}" if shown else "no channel has a unit of it"
 
 
 def _entry(source: Source, best: _Candidate) -> Channel:
     same = sum(heading.text == best.heading.text for raster in source.rasters for heading in raster.headings)
     entry = Channel(best.heading.text, group=best.raster.name if same > 1 else None)
-    return replace(entry, unit=best.unit) if best.heading.unit is None else entry
+    return replace(entry, unit=best.unit) if best.heading.unit != best.unit else entry
 
 
-def _comment(best: _Candidate, ranges: _Ranges) -> str:
-    index = next(i for i, raster in enumerate(ranges.source.rasters) if raster is best.raster)
-    low, high = ranges(index, best.heading)
-    unit = best.heading.unit
+def _comment(best: _Candidate) -> str:
+    unit, remark = best.heading.unit, best.heading.comment
     shown_unit = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
-    return f"{low:.6g} to {high:.6g}{shown_unit}" + (f"; {best.heading.comment}" if best.heading.comment else "")
-
-
-class _Ranges:
-    """Range of the first samples of a channel, read once per channel."""
-
-    def __init__(self, source: Source) -> None:
-        self.source = source
-        self._known: dict[tuple[int, int], tuple[float, float]] = {}
-
-    def __call__(self, raster: int, heading: Heading) -> tuple[float, float]:
-        key = (raster, heading.index)
-        if key not in self._known:
-            table = next(iter(self.source.tables(raster, [heading.index], _SAMPLED)), None)
-            values = np.empty(0) if table is None else table.numbers.get(heading.index, np.empty(0))
-            self._known[key] = _range(values)
-        return self._known[key]
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    return (float(finite.min()), float(finite.max())) if finite.size else (math.nan, math.nan)
+    constant = ", constant" if best.seen.constant else ""
+    return f"{best.seen.low:.6g} to {best.seen.high:.6g}{shown_unit}{constant}" + (f"; {remark}" if remark else "")

@@ -86,7 +86,9 @@ def open_file(path: Path) -> Source:
     if found.start:
         metadata["start"] = found.start
     unnamed = "" if found.header else f"line {found.samples}: the first line contains numbers; {EXAMPLE}"
-    raster = Raster(found.headings, max(0, lines.last - found.samples + 1), clock=found.clock)
+    texts = [heading for heading in found.headings if heading.text and found.forms[heading.index].kind == "text"]
+    size, others = max(0, lines.last - found.samples + 1), tuple((heading.text, "text") for heading in texts)
+    raster = Raster(found.headings, size, clock=found.clock, others=others)
     return Source(path, "CSV", (raster,), partial(_tables, lines, found), (), _ambiguity(found), metadata, unnamed)
 
 

@@ -1,0 +1,91 @@
+"""Ranges of channels, and the units that they suggest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.io.checks import usual_interval
+from clutchid.io.columns import QUANTITIES, Heading
+from clutchid.io.source import Source
+from clutchid.units import UNITS
+
+#: Number of samples that determine the range of a channel; a constant one is read on for as many blocks.
+_SAMPLED = 1 << 16
+_BLOCKS = 64
+
+#: An absolute pressure does not fall below this, in Pa; a gauge pressure is near 0 at rest.
+_LOWEST_ABSOLUTE = 5e4
+
+
+class Range(NamedTuple):
+    """Lowest and highest of the first samples of a channel (NaN: none), usual increase, and whether it is constant."""
+
+    low: float
+    high: float
+    step: float
+    constant: bool
+
+
+class Ranges:
+    """Range of every channel of a file, read when it is first asked for."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._known: dict[tuple[int, int], Range] = {}
+
+    def __call__(self, raster: int, heading: Heading) -> Range:
+        """Range of one channel of the time grid with the index `raster`."""
+        key = (raster, heading.index)
+        if key not in self._known:
+            self._known[key] = self._read(raster, heading.index)
+        return self._known[key]
+
+    def _read(self, raster: int, index: int) -> Range:
+        found = Range(math.nan, math.nan, math.inf, constant=False)
+        for table in islice(self._source.tables(raster, [index], _SAMPLED), _BLOCKS):
+            values = table.numbers.get(index, np.empty(0))
+            finite = values[np.isfinite(values)]
+            if finite.size:
+                low, high = np.fmin(found.low, finite.min()), np.fmax(found.high, finite.max())
+                found = Range(float(low), float(high), usual_interval(finite), bool(low == high and finite.size > 1))
+            if found.low < found.high:
+                break
+        return found
+
+
+def guessed_unit(name: str, seen: Range) -> str | None:
+    """Unit of the quantity `name` that matches the range of a channel; None if unclear.
+
+    Examples
+    --------
+    >>> guessed_unit("position", Range(0.0, 21.0, 0.1, False)), guessed_unit("pressure_a", Range(0.01, 7.9, 0.1, False))
+    ('mm', 'bar(g)')
+    """
+    low, high, step, _ = seen
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return None
+    size = max(abs(low), abs(high))
+    guess: dict[str, Callable[[], str | None]] = {
+        "s": lambda: (
+            "s" if 1e-5 < step < 0.5 else "ms" if 0.5 <= step < 200.0 else "us" if 200.0 <= step < 1e6 else None
+        ),
+        "m": lambda: "m" if size < 0.3 else "mm" if 1.0 < size < 500.0 else None,
+        "1": lambda: "1" if low >= 0.0 and high <= 1.0 else "%" if low >= 0.0 and 1.0 < high <= 100.0 else None,
+        "Pa": lambda: "Pa" if size > 5e4 else "kPa" if 50.0 < size < 2000.0 else "bar" if 0.5 < size < 20.0 else None,
+    }
+    chosen = guess.get(QUANTITIES[name])
+    unit = chosen() if chosen else None
+    return gauge_unit(unit, low) or unit
+
+
+def gauge_unit(unit: str | None, low: float) -> str | None:
+    """The gauge unit of a pressure whose lowest value, in `unit`, is below every absolute pressure; else None."""
+    known = UNITS.get(unit or "")
+    if known is None or known.si != "Pa" or known.gauge or not abs(low) * known.scale < _LOWEST_ABSOLUTE:
+        return None
+    return f"{unit}(g)"
