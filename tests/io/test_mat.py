@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from scipy.io import loadmat, savemat
 
 from clutchid.errors import DataError, ExportError
-from clutchid.io.formats.mat import bytes as mat_bytes
 from clutchid.io.formats.mat import file as mat_file
+from clutchid.io.formats.mat import loaded as mat_loaded
 from clutchid.io.formats.mat import rasters as mat_rasters
-from clutchid.io.formats.mat import tree as mat_tree
 from clutchid.log import COLUMNS, Log
 
 N = 40
@@ -373,12 +372,31 @@ def test_files_are_told_by_their_content():
         assert not mat_file.is_mat(head)
 
 
-def test_limits_are_told_in_one_sentence(opened, monkeypatch):
+def test_too_many_channels_are_refused(opened, monkeypatch):
     monkeypatch.setattr(mat_rasters, "MOST_CHANNELS", 3)
     assert opened({"m": np.zeros((9, 4))}).problems == ("has more than 3 channels; save those that are needed.",)
-    monkeypatch.setattr(mat_tree, "MOST_NODES", 3)
-    text = "has more than 3 fields and cells; save the channels as plain vectors."
-    assert opened(dict.fromkeys("abcd", T)).problems == (text,)
-    monkeypatch.setattr(mat_bytes, "LARGEST", 1000)
-    (problem,) = opened({"t": T, "y": Y, "z": np.zeros(200)}, do_compression=True).problems
-    assert problem.startswith("holds more than 1e-06 GB once inflated; save it with '-v7.3'")
+
+
+@pytest.mark.parametrize("options", [{}, {"do_compression": True}])
+def test_a_variable_that_is_too_large_is_refused_before_it_is_loaded(opened, monkeypatch, options):
+    monkeypatch.setattr(mat_loaded, "LARGEST", 8000)
+    assert opened({"t": T, "y": np.arange(1000.0)}, **options).problems == ()
+    (problem,) = opened({"t": T, "y": np.arange(1001.0)}, **options).problems
+    assert problem.startswith("has 0.0 GB in 'y'; save it with '-v7.3', which is read piece by piece.")
+
+
+@pytest.mark.parametrize("options", [{}, {"do_compression": True}])
+def test_variables_of_a_large_file_are_loaded_when_they_are_read(opened, monkeypatch, options):
+    variables = {"t": T, "y": Y, "z": Y + 1j, "name": "run 7", "rec": {"t": T, "p": -Y}}
+    kept = opened(variables, **options)
+    monkeypatch.setattr(mat_loaded, "KEPT", 8 * N)
+    monkeypatch.setattr(mat_loaded, "_LATER", 8 * N - 1)
+    large = opened(variables, **options)
+    assert called(large) == called(kept) == [["rec.t", "rec.p"], ["t", "y"]]
+    assert large.warnings == kept.warnings
+    np.testing.assert_array_equal(values(large, "y"), Y)
+    loaded = []
+    plain = mat_loaded._load
+    monkeypatch.setattr(mat_loaded, "_load", lambda path, names: loaded.append(names) or plain(path, names))
+    assert sum(table.size for table in large.tables(1, [1], 7)) == N
+    assert loaded == [["y"]]

@@ -1,7 +1,8 @@
-"""MATLAB files that are cut off, damaged, or made to do harm: a sentence each, nothing allocated on their word."""
+"""MATLAB files that are cut off, damaged, or made to do harm: one sentence each."""
 
 import io
 import random
+import re
 import struct
 import tracemalloc
 import zlib
@@ -56,7 +57,8 @@ def spoiled(data, seed):
     return bytes(spoiled)
 
 
-@pytest.mark.parametrize("form", ["4", "5", "7", "7.3"])
+# SciPy ends the process on some spoiled files of versions 5 and 7, so those are read behind the guard only.
+@pytest.mark.parametrize("form", ["4", "7.3"])
 def test_whatever_the_bytes_are_there_is_a_source_or_one_sentence(tmp_path, form):
     data, path = good(form), tmp_path / "run.mat"
     refused, told = 0, []
@@ -73,7 +75,7 @@ def test_whatever_the_bytes_are_there_is_a_source_or_one_sentence(tmp_path, form
         except DataError as error:
             told.append(str(error))
     assert refused > 40
-    assert all("\n" not in text and "run.mat: is " in text for text in told)
+    assert all("\n" not in text and "run.mat: is no whole MATLAB" in text for text in told)
 
 
 def test_an_empty_file(tmp_path):
@@ -84,56 +86,79 @@ def test_an_empty_file(tmp_path):
     assert mat_file.open_file(path).problems[0].startswith("holds no vector of two or more numbers")
 
 
-def test_a_truncated_file_says_where_it_ends(tmp_path):
+@pytest.mark.parametrize("form", ["4", "5", "7"])
+@pytest.mark.parametrize("kept", [0.3, 0.7, 0.99])
+def test_a_truncated_file(tmp_path, form, kept):
     path = tmp_path / "run.mat"
-    for form in "45":
-        data = good(form)
-        path.write_bytes(data[:-8])
-        (problem,) = mat_file.open_file(path).problems
-        assert problem.startswith("is cut off: ")
-        assert f"the file ends at {len(data) - 8:,}" in problem
+    data = good(form)
+    path.write_bytes(data[: int(kept * len(data))])
+    (problem,) = mat_file.open_file(path).problems
+    assert re.fullmatch(r"is no whole MATLAB file \(.*\); copy or save it again\.", problem)
+
+
+def array(rows, columns, data):
+    """A variable 'x' of doubles of this shape, with these bytes as its numbers."""
+    head = struct.pack("<IIIIIIiiIIII", 6, 8, 6, 0, 5, 8, rows, columns, 1 | 1 << 16, ord("x"), 9, len(data))
+    return struct.pack("<II", 14, len(head) + len(data)) + head + data
 
 
 def compressed(data):
-    return struct.pack("<II", 15, len(data)) + data
+    packed = zlib.compress(data, 9)
+    return struct.pack("<II", 15, len(packed)) + packed
 
 
-@pytest.mark.parametrize(
-    ("declared", "what"),
-    [
-        (0xFFFFFFF8, "a compressed variable cannot be inflated"),  # 4 GB in 50 kB, more than deflate can do
-        (30_000_000, "the checksum of a compressed variable is wrong"),  # and then there are 50 MB
-        (1000, "the checksum of a compressed variable is wrong"),
-    ],
-)
-def test_a_small_variable_that_inflates_to_a_huge_one_is_not_inflated(tmp_path, declared, what):
+def test_what_claims_more_than_the_file_can_hold_is_refused_before_anything_is_allocated(tmp_path):
     path = tmp_path / "bomb.mat"
-    bomb = zlib.compress(struct.pack("<II", 14, declared) + bytes(50_000_000), 9)
-    path.write_bytes(good("5")[:128] + compressed(bomb))
+    path.write_bytes(good("5")[:128] + compressed(array(1 << 30, 1, bytes(100_000))))
     tracemalloc.start()
     try:
-        assert what in mat_file.open_file(path).problems[0]
-        # the bytes that are declared, and as many again where the list of them grows
-        assert tracemalloc.get_traced_memory()[1] < 2.5 * min(declared, 30_000_000) + 8_000_000
+        (problem,) = mat_file.open_file(path).problems
+        assert tracemalloc.get_traced_memory()[1] < 8_000_000
     finally:
         tracemalloc.stop()
+    assert problem.startswith("is damaged: 'x' claims 8,589,934,592 bytes of a file of ")
 
 
-def test_cells_in_cells_without_an_end_are_refused(tmp_path):
+@pytest.mark.slow
+def test_two_megabytes_that_inflate_to_two_gigabytes_are_refused_before_they_are_inflated(tmp_path):
+    path = tmp_path / "bomb.mat"
+    rows = 1 << 28
+    pack, size = zlib.compressobj(9), 0
+    with path.open("wb") as file:
+        file.write(good("5")[:128] + bytes(8))
+        head = array(rows, 1, b"")[:-4] + struct.pack("<I", 8 * rows)
+        for block in (struct.pack("<II", 14, 8 * rows + 56) + head[8:], *[bytes(1 << 24)] * (rows >> 21)):
+            size += file.write(pack.compress(block))
+        size += file.write(pack.flush())
+        file.seek(128)
+        file.write(struct.pack("<II", 15, size))
+    assert path.stat().st_size < 2.2e6
+    tracemalloc.start()
+    try:
+        (problem,) = mat_file.open_file(path).problems
+        assert tracemalloc.get_traced_memory()[1] < 400e6  # SciPy inflates 128 kB of the file at once
+    finally:
+        tracemalloc.stop()
+    assert problem == "has 2.1 GB in 'x'; save it with '-v7.3', which is read piece by piece."
+
+
+def test_arrays_of_one_dimension_are_vectors(tmp_path):
+    # as R writes them
     path = tmp_path / "run.mat"
-    inner = struct.pack("<II", 14, 0)
-    for _ in range(100):
-        head = struct.pack("<IIIIIIiiII", 6, 8, 1, 0, 5, 8, 1, 1, 1, 0)
-        inner = struct.pack("<II", 14, len(head) + len(inner)) + head + inner
-    path.write_bytes(good("5")[:128] + inner)
-    assert "cannot be understood" in mat_file.open_file(path).problems[0]
+    data = np.arange(60.0).tobytes()
+    head = struct.pack("<IIIIIIiIIIII", 6, 8, 6, 0, 5, 4, 60, 0, 1 | 1 << 16, ord("x"), 9, len(data))
+    path.write_bytes(good("5")[:128] + struct.pack("<II", 14, len(head) + len(data)) + head + data)
+    source = mat_file.open_file(path)
+    assert [heading.text for heading in source.rasters[0].headings] == ["x"]
+    (table,) = source.tables(0, [0])
+    np.testing.assert_array_equal(table.numbers[0], np.arange(60.0))
 
 
 @pytest.mark.parametrize("form", ["4", "5", "7"])
-def test_a_file_that_becomes_shorter_after_it_was_opened(tmp_path, form):
+def test_a_file_that_changes_after_it_was_opened_gives_what_was_opened(tmp_path, form):
     path = tmp_path / "run.mat"
     path.write_bytes(good(form))
     source = mat_file.open_file(path)
     path.write_bytes(good(form)[:200])
-    with pytest.raises(DataError, match=r"run\.mat: is (cut off|damaged: .*); copy "):
-        list(source.tables(0, [0, 1]))
+    (table,) = source.tables(0, [0])
+    np.testing.assert_array_equal(table.numbers[0], T)

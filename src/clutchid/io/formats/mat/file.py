@@ -7,6 +7,7 @@ A file that we write has the variables `time`, `position`, ... in SI, the struct
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -14,7 +15,8 @@ from pathlib import Path
 
 from clutchid.errors import DataError, ExportError
 from clutchid.io.columns import shortened
-from clutchid.io.formats.mat import hdf5, v4, v5
+from clutchid.io.formats.mat import hdf5, loaded
+from clutchid.io.formats.mat.objects import with_objects
 from clutchid.io.formats.mat.rasters import Found, Signal, printable, rasters_of, signals_of
 from clutchid.io.formats.mat.tree import BrokenMat, ReadSamples, Struct, Text
 from clutchid.io.source import BLOCK, Raster, Source
@@ -54,8 +56,8 @@ class _Version:
     opened: Callable[[Path], AbstractContextManager[ReadSamples]]
 
 
-_V4 = _Version("MATLAB 4", v4.contents, v4.opened)
-_V5 = _Version("MATLAB 5", v5.contents, v5.opened)
+_V4 = _Version("MATLAB 4", loaded.contents, loaded.opened)
+_V5 = _Version("MATLAB 5", loaded.contents, loaded.opened)
 _V73 = _Version("MATLAB 7.3", hdf5.contents, hdf5.opened)
 
 
@@ -139,7 +141,19 @@ def _version(head: bytes) -> _Version | None:
         return _V73
     if head[126:128] in (b"IM", b"MI") and head[124:126] in (b"\x00\x01", b"\x01\x00"):
         return _V5
-    return _V4 if v4.is_v4(head) else None
+    return _V4 if _is_v4(head) else None
+
+
+def _is_v4(head: bytes) -> bool:
+    """Whether a file that begins so is one of MATLAB 4, which has no signature: five integers, then a name."""
+    if len(head) <= 20 or not head[20:21].isalpha():
+        return False
+    for order, thousands in (("<", 0), (">", 1)):
+        code, rows, columns, is_complex, name_size = struct.unpack_from(order + "5i", head)
+        digits = (code // 1000, code // 100 % 10, code // 10 % 10 < 6, code % 10 < 3)
+        if digits == (thousands, 0, True, True) and min(rows, columns) >= 0:
+            return is_complex in (0, 1) and 1 < name_size <= 256
+    return False
 
 
 def _refused(path: Path, form: str, problem: str) -> Source:
@@ -150,7 +164,7 @@ def _refused(path: Path, form: str, problem: str) -> Source:
 
 
 def _source(path: Path, version: _Version, head: bytes) -> Source:
-    root = version.contents(path)
+    root = with_objects(path, version.contents(path))
     mark = root.fields.get(_KEY)
     own = _metadata(mark.text) if isinstance(mark, Text) else None
     root = Struct({name: node for name, node in root.fields.items() if own is None or name != _KEY})

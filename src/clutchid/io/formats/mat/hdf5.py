@@ -1,7 +1,6 @@
 """MATLAB 7.3 files, which are HDF5: read through h5py, block by block.
 
-A dataset is held against the bytes that the file has for it before anything is allocated, and nothing is followed that
-leads out of the file.
+Nothing is followed that leads out of the file, and a dataset that claims more than the file can hold is left out.
 """
 
 from __future__ import annotations
@@ -18,12 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchid.errors import MissingExtra
-from clutchid.io.columns import shortened
+from clutchid.io.formats.mat.arrays import samples
 from clutchid.io.formats.mat.tree import (
     BEST_RATIO,
     COMPLEX,
-    DEEPEST,
-    LONGEST_TEXT,
     NO_NUMBERS,
     SPARSE,
     BrokenMat,
@@ -35,35 +32,27 @@ from clutchid.io.formats.mat.tree import (
     Struct,
     Text,
     class_object,
-    counted,
+    sound,
 )
 from clutchid.log import FloatArray
 
 if TYPE_CHECKING:
     import h5py
 
-#: Bytes of one chunk of a dataset, which is inflated at once.
-LARGEST_CHUNK = 1 << 28
-
-_LONGEST_ATTRIBUTE = 4096
-
 #: An object of the time before MATLAB 7.6, which is a struct.
 _OLD_OBJECT = "2"
 
+_FORMAT = "MATLAB 7.3 (HDF5)"
 _EMPTY = Numbers((0, 0))
 _ELSEWHERE = Left("arrays whose numbers are not in the file")
-
-#: What h5py raises for bytes that are no sound HDF5.
-_BROKEN = (OSError, RuntimeError, ValueError, TypeError, KeyError, AttributeError, OverflowError, MemoryError)
 
 
 @dataclass(slots=True)
 class _Walk:
-    """The open file while it is looked through, its size in bytes, and how many nodes it had so far."""
+    """The open file while it is looked through, its size in bytes, and the groups so far."""
 
     file: h5py.File
     size: int
-    nodes: int = 0
     groups: set[int] = field(default_factory=set)
 
 
@@ -77,10 +66,10 @@ def contents(path: Path) -> Struct:
     MissingExtra
         If h5py is not installed.
     """
-    with _file(path) as file, _sound():
+    with _file(path) as file, sound(_FORMAT):
         walk = _Walk(file, path.stat().st_size)
         names = [name for name in file if not name.startswith("#")]
-        return Struct({name: _member(walk, file, name, 0) for name in names})
+        return Struct({name: _member(walk, file, name) for name in names})
 
 
 @contextmanager
@@ -99,7 +88,9 @@ def opened(path: Path) -> Iterator[ReadSamples]:
         def read(numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
             if start == stop:
                 return np.empty(0)
-            with _sound():
+            if isinstance(numbers.place, np.ndarray):
+                return samples(numbers.place, numbers, channel, start, stop)
+            with sound(_FORMAT):
                 long, short = slice(start, stop), channel
                 order = (short, long) if numbers.is_wide else (long, short)
                 sides = iter(order if not numbers.is_vector else (long,))
@@ -115,25 +106,13 @@ def opened(path: Path) -> Iterator[ReadSamples]:
 @contextmanager
 def _file(path: Path) -> Iterator[h5py.File]:
     h5 = _h5py()
-    with _sound():
+    with sound(_FORMAT):
         file = h5.File(path, "r")
     try:
         yield file
     finally:
-        with _sound():
+        with sound(_FORMAT):
             file.close()
-
-
-@contextmanager
-def _sound() -> Iterator[None]:
-    """Whatever h5py raises for damaged bytes, as one sentence."""
-    try:
-        yield
-    except (BrokenMat, MissingExtra):
-        raise
-    except _BROKEN as error:
-        reason = shortened(str(error).strip("'\"") or type(error).__name__, 120)
-        raise BrokenMat(f"is no whole MATLAB 7.3 (HDF5) file ({reason}); copy or save it again.") from error
 
 
 def _h5py() -> ModuleType:
@@ -144,39 +123,36 @@ def _h5py() -> ModuleType:
         raise MissingExtra(text) from error
 
 
-def _member(walk: _Walk, group: h5py.Group, name: str, depth: int) -> Node:
+def _member(walk: _Walk, group: h5py.Group, name: str) -> Node:
     """The node of a member of a group; links out of the group are not followed."""
     h5 = _h5py()
     if not isinstance(group.get(name, getlink=True), h5.HardLink):
         return _ELSEWHERE
-    return _node(walk, group[name], depth)
+    return _node(walk, group[name])
 
 
-def _node(walk: _Walk, found: Any, depth: int) -> Node:
+def _node(walk: _Walk, found: Any) -> Node:
     h5 = _h5py()
-    walk.nodes = counted(walk.nodes + 1)
-    if depth > DEEPEST or not isinstance(found, h5.Group | h5.Dataset):
+    if not isinstance(found, h5.Group | h5.Dataset):
         return NO_NUMBERS
     class_name = _attribute(found, "MATLAB_class")
     if isinstance(found, h5.Group):
-        return _group(walk, found, class_name, depth)
+        return _group(walk, found, class_name)
     if "MATLAB_object_decode" in found.attrs:
         return class_object(class_name)
     if _attribute(found, "MATLAB_empty") not in ("", "0") or not found.shape or not math.prod(found.shape):
         empty: dict[str, Node] = {"char": Text(""), "cell": Items(()), "struct": Items(())}
         return empty.get(class_name, _EMPTY)
-    return _dataset(walk, found, class_name, depth)
+    return _dataset(walk, found, class_name)
 
 
 def _attribute(found: Any, name: str) -> str:
     """An attribute as text; empty where there is none."""
-    if name not in found.attrs or found.attrs.get_id(name).get_storage_size() > _LONGEST_ATTRIBUTE:
-        return ""
-    value = found.attrs[name]
+    value = found.attrs.get(name, "")
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _group(walk: _Walk, group: h5py.Group, class_name: str, depth: int) -> Node:
+def _group(walk: _Walk, group: h5py.Group, class_name: str) -> Node:
     """A struct or a struct array, whose fields are references to the values of each."""
     address = hash(group.id)
     if address in walk.groups:
@@ -186,15 +162,14 @@ def _group(walk: _Walk, group: h5py.Group, class_name: str, depth: int) -> Node:
         return SPARSE
     if class_name == "function_handle" or _attribute(group, "MATLAB_object_decode") not in ("", _OLD_OBJECT):
         return class_object(class_name)
-    counted(walk.nodes + len(group))
     columns = {name: _references(walk, group, name) for name in group}
     arrays = [column for column in columns.values() if column is not None]
     if not arrays or len(arrays) < len(columns) or len({len(column) for column in arrays}) > 1:
-        return Struct({name: _member(walk, group, name, depth + 1) for name in columns})
+        return Struct({name: _member(walk, group, name) for name in columns})
     rows = zip(*arrays, strict=True)
     return Items(
         tuple(
-            Struct({name: _pointed(walk, reference, depth + 1) for name, reference in zip(columns, row, strict=True)})
+            Struct({name: _pointed(walk, reference) for name, reference in zip(columns, row, strict=True)})
             for row in rows
         )
     )
@@ -214,21 +189,20 @@ def _references(walk: _Walk, group: h5py.Group, name: str) -> list[Any] | None:
 def _all_of(walk: _Walk, references: h5py.Dataset) -> list[Any]:
     if references.size is None or not _is_there(walk, references):
         raise BrokenMat("is damaged: a list of references is longer than the file; copy or save it again.")
-    counted(walk.nodes + references.size)
     return list(np.asarray(references[()]).ravel())
 
 
-def _pointed(walk: _Walk, reference: Any, depth: int) -> Node:
+def _pointed(walk: _Walk, reference: Any) -> Node:
     """What a reference points to."""
-    return _node(walk, walk.file[reference], depth) if reference else _EMPTY
+    return _node(walk, walk.file[reference]) if reference else _EMPTY
 
 
-def _dataset(walk: _Walk, data: h5py.Dataset, class_name: str, depth: int) -> Node:
+def _dataset(walk: _Walk, data: h5py.Dataset, class_name: str) -> Node:
     h5 = _h5py()
     if data.is_virtual or data.external or not _is_there(walk, data):
         return _ELSEWHERE
     if data.dtype == h5.ref_dtype:
-        return Items(tuple(_pointed(walk, found, depth + 1) for found in _all_of(walk, data)), cell=True)
+        return Items(tuple(_pointed(walk, found) for found in _all_of(walk, data)), cell=True)
     if class_name == "char":
         return Text(_characters(data))
     if data.dtype.names == ("real", "imag"):
@@ -238,7 +212,7 @@ def _dataset(walk: _Walk, data: h5py.Dataset, class_name: str, depth: int) -> No
 
 def _characters(data: h5py.Dataset) -> str:
     """A row of UTF-16 characters; several rows are no text that says something of a channel."""
-    if len([side for side in data.shape if side > 1]) > 1 or data.size > LONGEST_TEXT or data.dtype.kind != "u":
+    if len([side for side in data.shape if side > 1]) > 1 or data.dtype.kind != "u":
         return ""
     return np.asarray(data[()]).ravel().astype("<u2").tobytes().decode("utf-16-le", "replace")
 
@@ -246,7 +220,4 @@ def _characters(data: h5py.Dataset) -> str:
 def _is_there(walk: _Walk, data: h5py.Dataset) -> bool:
     """Whether the file has bytes enough for the dataset, however well they are compressed."""
     stored = min(data.id.get_storage_size(), walk.size)
-    whole = math.prod(data.shape) * data.dtype.itemsize
-    chunk = math.prod(data.chunks or (1,)) * data.dtype.itemsize
-    ratio = BEST_RATIO if data.chunks else 1
-    return bool(whole <= stored * ratio and chunk <= min(LARGEST_CHUNK, BEST_RATIO * walk.size))
+    return bool(math.prod(data.shape) * data.dtype.itemsize <= stored * (BEST_RATIO if data.chunks else 1))

@@ -222,7 +222,7 @@ def _signal(numbers: Numbers, name: str, home: str, names: Naming, above: str | 
         _joined(home, name),
         home,
         label,
-        names.units.get(name),
+        names.units.get(name) or numbers.unit,
         "; ".join(text for text in remarks if text),
         _is_time(name, home, said),
     )

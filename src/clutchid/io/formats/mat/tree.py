@@ -1,21 +1,15 @@
-"""What is in a MATLAB file, whichever version wrote it: structs, cells and arrays, with numbers still in the file."""
+"""What is in a MATLAB file, whichever version wrote it: structs, cells and arrays."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
+from clutchid.errors import MissingExtra
+from clutchid.io.columns import shortened
 from clutchid.log import FloatArray
-
-#: Fields and cells up to which a file is looked through.
-MOST_NODES = 100_000
-
-#: Levels of structs in structs up to which a file is looked through.
-DEEPEST = 32
-
-#: Characters of a text that are read.
-LONGEST_TEXT = 1 << 20
 
 #: What deflate makes of a byte at most, so a file that claims more is damaged.
 BEST_RATIO = 1032
@@ -25,12 +19,16 @@ class BrokenMat(ValueError):
     """The bytes are no whole MATLAB file; the text is a sentence for the user."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Numbers:
-    """An array of real numbers of this shape, as MATLAB tells it; `place` is where its reader finds it."""
+    """An array of real numbers of this shape, as in MATLAB, and its unit if the array itself has one.
+
+    `place` is the loaded array, or where its reader finds it in the file.
+    """
 
     shape: tuple[int, ...]
     place: object = None
+    unit: str | None = None
 
     @property
     def size(self) -> int:
@@ -109,14 +107,19 @@ def class_object(name: str) -> Left:
     return {"function_handle": FUNCTION, "string": Left("texts")}.get(name) or Left("objects", name or "no class")
 
 
-def counted(nodes: int) -> int:
-    """`nodes`, once it is certain that they are not too many to look through.
+@contextmanager
+def sound(form: str) -> Iterator[None]:
+    """Whatever a library raises for damaged bytes of a file of the format `form`, as one sentence.
 
     Raises
     ------
     BrokenMat
-        If they are.
+        With the reason of the library.
     """
-    if nodes > MOST_NODES:
-        raise BrokenMat(f"has more than {MOST_NODES:,} fields and cells; save the channels as plain vectors.")
-    return nodes
+    try:
+        yield
+    except (BrokenMat, MissingExtra, MemoryError):
+        raise
+    except Exception as error:
+        reason = shortened(str(error).strip("'\"") or type(error).__name__, 120)
+        raise BrokenMat(f"is no whole {form} file ({reason}); copy or save it again.") from error
