@@ -1,6 +1,8 @@
 """Parquet files, whoever wrote them."""
 
 import datetime
+import sys
+from pathlib import Path
 
 import numpy as np
 import polars as pl
@@ -70,10 +72,10 @@ def test_holes_are_located_by_row(parquet):
 
 @pytest.mark.parametrize("values", [["a", "b", "c"], [True, False, True], [datetime.date(2024, 1, 1)] * 3])
 def test_a_column_that_holds_no_numbers(parquet, values):
-    with pytest.raises(DataError, match=r"column 'position \[mm\]' holds .* values; write numbers \(Float64\)"):
+    with pytest.raises(DataError, match=r"column 'position \[mm\]' holds (text|truth values|dates); write numbers \(Float64\)"):
         cio.read(parquet(GOOD | {"position [mm]": values}))
     log = cio.read(parquet(GOOD | {"comment": values}))
-    assert log.warnings[0].startswith("column 'comment' is not known and left out;")
+    assert any("'comment'" in warning and "left out" in warning for warning in log.warnings)
 
 
 def test_a_table_without_samples(parquet):
@@ -117,12 +119,11 @@ def read(path, rows=None):
 
 @pytest.mark.parametrize("rows", [None, 1, 7, 100, 1000])
 def test_blocks_are_the_whole_in_pieces_and_count_on(tmp_path, rows):
-    frame = pl.DataFrame({"time [s]": np.arange(100) / 10, "x": np.arange(100), "note": ["a"] * 100})
+    frame = pl.DataFrame({"note": ["a"] * 100, "time [s]": np.arange(100) / 10, "x": np.arange(100)})
     frame.write_parquet(tmp_path / "run.parquet", row_group_size=16)
     source, tables, columns = read(tmp_path / "run.parquet", rows)
     assert (source.format, source.rasters[0].size, source.rasters[0].clock) == ("Parquet", 100, 0)
-    np.testing.assert_array_equal(columns[:2], [np.arange(100) / 10, np.arange(100)])
-    assert np.isnan(columns[2]).all()
+    np.testing.assert_array_equal(columns, [np.arange(100) / 10, np.arange(100)])
     places = [table.places.number(row) for table in tables for row in range(table.size)]
     assert places == list(range(1, 101))
     assert max(table.size for table in tables) == min(rows or 100, 100)
@@ -178,3 +179,117 @@ def test_a_page_that_claims_more_samples_than_the_file_is_refused_before_it_is_r
     path.write_bytes(content.replace(header, bytes([0x15, 0xFF, 127]), 1))
     (problem,) = parquet_file.open_file(path).problems
     assert problem.startswith("is no complete Parquet file (the page before byte")
+
+
+FOREIGN = Path(__file__).resolve().parents[3] / "shared" / "data" / "foreign_files" / "parquet"
+
+
+def foreign(name):
+    if not (FOREIGN / name).is_file():
+        pytest.skip("no shared/data/foreign_files/parquet beside the repository: its files are needed.")
+    return FOREIGN / name
+
+
+def test_columns_without_numbers_are_named_with_what_they_hold_and_not_loaded(tmp_path):
+    path = tmp_path / "run.parquet"
+    others = {"note": ["a", "b"], "raw": [b"a", b"b"], "pair": [[1, 2], [3]], "rec": [{"a": 1}, {"a": 2}]}
+    pl.DataFrame({"x": [1.0, 2.0], **others, "day": [datetime.date(2024, 5, 1)] * 2}).write_parquet(path)
+    source, _, columns = read(path)
+    (raster,) = source.rasters
+    assert [heading.text for heading in raster.headings] == ["x"]
+    held = (("note", "text"), ("raw", "bytes"), ("pair", "lists"), ("rec", "structures"), ("day", "dates"))
+    assert raster.others == held
+    assert source.warnings == (
+        "left out columns without numbers (5): 'note' (text), 'raw' (bytes), 'pair' (lists) and 2 more.",
+    )
+    np.testing.assert_array_equal(columns, [[1, 2]])
+
+
+def test_a_file_without_numbers_says_what_it_holds(parquet):
+    (problem,) = parquet_file.open_file(parquet({"note": ["a"], "raw": [b"b"]})).problems
+    assert problem == (
+        "holds no column of numbers, only others (2): 'note' (text), 'raw' (bytes); write the channels as Float64."
+    )
+
+
+def test_damaged_pages_of_a_text_column_do_not_matter():
+    source, tables, columns = read(foreign("data_nation.dict-malformed.parquet"))
+    assert (source.problems, [table.problems for table in tables]) == ((), [()])
+    np.testing.assert_array_equal(columns[0], np.arange(25))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "data_encrypt_columns_plaintext_footer.parquet.encrypted",
+        "data_aes256_encrypt_columns_plaintext_footer.parquet.encrypted",
+        "data_uniform_encryption.parquet.encrypted",
+    ],
+)
+def test_an_encrypted_file_is_refused_as_such(name):
+    assert parquet_file.open_file(foreign(name)).problems == (
+        "is encrypted; decrypt it with the program that wrote it, or write it again without encryption.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"),
+    [
+        ("data_repeated_no_annotation.parquet", {"id": [1, 2, 3, 4, 5, 6]}),
+        ("shredded_variant_case-001.parquet", {"id": [1]}),
+        ("data_dict-page-offset-zero.parquet", {"l_partkey": [1552] * 39}),
+    ],
+)
+def test_what_polars_refuses_is_read_with_pyarrow(name, numbers):
+    pytest.importorskip("pyarrow", reason="PyArrow is needed, of the extra 'parquet'.")
+    source, _, columns = read(foreign(name))
+    assert [heading.text for heading in source.rasters[0].headings] == list(numbers)
+    for values, expected in zip(columns, numbers.values(), strict=True):
+        np.testing.assert_array_equal(values, expected)
+
+
+def test_columns_of_one_name_are_told_apart(tmp_path):
+    arrow = pytest.importorskip("pyarrow", reason="PyArrow is needed, of the extra 'parquet'.")
+    from pyarrow import parquet as arrow_parquet
+
+    path = tmp_path / "run.parquet"
+    arrays = [arrow.array(values) for values in ([1.0, 2.0, 3.0], [0.1, 0.2, 0.3], [4.0, 5.0, 6.0])]
+    arrow_parquet.write_table(arrow.Table.from_arrays(arrays, names=["p", "t", "p"]), path)
+    source, tables, columns = read(path, rows=2)
+    assert [heading.text for heading in source.rasters[0].headings] == ["p", "t", "p (2)"]
+    assert [table.size for table in tables] == [2, 1]
+    np.testing.assert_array_equal(columns, [[1, 2, 3], [0.1, 0.2, 0.3], [4, 5, 6]])
+    (table,) = source.tables(0, [2])
+    np.testing.assert_array_equal(table.numbers[2], [4, 5, 6])
+
+
+def test_without_pyarrow_what_polars_refuses_names_the_extra(monkeypatch):
+    path = foreign("shredded_variant_case-001.parquet")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    (problem,) = parquet_file.open_file(path).problems
+    assert "PyArrow may read it: pip install 'clutchid[parquet]'" in problem
+
+
+def test_a_panic_of_polars_reaches_neither_the_sentence_nor_the_standard_error(monkeypatch, capfd):
+    path = foreign("bad_data_ARROW-GH-41317.parquet")
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    (problem,) = parquet_file.open_file(path).problems
+    assert "unwrap" not in problem
+    assert capfd.readouterr().err == ""
+
+
+def test_the_bytes_that_a_file_promises(parquet, tmp_path):
+    assert parquet_file.promised_bytes(parquet(GOOD | {"note": ["a", "b", "c"]})) == 8 * 3 * 4
+    (tmp_path / "x.parquet").write_bytes(b"PAR1")
+    assert parquet_file.promised_bytes(tmp_path / "x.parquet") is None
+
+
+@pytest.mark.slow
+def test_a_small_file_with_sixty_million_rows_is_read_block_by_block(tmp_path):
+    path = tmp_path / "bomb.parquet"
+    pl.DataFrame({"x": pl.zeros(60_000_000, eager=True)}).write_parquet(path)
+    assert path.stat().st_size < 1e6
+    assert parquet_file.promised_bytes(path) == 480_000_000
+    source = parquet_file.open_file(path)
+    assert sum(table.size for table in source.tables(0, [0], 1 << 20)) == 60_000_000
