@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta, timezone
+import re
+from collections.abc import Iterator, Mapping
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.io.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, FrameLog, Frames
-from clutchid.io.formats.can.mdf_blocks import HEADER, Blocks
-from clutchid.io.formats.can.merge import merged, together
-from clutchid.io.formats.can.mf4_groups import Group, Layout, bus_layouts
-from clutchid.io.formats.can.mf4_strings import Strings
+from clutchid.io.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames
+from clutchid.io.formats.can.merge import merged
+from clutchid.io.formats.mdf.numbers import converted
+from clutchid.io.formats.mdf.opening import Spoiled, opened
+from clutchid.io.formats.mdf.raw import blocks
 
 #: How a file begins: MDF 4, finished or (a logger that lost its supply) not.
 MAGIC = (b"MDF     4", b"UnFinMF 4")
@@ -22,7 +24,14 @@ MAGIC = (b"MDF     4", b"UnFinMF 4")
 #: Payload bytes by data length code.
 _LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], dtype=np.int64)
 
-_LOCAL, _OFFSETS = 1, 2
+#: Frames that are read at a time.
+_FRAMES = 1 << 18
+
+_FRAME = "CAN_DataFrame"
+_FIELDS = ("ID", "IDE", "BusChannel", "DLC", "DataLength")
+_TIME = 1
+_LOCAL = 1
+_WHOLE = float(1 << 62)
 
 
 def holds_bus_frames(path: Path) -> bool:
@@ -30,16 +39,19 @@ def holds_bus_frames(path: Path) -> bool:
 
     Raises
     ------
+    MissingExtra
+        If asammdf is not installed.
     OSError
         If the file cannot be read.
     """
     with path.open("rb") as file:
         if not file.read(len(MAGIC[0])).startswith(MAGIC):
             return False
-        try:
-            return bool(bus_layouts(Blocks(file)))
-        except DataError:
-            return False
+    try:
+        with opened(path) as mdf:
+            return bool(_groups(mdf))
+    except Spoiled:
+        return False
 
 
 def frame_log(path: Path) -> FrameLog:
@@ -47,105 +59,100 @@ def frame_log(path: Path) -> FrameLog:
 
     Raises
     ------
+    MissingExtra
+        If asammdf is not installed.
     DataError
         If it is no complete MDF file, or has no groups for CAN frames.
     OSError
         If the file cannot be read.
     """
-    with path.open("rb") as file:
-        blocks = Blocks(file)
-        if not bus_layouts(blocks):
-            raise DataError("is an MDF file that holds no frames of a CAN bus; its channels are read without a DBC.")
-        return FrameLog("MF4", _start(blocks), lambda: _blocks(path))
-
-
-def _start(blocks: Blocks) -> datetime | None:
-    nanoseconds, zone, summer, flags = blocks.read(HEADER, b"##HD").unpack("<QhhB")
     try:
-        start = datetime(1970, 1, 1) + timedelta(microseconds=(nanoseconds + 500) // 1000)
-        if flags & _LOCAL:
-            return start
-        east = timedelta(minutes=zone + summer) if flags & _OFFSETS else timedelta(0)
-        return start.replace(tzinfo=UTC).astimezone(timezone(east))
+        with opened(path) as mdf:
+            found, start = _groups(mdf), _start(mdf)
+    except Spoiled as error:
+        raise DataError(str(error)) from error
+    if not found:
+        raise DataError("is an MDF file that holds no frames of a CAN bus; its channels are read without a DBC.")
+    return FrameLog("MF4", start, lambda: _blocks(path))
+
+
+def _start(mdf: Any) -> datetime | None:
+    try:
+        start: datetime = mdf.header.start_time
     except (OverflowError, ValueError):
         return None
+    return start.replace(tzinfo=None) if mdf.header.time_flags & _LOCAL else start
+
+
+def _groups(mdf: Any) -> dict[int, dict[str, int]]:
+    """The groups of CAN frames: the indices of their fields."""
+    found = {number: _fields(mdf, number) for number in range(len(mdf.groups))}
+    return {number: fields for number, fields in found.items() if {"stamp", "ID", "DataBytes"} <= set(fields)}
+
+
+def _fields(mdf: Any, number: int) -> dict[str, int]:
+    channels = mdf.groups[number].channels
+    if not any(channel.name in (_FRAME, f"{_FRAME}.ID") for channel in channels):
+        return {}
+    fields: dict[str, int] = {}
+    for index, channel in enumerate(channels):
+        fields.setdefault(channel.name.removeprefix(f"{_FRAME}."), index)
+    master = mdf.masters_db.get(number)
+    if master is not None and channels[master].sync_type == _TIME:
+        fields["stamp"] = master
+    return fields
 
 
 def _blocks(path: Path) -> Iterator[Frames]:
-    with path.open("rb") as file:
-        blocks = Blocks(file)
-        yield from merged([_frames(blocks, layout) for layout in bus_layouts(blocks)])
+    try:
+        with opened(path) as mdf:
+            yield from merged([_frames(mdf, number, fields) for number, fields in _groups(mdf).items()])
+    except Spoiled as error:
+        raise DataError(str(error).rstrip(".")) from error
 
 
-@dataclass(slots=True)
-class _Open:
-    """A group while its records come in: those that wait for their payload."""
-
-    group: Group
-    strings: Strings | None
-    waiting: Bytes = field(default_factory=lambda: np.zeros((0, 0), dtype=np.uint8))
-
-
-def _frames(blocks: Blocks, layout: Layout) -> Iterator[Frames]:
-    """The frames of the groups that share a data section, as their records stand in it."""
-    strings = {group.strings: Strings() for group in layout.groups.values() if group.strings is not None}
-    opened = {}
-    for number, group in layout.groups.items():
-        own = strings.get(group.strings) if group.strings is not None else None
-        opened[number] = _Open(group, own or (Strings(blocks.data(group.signal_data)) if group.signal_data else None))
-    rest = b""
-    for piece in blocks.data(layout.data):
-        buffer = rest + piece
-        places, end = layout.split(buffer)
-        rest = buffer[end:]
-        for number, found in strings.items():
-            found.extend(b"".join(buffer[first:last] for first, last in places.get(number, [])))
-        parts = [_block(one, _rows(buffer, one.group.size, places.get(number, []))) for number, one in opened.items()]
-        parts = [part for part in parts if len(part)]
-        if parts:
-            yield together([(np.fmax.accumulate(part.stamp), part) for part in parts])
-    lost = sum(len(one.waiting) for one in opened.values())
-    if lost or rest:
-        raise DataError(f"is cut off: its last record is not complete, and {lost:,} frames have no payload")
+def _frames(mdf: Any, number: int, fields: Mapping[str, int]) -> Iterator[Frames]:
+    """The frames of a group."""
+    group = mdf.groups[number]
+    names = [name for name in ("stamp", *_FIELDS) if name in fields]
+    rules = {name: group.channels[fields[name]].conversion for name in names}
+    # else asammdf loads all payloads of the file to find the longest: 40 million frames do not fit into 1.5 GB then
+    mdf._mdf.vlsd_max_length[number, group.channels[fields["DataBytes"]].name] = CLASSIC
+    written = re.search(r"\d{1,4}", group.channel_group.acq_name or "")
+    bus = int(written[0]) if written else 0
+    wanted = [(number, fields[name]) for name in (*names, "DataBytes")]
+    cycles = int(group.channel_group.cycles_nr)
+    for first in range(0, cycles, _FRAMES):
+        for _, samples in blocks(mdf, wanted, first, min(_FRAMES, cycles - first)):
+            *raw, (payload, _) = samples
+            values = {name: converted(each, rules[name], 4) for name, (each, _) in zip(names, raw, strict=True)}
+            yield _block(values, payload, bus)
 
 
-def _rows(buffer: bytes, size: int, places: list[tuple[int, int]]) -> Bytes:
-    """The records at some places, a row each."""
-    data = np.frombuffer(buffer, dtype=np.uint8)
-    first = np.array([first for first, _ in places], dtype=np.int64)
-    rows: Bytes = data[first[:, None] + np.arange(size)]
-    return rows
-
-
-def _block(opened: _Open, rows: Bytes) -> Frames:
-    """The frames whose payload is there, in the order of their records; the others go on waiting."""
-    group = opened.group
-    if len(opened.waiting):
-        rows = np.concatenate([opened.waiting, rows])
-    if opened.strings is None:
-        data = _payload(rows[:, group.payload : group.payload + group.width])
-        known = np.full(len(rows), min(group.width, FD))
-    else:
-        offsets = group.numbers("DataBytes", rows)
-        ready = opened.strings.ready(offsets)
-        opened.waiting = rows[ready:]
-        rows = rows[:ready]
-        data, known = opened.strings.payload(offsets[:ready])
-    if group.has("DataLength"):
-        length = group.numbers("DataLength", rows)
-    elif group.has("DLC"):
-        length = _LENGTHS[np.clip(group.numbers("DLC", rows), 0, 15)]
-    else:
-        length = known
-    written = group.numbers("ID", rows)
+def _block(values: Mapping[str, NDArray[np.float64]], payload: NDArray[Any], bus: int) -> Frames:
+    written = _whole(values["ID"])
     identifier = written & 0x1FFFFFFF
-    extended = group.numbers("IDE", rows) != 0 if group.has("IDE") else (written >> 31 & 1 == 1) | (identifier > 0x7FF)
-    bus = group.numbers("BusChannel", rows) if group.has("BusChannel") else np.full(len(rows), group.bus)
-    length = np.clip(length, 0, np.minimum(known, data.shape[1]))
-    return Frames(group.values("stamp", rows), np.clip(bus, 0, LARGEST_BUS), identifier, extended, length, data)
+    extended = values["IDE"] != 0 if "IDE" in values else (written >> 31 & 1 == 1) | (identifier > 0x7FF)
+    data = _payload(payload)
+    width = min(payload.shape[1], data.shape[1])
+    if "DataLength" in values:
+        length = _whole(values["DataLength"])
+    elif "DLC" in values:
+        length = _LENGTHS[np.clip(_whole(values["DLC"]), 0, 15)]
+    else:
+        length = np.full(len(data), width)
+    buses = _whole(values["BusChannel"]) if "BusChannel" in values else np.full(len(data), bus)
+    return Frames(
+        values["stamp"], np.clip(buses, 0, LARGEST_BUS), identifier, extended, np.clip(length, 0, width), data
+    )
 
 
-def _payload(data: Bytes) -> Bytes:
+def _whole(values: NDArray[np.float64]) -> Counts:
+    """Whole numbers; what is none becomes 0."""
+    return np.where(np.abs(values) < _WHOLE, values, 0.0).astype(np.int64)
+
+
+def _payload(data: NDArray[Any]) -> Bytes:
     """Payloads with zeros behind them, 8 or 64 columns."""
     width = FD if data.shape[1] > CLASSIC else CLASSIC
     data = data[:, :width]

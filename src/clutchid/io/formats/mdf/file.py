@@ -1,8 +1,4 @@
-"""MDF 4 and MDF 3 through asammdf: a group of channels is a raster, its master the stamps.
-
-asammdf finds the blocks, sorts mixed records and keeps the conversions; the samples are cut out of the records here,
-block by block. Its `get` interpolates, reads a whole channel to return a part of it, and drops what is marked invalid.
-"""
+"""MDF 4 and MDF 3 through asammdf: a group of channels is a raster, its master the stamps."""
 
 from __future__ import annotations
 
@@ -14,26 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import DataError, ExportError
-from clutchid.io.formats.mdf.blocks import Spoiled
-from clutchid.io.formats.mdf.layout import Layout, Place, comment_of, layouts, metadata_of, version_of
-from clutchid.io.formats.mdf.numbers import converted, unpacked, valid
-from clutchid.io.formats.mdf.opening import asammdf, holds_bus_frames, opened, quiet
+from clutchid.io.formats.mdf.layout import Layout, Place, comment_of, layouts, metadata_of
+from clutchid.io.formats.mdf.numbers import converted
+from clutchid.io.formats.mdf.opening import Spoiled, asammdf, opened, quiet, version_of
+from clutchid.io.formats.mdf.raw import blocks
 from clutchid.io.source import BLOCK, Source
 from clutchid.io.table import Places, Table
 from clutchid.log import FloatArray, Log, name_and_unit
 
-__all__ = ["holds_bus_frames", "open_file", "save"]
-
-#: Bytes of records that are in memory at a time.
-_CHUNK = 1 << 26
-
 _UNKNOWN_START = datetime.fromtimestamp(0, UTC)
 _TRANSPOSED = 2
-
-_Bytes = NDArray[np.uint8]
 
 
 def open_file(path: Path) -> Source:
@@ -118,62 +106,32 @@ class _Reader:
         size = layout.raster.size
         try:
             with opened(self.path) as mdf:
+                rules = {i: mdf.groups[place.group].channels[place.index].conversion for i, place in places.items()}
                 for first in range(0, size, rows or size):
                     count = min(rows or size, size - first)
-                    numbers = _numbers(mdf, places, first, count)
+                    numbers = _numbers(mdf, places, rules, first, count)
                     yield Table(layout.raster.headings, numbers, count, Places("sample", first + 1))
         except Spoiled as error:
             raise DataError(f"{self.path}: {error}") from error
 
 
-def _numbers(mdf: Any, places: Mapping[int, Place], first: int, count: int) -> dict[int, FloatArray]:
-    """Samples `first` to `first + count` of the channels at `places`."""
+def _numbers(
+    mdf: Any, places: Mapping[int, Place], rules: Mapping[int, Any], first: int, count: int
+) -> dict[int, FloatArray]:
+    """Samples `first` to `first + count` of the channels at `places`, converted by their `rules`."""
+    version = version_of(mdf)
     numbers = {column: np.empty(count) for column in places}
-    for number in {place.group for place in places.values()}:
-        filled = 0
-        for records, invalid in _records(mdf, number, first, count):
-            rows = slice(filled, filled + len(records))
-            for column, place in places.items():
-                if place.group == number:
-                    numbers[column][rows] = _values(mdf, place, records, invalid, first + filled)
-            filled += len(records)
-        if filled < count:
-            raise Spoiled(f"is cut off: group {number + 1} ends after sample {first + filled}; copy it again.")
+    for column, place in places.items():
+        if place.counted:
+            numbers[column][:] = converted(np.arange(first, first + count), rules[column], version)
+    stored = {column: (place.group, place.index) for column, place in places.items() if not place.counted}
+    for rows, samples in blocks(mdf, list(stored.values()), first, count) if stored else ():
+        there = slice(rows.start - first, rows.stop - first)
+        for column, (raw, invalid) in zip(stored, samples, strict=True):
+            numbers[column][there] = converted(raw, rules[column], version)
+            if invalid is not None:
+                numbers[column][there][invalid] = np.nan
     return numbers
-
-
-def _values(mdf: Any, place: Place, records: _Bytes, invalid: _Bytes | None, first: int) -> FloatArray:
-    bits = place.bits
-    raw = unpacked(records, bits) if bits.size else np.arange(first, first + len(records))
-    values = converted(raw, mdf.groups[place.group].channels[place.index].conversion, version_of(mdf))
-    if bits.invalid is None or invalid is None:
-        return values
-    return np.where(valid(invalid, bits.invalid), values, np.nan)
-
-
-def _records(mdf: Any, number: int, first: int, count: int) -> Iterator[tuple[_Bytes, _Bytes | None]]:
-    """The bytes of consecutive records of a group, and of their invalidation bits where it has some."""
-    group, version = mdf.groups[number], version_of(mdf)
-    size = int(group.channel_group.samples_byte_nr)
-    extra = int(group.channel_group.invalidation_bytes_nr) if version == 4 else 0
-    apart = version == 4 and group.uses_ld
-    width = size if apart else size + extra
-    step = max(1, _CHUNK // width)
-    mdf.configure(read_fragment_size=step * width)
-    for start in range(first, first + count, step):
-        parts = mdf._mdf._load_data(group, record_offset=start, record_count=min(step, first + count - start))
-        for part in parts:
-            data, marks = (part.data, part.invalidation_data) if version == 4 else (part[0], None)
-            table = _table(data, width)
-            if apart and extra:
-                yield table, _table(marks, extra)
-            else:
-                yield table[:, :size], table[:, size:] if extra else None
-
-
-def _table(data: Any, width: int) -> _Bytes:
-    rows = len(data) // width
-    return np.frombuffer(data, dtype=np.uint8, count=rows * width).reshape(rows, width)
 
 
 def _start(log: Log) -> datetime:

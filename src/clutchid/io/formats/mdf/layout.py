@@ -10,26 +10,34 @@ from dataclasses import dataclass
 from typing import Any
 
 from clutchid.io.columns import Heading, channel, shortened
-from clutchid.io.formats.mdf.blocks import BUS_EVENT, VLSD
-from clutchid.io.formats.mdf.numbers import Bits, bits_of, convertible
+from clutchid.io.formats.mdf.numbers import convertible
+from clutchid.io.formats.mdf.opening import version_of
 from clutchid.io.source import Raster
 
 #: Name of the property in the header's comment that holds the metadata of a log.
 KEY = "clutchid"
+
+#: Flags of a channel group: texts of a channel in another group; frames of a bus.
+_VLSD, BUS_EVENT = 1, 2
 
 _BUS_CHANNEL = 1 << 10
 _ALL_INVALID = 1
 _TIME = 1
 _LONGEST = 200
 
+#: Types of data that are numbers, in MDF 4 and in MDF 3; types of channels of MDF 4 that hold one number a sample.
+_NUMBERS_4, _NUMBERS_3 = frozenset(range(6)), frozenset({0, 1, 2, 3, *range(9, 17)})
+_STORED, _COUNTED = (0, 2), (3, 6)
+_TEXTS_4, _TEXT_3 = range(6, 10), 7
+
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a channel stands: its group, its number in it, and its bits."""
+    """Where a channel stands: its group, its number in it; `counted` if its value is the number of the sample."""
 
     group: int
     index: int
-    bits: Bits
+    counted: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +48,13 @@ class Layout:
     places: tuple[Place, ...]
 
 
-def version_of(mdf: Any) -> int:
-    """The generation of an MDF file, 3 (also for 2) or 4."""
-    return 4 if str(mdf.version) >= "4" else 3
-
-
 def layouts(mdf: Any) -> tuple[tuple[Layout, ...], tuple[str, ...]]:
     """The rasters of a file, and a sentence for each kind of thing that was left out."""
     out: Counter[str] = Counter()
     found = []
     for owner, groups in sorted(_families(mdf).items()):
         group = mdf.groups[owner].channel_group
-        if version_of(mdf) == 4 and group.flags & VLSD:  # the texts of a channel in another group
+        if version_of(mdf) == 4 and group.flags & _VLSD:  # the texts of a channel in another group
             continue
         if not group.cycles_nr:
             out["empty"] += 1
@@ -101,45 +104,77 @@ def _families(mdf: Any) -> dict[int, list[int]]:
 
 def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> Layout | None:
     cycles = int(mdf.groups[owner].channel_group.cycles_nr)
-    known = []
+    known, others = [], []
     for number in groups:
-        if _follows(mdf, number, cycles):
-            known += [(number, *entry) for entry in _channels(mdf, number, out)]
-        else:
+        if not _follows(mdf, number, cycles):
             out["apart"] += len(mdf.groups[number].channels)
+            continue
+        for index, item, what in _channels(mdf, number):
+            if what:
+                out[what if what in _OTHERS else "text"] += 1
+                others.append((str(item.name), _OTHERS.get(what, what)))
+            else:
+                known.append((number, index, item))
     master = mdf.masters_db.get(owner)
-    own = [entry for entry in known if (entry[0], entry[1]) != (owner, master)]
+    own = [entry for entry in known if entry[:2] != (owner, master)]
     if not own:
         frames = version_of(mdf) == 4 and mdf.groups[owner].channel_group.flags & BUS_EVENT
         out["frames" if frames else "bare"] += 1
         return None
-    clock = next((i for i, entry in enumerate(known) if (entry[0], entry[1]) == (owner, master)), None)
+    clock = next((i for i, entry in enumerate(known) if entry[:2] == (owner, master)), None)
     if clock is not None and not _is_time(mdf, known[clock][2]):
         clock = None
     headings = tuple(_heading(mdf, i, entry[2], i == clock) for i, entry in enumerate(known))
-    raster = Raster(headings, cycles, _name(mdf.groups[owner].channel_group), clock)
-    return Layout(raster, tuple(Place(number, index, bits) for number, index, _, bits in known))
+    raster = Raster(headings, cycles, _name(mdf.groups[owner].channel_group), clock, tuple(others))
+    places = (Place(number, index, _is_counted(mdf, item)) for number, index, item in known)
+    return Layout(raster, tuple(places))
 
 
-def _channels(mdf: Any, number: int, out: Counter[str]) -> Iterator[tuple[int, Any, Bits]]:
-    """Numbers, channels and bits of those channels of a group that are single numbers."""
+#: What is left out besides texts, by the word that counts it, for people.
+_OTHERS = {
+    "array": "an array", "structure": "a structure", "invalid": "no valid sample",
+    "outside": "bytes beyond the end of the record",
+}  # fmt: skip
+
+
+def _channels(mdf: Any, number: int) -> Iterator[tuple[int, Any, str]]:
+    """Numbers and channels of a group, each with what it is if it is no single number."""
     group, version = mdf.groups[number], version_of(mdf)
     for index, item in enumerate(group.channels):
         if version == 4 and item.flags & _BUS_CHANNEL:
             continue
-        if group.channel_dependencies[index]:
-            out["wide"] += 1
-            continue
-        if version == 4 and item.flags & _ALL_INVALID:
-            out["invalid"] += 1
-            continue
-        bits = bits_of(item, version)
-        if bits is None or not convertible(item.conversion, version):
-            out["text"] += 1
-        elif bits.end > group.channel_group.samples_byte_nr:
-            out["outside"] += 1
+        if parts := group.channel_dependencies[index]:
+            yield index, item, "structure" if isinstance(parts, list) and isinstance(parts[0], tuple) else "array"
+        elif version == 4 and item.flags & _ALL_INVALID:
+            yield index, item, "invalid"
+        elif what := _no_number(item, version):
+            yield index, item, what
         else:
-            yield index, item, bits
+            yield index, item, "outside" if _end(item, version) > 8 * group.channel_group.samples_byte_nr else ""
+
+
+def _no_number(item: Any, version: int) -> str:
+    """What a channel holds if it is no number, else nothing."""
+    if version == 4 and item.channel_type in _COUNTED:
+        return "" if convertible(item.conversion, version) else "text"
+    if item.data_type in (_TEXTS_4 if version == 4 else (_TEXT_3,)):
+        return "text"
+    numeric = item.data_type in (_NUMBERS_4 if version == 4 else _NUMBERS_3) and 0 < item.bit_count <= 64
+    if not numeric or (version == 4 and item.channel_type not in _STORED):
+        return "bytes"
+    return "" if convertible(item.conversion, version) else "text"
+
+
+def _end(item: Any, version: int) -> int:
+    """The first bit behind a channel in its record."""
+    if version == 4:
+        counted = item.channel_type in _COUNTED
+        return 0 if counted else int(8 * item.byte_offset + item.bit_offset + item.bit_count)
+    return int(item.start_offset + 8 * getattr(item, "additional_byte_offset", 0) + item.bit_count)
+
+
+def _is_counted(mdf: Any, item: Any) -> bool:
+    return version_of(mdf) == 4 and item.channel_type in _COUNTED
 
 
 def _follows(mdf: Any, number: int, cycles: int) -> bool:
@@ -172,7 +207,8 @@ def _warnings(out: Counter[str]) -> Iterator[str]:
         "frames": "{} {} raw bus frames; give their DBC with --dbc.",
         "bare": "{} without a channel that is a number {} left out.",
         "text": "{} of texts, bytes or other things that are no numbers {} left out.",
-        "wide": "{} of more than one number a sample (array, structure) {} left out.",
+        "array": "{} of more than one number a sample (array) {} left out.",
+        "structure": "{} of more than one number a sample (structure) {} left out.",
         "apart": "{} without stored samples, or more or fewer than stamps, {} left out.",
         "invalid": "{} without a valid sample {} left out.",
         "outside": "{} beyond the end of the record {} left out.",
@@ -186,7 +222,8 @@ def _warnings(out: Counter[str]) -> Iterator[str]:
 
 
 def _xml(text: str) -> ET.Element | None:
-    if not text.lstrip().startswith("<"):
+    """The root of an XML text; None where it is none, or declares entities, which could unfold to gigabytes."""
+    if not text.lstrip().startswith("<") or "<!" in text:
         return None
     try:
         return ET.fromstring(text.strip("\0 \n").replace(' xmlns="http://www.asam.net/mdf/v4"', ""))

@@ -1,43 +1,29 @@
-"""Numbers of MDF channels: bits of a record, then the conversion to physical values."""
+"""Conversions of MDF channels to physical values: asammdf's, but for formulas and texts that mean true or false.
+
+asammdf evaluates a formula that numexpr refuses as Python; a file may hold any formula, so it is parsed here.
+"""
 
 from __future__ import annotations
 
 import ast
 import operator
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
 
-Kind = Literal["u", "i", "f"]
-
-# by data type of MDF 4 and MDF 3: kind and whether the high byte stands first
-_KINDS_4: Mapping[int, tuple[Kind, bool]] = {
-    0: ("u", False), 1: ("u", True), 2: ("i", False), 3: ("i", True), 4: ("f", False), 5: ("f", True),
-}  # fmt: skip
-_KINDS_3: Mapping[int, tuple[Kind, bool]] = {
-    0: ("u", False), 1: ("i", False), 2: ("f", False), 3: ("f", False),
-    9: ("u", True), 10: ("i", True), 11: ("f", True), 12: ("f", True),
-    13: ("u", False), 14: ("i", False), 15: ("f", False), 16: ("f", False),
-}  # fmt: skip
-
 # by the number of a conversion, in MDF 4 and in MDF 3
-_ROLES_4 = {
-    0: "none",
-    1: "linear",
-    2: "rational",
-    3: "formula",
-    4: "table",
-    5: "table",
-    6: "table",
-    7: "text",
-    8: "text",
-}
-_ROLES_3 = {65535: "none", 0: "linear", 9: "rational", 10: "formula"} | dict.fromkeys((1, 2, 6, 7, 8), "table")
+_ROLES_4 = {0: "none", 1: "rule", 2: "rule", 3: "formula", 4: "rule", 5: "rule", 6: "rule", 7: "text", 8: "text"}
+_ROLES_3 = {65535: "none", 10: "formula", 11: "text", 12: "text"} | dict.fromkeys((0, 1, 2, 6, 7, 8, 9), "rule")
+_RANGES_3 = 12
+
+#: Texts that mean 1 or 0, and those that mean that there is no value.
+_TRUE = frozenset({"on", "true", "yes", "open", "active", "an", "ein", "ja", "wahr"})
+_FALSE = frozenset({"off", "false", "no", "closed", "inactive", "aus", "nein", "falsch"})
+_NOTHING = frozenset({"", "error", "fault", "invalid", "not available", "n/a", "na", "sna", "reserved", "undefined"})
 
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
@@ -51,86 +37,21 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 _LONGEST_FORMULA = 500
 
 
-@dataclass(frozen=True, slots=True)
-class Bits:
-    """Where the value of a channel stands in a record; `size` 0 is a value that is the number of the record itself."""
-
-    byte: int
-    bit: int
-    size: int
-    kind: Kind
-    swapped: bool
-    invalid: int | None = None
-
-    @property
-    def end(self) -> int:
-        """The first byte behind the value."""
-        return self.byte + (self.bit + self.size + 7) // 8
-
-
-def bits_of(channel: Any, version: int) -> Bits | None:
-    """Where the value of an asammdf `channel` stands; None where it is no number."""
-    known = (_KINDS_4 if version == 4 else _KINDS_3).get(channel.data_type)
-    if known is None:
-        return None
-    kind, swapped = known
-    size = int(channel.bit_count)
-    if version == 4:
-        if channel.channel_type in (3, 6):
-            return Bits(0, 0, 0, "u", False)
-        if channel.channel_type not in (0, 2):
-            return None
-        byte, bit = int(channel.byte_offset), int(channel.bit_offset)
-        invalid = int(channel.pos_invalidation_bit) if channel.flags & 2 else None
-    else:
-        byte, bit = divmod(int(channel.start_offset) + 8 * int(getattr(channel, "additional_byte_offset", 0)), 8)
-        invalid = None
-    fits = size in (16, 32, 64) and bit == 0 if kind == "f" else size > 0 and bit + size <= 64
-    return Bits(byte, bit, size, kind, swapped, invalid) if fits else None
-
-
-def unpacked(records: NDArray[np.uint8], bits: Bits) -> NDArray[Any]:
-    """The values of a channel in `records`, one row of bytes a record.
-
-    Examples
-    --------
-    A speed of 12 bits, signed, that begins at bit 4 of the first byte:
-
-    >>> unpacked(np.array([[0xF0, 0xFF], [0x50, 0x00]], dtype=np.uint8), Bits(0, 4, 12, "i", False))
-    array([-1,  5])
-    """
-    cells = records[:, bits.byte : bits.end]
-    if bits.bit == 0 and bits.size in (8, 16, 32, 64):
-        order = ">" if bits.swapped else "<"
-        column: NDArray[Any] = cells.view(f"{order}{bits.kind}{bits.size // 8}")[:, 0]
-        return column
-    wide = np.zeros((len(cells), 8), dtype=np.uint8)
-    wide[:, : cells.shape[1]] = cells[:, ::-1] if bits.swapped else cells
-    high = np.uint64(64 - bits.bit - bits.size)
-    aligned = wide.view("<u8")[:, 0] << high
-    down = 64 - bits.size
-    return aligned.view("<i8") >> np.int64(down) if bits.kind == "i" else aligned >> np.uint64(down)
-
-
-def valid(invalidation: NDArray[np.uint8], bit: int) -> NDArray[np.bool_]:
-    """Which records are valid by their invalidation `bit`."""
-    column: NDArray[np.bool_] = (invalidation[:, bit // 8] >> (bit % 8)) & 1 == 0
-    return column
-
-
 def convertible(conversion: Any, version: int) -> bool:
-    """Whether an asammdf `conversion` gives numbers; texts for values do not, but for a numeric rule beside them."""
+    """Whether an asammdf `conversion` gives numbers.
+
+    Texts for values do not, unless a numeric rule stands beside them, or they are an "on" and an "off".
+    """
     role = _role(conversion, version)
     if role == "formula":
         return formula(str(conversion.formula)) is not None
     if role == "text":
-        rules = [rule for rule in conversion.referenced_blocks.values() if not isinstance(rule, bytes | None)]
-        return bool(rules) and all(_role(rule, version) in ("none", "linear", "rational", "table") for rule in rules)
+        return _has_rule(conversion, version) or _is_switch(conversion, version)
     return role is not None
 
 
 def converted(values: NDArray[Any], conversion: Any, version: int) -> FloatArray:
-    """Physical values; a value that the conversion turns into a text is NaN.
+    """Physical values; a value that the conversion turns into a text is NaN, 1 for "on" and 0 for "off".
 
     Raises
     ------
@@ -139,29 +60,21 @@ def converted(values: NDArray[Any], conversion: Any, version: int) -> FloatArray
     """
     role = _role(conversion, version)
     with np.errstate(all="ignore"):
-        if role == "linear":
-            factor, offset = float(conversion.a), float(conversion.b)
-            plain = values.astype(np.float64)
-            return plain if (factor, offset) == (1.0, 0.0) else plain * factor + offset
-        if role == "rational":
-            return _rational(values.astype(np.float64), conversion)
+        if role == "text":
+            switch = not _has_rule(conversion, version)
+            distinct, places = np.unique(values, return_inverse=True)
+            texts = conversion.convert(distinct, as_object=True)
+            return np.array([_number(text, switch) for text in texts.tolist()], dtype=np.float64)[places]
+        numbers = np.asarray(values, dtype=np.float64)
         if role == "formula":
             rule = formula(str(conversion.formula))
             assert rule is not None
-            return np.asarray(np.broadcast_to(rule(values.astype(np.float64)), values.shape), dtype=np.float64)
-        if role == "table":
-            return np.asarray(conversion.convert(values), dtype=np.float64)
-        if role == "text":
-            distinct, places = np.unique(values, return_inverse=True)
-            texts = conversion.convert(distinct, as_object=True)
-            return np.array([_number(text) for text in texts.tolist()], dtype=np.float64)[places]
-    return np.asarray(values, dtype=np.float64)
+            return np.asarray(np.broadcast_to(rule(numbers), numbers.shape), dtype=np.float64)
+        return numbers if role == "none" else np.asarray(conversion.convert(numbers), dtype=np.float64)
 
 
 def formula(text: str) -> Callable[[FloatArray], Any] | None:
     """The function of X that `text` states; None where it is anything but arithmetic.
-
-    A formula comes from a file, so it is never evaluated as Python.
 
     Examples
     --------
@@ -203,12 +116,36 @@ def _role(conversion: Any, version: int) -> str | None:
     return (_ROLES_4 if version == 4 else _ROLES_3).get(conversion.conversion_type)
 
 
-def _rational(x: FloatArray, rule: Any) -> FloatArray:
-    p1, p2, p3, p4, p5, p6 = (float(getattr(rule, f"P{number}")) for number in range(1, 7))
-    if (p1, p4, p5) == (0, 0, 0):  # the common case, without rounding twice
-        return np.asarray((p2 * x + p3) / p6)
-    return np.asarray((p1 * x**2 + p2 * x + p3) / (p4 * x**2 + p5 * x + p6))
+def _has_rule(conversion: Any, version: int) -> bool:
+    """Whether all that a conversion has beside its texts are numeric rules, and there is one."""
+    if version == 3:
+        return False
+    rules = [rule for rule in conversion.referenced_blocks.values() if not isinstance(rule, bytes | None)]
+    return bool(rules) and all(_role(rule, version) in ("none", "rule") for rule in rules)
 
 
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, int | float | np.number | np.bool_) else float("nan")
+def _is_switch(conversion: Any, version: int) -> bool:
+    """Whether the texts are an "on" and an "off", and all others say that there is no value."""
+    words = {_word(text) for text in _texts(conversion, version)}
+    return bool(words & _TRUE and words & _FALSE and words <= _TRUE | _FALSE | _NOTHING)
+
+
+def _texts(conversion: Any, version: int) -> Iterator[Any]:
+    if version == 4 or conversion.conversion_type == _RANGES_3:
+        yield from (text for text in conversion.referenced_blocks.values() if text is not None)
+    else:
+        yield from (conversion[f"text_{number}"] for number in range(conversion.ref_param_nr))
+
+
+def _word(text: Any) -> str | None:
+    """A text of asammdf as a word to compare; None where it is no text."""
+    if not isinstance(text, bytes):
+        return None
+    return text.partition(b"\0")[0].decode("latin-1").strip().casefold()
+
+
+def _number(value: object, switch: bool) -> float:
+    if isinstance(value, int | float | np.number | np.bool_):
+        return float("nan") if switch else float(value)
+    word = _word(value) if switch else None
+    return 1.0 if word in _TRUE else 0.0 if word in _FALSE else float("nan")
