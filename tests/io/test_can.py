@@ -279,7 +279,7 @@ def test_formats_are_told_by_content(logged, tmp_path):
     other = tmp_path / "run.csv"
     other.write_text("time [s],position [m]\n0,1\n")
     assert container(other) is None
-    assert open_file(other).problems == ("is no CAN log; BLF, ASC and MF4 bus logging are read.",)
+    assert open_file(other).problems == ("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.",)
 
 
 @pytest.mark.parametrize(("suffix", "module"), [("blf", "can"), ("asc", "can"), ("blf", "cantools.database")])
@@ -326,6 +326,77 @@ def test_an_asc_log_without_a_date_says_that_it_has_no_absolute_time(save, dbc):
     source = open_file(save(ASC.format(kind="absolute").split("\n", 1)[1], "run.asc"), [dbc])
     assert "start" not in source.metadata
     assert source.warnings[0] == "does not say when it was recorded: its stamps count from its first frame only."
+
+
+@pytest.mark.parametrize("kind", ["absolute", "relative"])
+def test_an_asc_log_whose_header_does_not_speak_of_internal_events_keeps_its_first_frame(save, dbc, kind):
+    lines = ASC.format(kind=kind).splitlines(keepends=True)
+    whole = values(open_file(save("".join(lines), "run.asc"), [dbc]), 0)
+    without = values(open_file(save("".join([*lines[:2], *lines[5:]]), "run.asc"), [dbc]), 0)
+    np.testing.assert_allclose(without["time"], whole["time"], rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(without["EngineSpeed"], whole["EngineSpeed"])
+    one = open_file(save("".join([*lines[:2], lines[5]]), "run.asc"), [dbc])
+    assert values(one, 0)["EngineSpeed"].tolist() == [900.0]
+
+
+TRC = """;$FILEVERSION=1.1
+;$STARTTIME=45000.5
+;
+;   Message Number
+;---+--   ----+----  --+--  ----+---  +  -+ -- -- -- -- -- -- --
+     1)       100.1  Rx     0CF00400  8  00 00 00 20 1C 00 00 00
+     2)       200.3  Rx     0CF00400  8  00 00 00 zz 1C 00 00 00
+     3)       300.3  Rx     0CF00400  8  00 00 00 40 1C 00 00 00
+     4)       300.4  Rx         0100  2  01 00
+"""
+
+
+def test_a_trc_log_counts_from_its_first_frame_and_passes_over_lines_that_cannot_be_read(save, dbc):
+    source = open_file(save(TRC, "run.trc"), [dbc])
+    assert (source.format, source.metadata["start"]) == ("TRC", "2023-03-15T12:00:00.100100")
+    assert source.warnings[0] == "1 unreadable line is left out."
+    found = values(source, 0)
+    np.testing.assert_array_equal(found["EngineSpeed"], [900.0, 904.0])
+    np.testing.assert_allclose(found["time"], [0.0, 0.2002], rtol=0, atol=1e-12)
+
+
+def test_a_trc_log_without_columns_ends_with_a_sentence(save, dbc):
+    source = open_file(save(TRC.replace("=1.1", "=2.1"), "run.trc"), [dbc])
+    assert source.problems == ("holds no data frames of a CAN bus; record it again.",)
+
+
+@pytest.fixture
+def foreign(shared):
+    """Folder of the files of other projects."""
+    folder = shared / "data" / "foreign_files"
+    if not folder.is_dir():
+        pytest.skip("no shared/data/foreign_files beside the repository: files of other programs are needed.")
+    return folder
+
+
+def test_logs_of_other_programs_have_the_frames_that_python_can_reads(foreign):
+    paths = sorted(path for path in (foreign / "can").iterdir() if path.suffix in {".asc", ".blf", ".trc"})
+    assert len(paths) == 24
+    for path in paths:
+        with can.LogReader(path) as reader:
+            theirs = [m for m in reader if not (m.is_error_frame or m.is_remote_frame)]
+        ours = joined(path) if theirs else {"stamp": np.zeros(0)}
+        assert ours["stamp"].size == len(theirs), path
+        if not theirs:
+            continue
+        stamps = np.array([m.timestamp for m in theirs])
+        np.testing.assert_allclose(ours["stamp"] - ours["stamp"][0], stamps - stamps[0], rtol=0, atol=1e-6)
+        assert ours["identifier"].tolist() == [m.arbitration_id for m in theirs]
+        assert ours["extended"].tolist() == [m.is_extended_id for m in theirs]
+        assert [bytes(row[:n]) for row, n in zip(ours["data"], ours["length"], strict=True)] == [m.data for m in theirs]
+
+
+def test_logs_whose_first_line_python_can_takes_for_a_header_are_read_completely(foreign):
+    paths = sorted((foreign / "asc_css").glob("*.asc"))
+    assert len(paths) == 20
+    for path in paths:
+        lines = [line for line in path.read_text().splitlines()[2:] if line.strip()]
+        assert joined(path)["stamp"].tolist() == [float(line.split()[0]) for line in lines]
 
 
 def test_a_log_that_is_cut_off_is_read_up_to_there(logged, dbc):

@@ -1,6 +1,8 @@
 """DBC: what NumPy unpacks in bulk is what cantools decodes message by message."""
 
+import contextlib
 import math
+import random
 
 import numpy as np
 import pytest
@@ -198,3 +200,45 @@ def test_signals_that_are_no_number_are_named_apart():
     (message,) = messages_in(text)
     assert message.undecodable == ("Name",)
     assert [signal.name for signal in message.pages[0].signals] == ["X"]
+
+
+def values_of(page, payload):
+    """The values of a page in a payload, by their names; nothing where the page is not present."""
+    data = np.frombuffer(payload.ljust(64, b"\0"), dtype=np.uint8)[None]
+    length = np.array([len(payload)])
+    if not present(page, data, length)[0]:
+        return {}
+    return {signal.name: float(decode(signal, data, length)[0]) for signal in page.signals}
+
+
+def test_databases_of_all_formats_decode_as_cantools_does(shared):
+    folder = shared / "data" / "foreign_files" / "dbc"
+    if not folder.is_dir():
+        pytest.skip("no shared/data/foreign_files/dbc beside the repository: databases of other projects are needed.")
+    counts = dict.fromkeys((".dbc", ".kcd", ".sym", ".arxml"), 0)
+    dice = random.Random(1)
+    for path in sorted(folder.iterdir()):
+        with contextlib.suppress(DataError):
+            messages = read_dbc(path)
+            theirs = cantools.database.load_file(path, strict=False).messages
+            for ours, message in zip(messages, theirs, strict=True):
+                payload = bytes(dice.choice((0, 1, 2, dice.randrange(256))) for _ in range(message.length))
+                with contextlib.suppress(cantools.database.DecodeError):
+                    expected = message.decode(payload, decode_choices=False)
+                    for page in ours.pages:
+                        for name, value in values_of(page, payload).items():
+                            missing = ours.j1939 and math.isnan(value)
+                            assert missing or value == pytest.approx(expected[name], rel=1e-9, nan_ok=True), (
+                                path,
+                                name,
+                            )
+                            counts[path.suffix.lower()] += 1
+    assert all(count > 10 for count in counts.values()), counts
+
+
+def test_a_database_with_entities_or_of_another_version_is_refused_with_its_format():
+    kcd = '<!DOCTYPE x [<!ENTITY a "b">]><NetworkDefinition>&a;</NetworkDefinition>'
+    with pytest.raises(DataError, match="declares XML entities"):
+        messages_in(kcd)
+    with pytest.raises(DataError, match=r"cannot be read as SYM .*Only SYM version 6\.0"):
+        messages_in("FormatVersion=5.0 // x\n")

@@ -59,7 +59,7 @@ _TEXTS = (
 
 
 def kind_of(head: bytes) -> str:
-    """The format that a file with these first bytes has: ``mdf``, ``parquet``, ``blf``, ``mat``, ``asc``, ``gzip``...
+    """The format that a file with these first bytes has: ``mdf``, ``parquet``, ``blf``, ``mat``, ``asc``, ``trc``, ``gzip``...
 
     What is nothing else is taken for ``csv``.
 
@@ -76,8 +76,9 @@ def kind_of(head: bytes) -> str:
 
         return "mat" if is_mat(head) else "csv"
     from clutchid.io.formats.can.asc import is_asc
+    from clutchid.io.formats.can.trc import is_trc
 
-    return "asc" if is_asc(head) else "csv"
+    return "asc" if is_asc(head) else "trc" if is_trc(head) else "csv"
 
 
 def refusal(head: bytes, path: Path) -> str:

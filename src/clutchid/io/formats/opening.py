@@ -86,7 +86,7 @@ def _opened(file: Path, dbc: Sequence[Path]) -> Source:
         return _unpacked(file, dbc)
     if kind == "mdf":
         return _mdf(file, dbc)
-    if kind in ("blf", "asc"):
+    if kind in ("blf", "asc", "trc"):
         return _can(file, dbc)
     if kind == "parquet":
         from clutchid.io.formats.parquet import file as parquet_file

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import re
 from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 from clutchid.errors import MissingExtra
 from clutchid.io.formats.can.frames import FrameLog, Frames, in_blocks, quiet
+from clutchid.io.formats.can.text_lines import LONGEST_LINE, TextLines, readable
 
-if TYPE_CHECKING:
-    import can
-
-_LONGEST_LINE = 1 << 16
 _HEAD_LINES = 200
 _BASE = re.compile(r"\s*base\s+(?:hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?", re.IGNORECASE)
 _BEGIN = re.compile(r"\s*begin\s+triggerblock\b", re.IGNORECASE)
@@ -33,10 +29,9 @@ _MONTHS = {
     **{"mär": 3, "mrz": 3, "mai": 5, "okt": 10, "dez": 12},
 }
 
-#: A line that ends the header for python-can, so that it goes on with the next line.
-_GO_ON = "internal events logged\n"
-
-_NOT_READ = "unreadable line"
+#: Lines of the header, and the one that ends it for python-can.
+_HEADER = re.compile(r"\s*(?:date\s|base\s|//|$)", re.IGNORECASE)
+_END_OF_HEADER = "internal events logged\n"
 
 
 def is_asc(head: bytes) -> bool:
@@ -81,7 +76,7 @@ def _start(path: Path) -> datetime | None:
     start = None
     with path.open("rb") as file:
         for _ in range(_HEAD_LINES):
-            line = file.readline(_LONGEST_LINE).removeprefix(BOM_UTF8).decode("utf-8", errors="replace")
+            line = file.readline(LONGEST_LINE).removeprefix(BOM_UTF8).decode("utf-8", errors="replace")
             start = _date(line) or start
             if _BEGIN.match(line) or not line:
                 break
@@ -117,49 +112,36 @@ def _blocks(path: Path) -> Iterator[Frames]:
     with path.open("rb") as file, quiet("can.io.asc"):
         lines = _Lines(file)
         reader = ASCReader(lines, relative_timestamp=True)  # type: ignore[arg-type]
-        yield from in_blocks(_messages(reader, lines, left_out), left_out)
+        yield from in_blocks(readable(reader, lines, left_out), left_out)
 
 
-def _messages(reader: can.ASCReader, lines: _Lines, left_out: Counter[str]) -> Iterator[can.Message]:
-    """The frames; a line that python-can takes for a frame and cannot read is counted and passed over."""
-    while True:
-        try:
-            for message in reader:
-                if math.isfinite(message.timestamp):
-                    yield message
-                else:
-                    left_out[_NOT_READ] += 1
-        except (ValueError, LookupError, OverflowError, TypeError):
-            left_out[_NOT_READ] += 1
-            lines.again = _GO_ON
-        else:
-            return
+class _Lines(TextLines):
+    """The lines of an ASC file as python-can reads them, each with its stamp from the start.
 
-
-class _Lines:
-    """The lines of an ASC file as python-can reads them, none too long, each with its stamp from the start."""
+    python-can takes the first line behind the header for the line "internal events logged", which may be missing: it
+    is put in where the header ends.
+    """
 
     def __init__(self, file: BinaryIO) -> None:
-        self._file = file
+        super().__init__(file)
         self._relative = False
         self._stamp = 0.0
-        self.again = ""
-        self.number = 0
-
-    def __iter__(self) -> _Lines:
-        return self
+        self._first = ""
 
     def __next__(self) -> str:
-        if self.again:
-            line, self.again = self.again, ""
-            return line
-        raw = self._file.readline(_LONGEST_LINE)
-        if not raw:
-            raise StopIteration
-        self.number += 1
-        line = raw.decode("utf-8", errors="replace")
+        """The next line.
+
+        Raises
+        ------
+        StopIteration
+            At the end of the file.
+        """
+        line, self._first = self._first or super().__next__(), ""
         if base := _BASE.match(line):
             self._relative = (base["kind"] or "").casefold() == "relative"
+        if self.in_header and not _HEADER.match(line):
+            self.in_header, self._first = False, line
+            return _END_OF_HEADER
         return self._from_start(line) if self._relative else line
 
     def _from_start(self, line: str) -> str:
@@ -168,6 +150,3 @@ class _Lines:
             return line
         self._stamp += float(match["stamp"])
         return f"{self._stamp:.9f}{match['rest']}"
-
-    def close(self) -> None:
-        """Nothing: who opened the file closes it."""

@@ -1,6 +1,6 @@
-"""DBC: what the frames of a bus mean, read by cantools.
+"""DBC, and KCD, SYM and ARXML: what the frames of a bus mean, read by cantools.
 
-cantools decodes one message in about 2 µs, so it reads the DBC only; `can_signals` unpacks the frames.
+cantools decodes one message in about 2 µs, so it reads the database only; `signals` unpacks the frames.
 """
 
 from __future__ import annotations
@@ -31,13 +31,19 @@ _PROTOCOLS = ("J1939", "NMEA2000", "ISO11783")
 #: A statement behind the text: cantools says nothing where a text ends in the middle of another one.
 _END = '\nCM_ "end";\n'
 
+#: The element that an ARXML or a KCD file begins with.
+_ROOT = re.compile(r"<(AUTOSAR|NetworkDefinition)\b")
+
+#: The first statement of a SYM file, and where it stands at the latest.
+_SYM, _HEAD = re.compile(r"^FormatVersion=", re.MULTILINE), 4096
+
 #: A start bit beyond this lies in no message; J1939 sends at most 1785 bytes in pieces.
 _LAST_BIT = 1 << 14
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Message:
-    """A message of a DBC: its frames, and the pages of signals in them; one page where nothing is multiplexed."""
+    """A message of a database: its frames, and the pages of signals in them; one page where nothing is multiplexed."""
 
     name: str
     identifier: int
@@ -50,14 +56,14 @@ class Message:
 
 
 def read_dbc(path: Path) -> tuple[Message, ...]:
-    """The messages of a DBC file.
+    """The messages of a DBC, KCD, SYM or ARXML file.
 
     Raises
     ------
     MissingExtra
         If cantools is not installed.
     DataError
-        If it is no DBC file; the text names file and line.
+        If it is none; the text names the file, and for a DBC the line.
     OSError
         If the file cannot be read.
     """
@@ -74,36 +80,50 @@ def read_dbc(path: Path) -> tuple[Message, ...]:
 
 
 def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
-    """The messages of the text of a DBC file that is called `source` in errors.
+    """The messages of the text of a database that is called `source` in errors; its content tells its format.
 
     Raises
     ------
     MissingExtra
         If cantools is not installed.
     DataError
-        If it is no DBC; the text names the line.
+        If it cannot be read; the text names the line of a DBC.
     """
     try:
         from cantools.database import load_string
     except ImportError as error:
         raise MissingExtra("reading a DBC needs cantools; install it with pip install 'clutchid[can]'.") from error
-    if too_many := _selectors(text):
-        raise DataError(f"{source}: {too_many}")
+    kind = _kind(text)
+    if problem := _selectors(text) if kind == "DBC" else _entities(text):
+        raise DataError(f"{source}: {problem}")
     try:
         with quiet("cantools.database.can.database"):
-            database: Any = load_string(text + _END, "dbc", strict=False)
+            database: Any = load_string(text + _END if kind == "DBC" else text, kind.lower(), strict=False)
     except (Exception, RecursionError) as error:
-        raise DataError(f"{source}: {_refusal(str(error) or type(error).__name__, text)}") from error
+        raise DataError(f"{source}: {_refusal(str(error) or type(error).__name__, text, kind)}") from error
     if not database.messages:
         raise DataError(f"{source}: holds no messages; name the DBC of the bus.")
     named = _protocol(database)
     return tuple(_message(message, named) for message in database.messages)
 
 
-def _refusal(reason: str, text: str) -> str:
-    match = re.search(r"line (\d+), column (\d+)", reason)
+def _kind(text: str) -> str:
+    """The format of a database; DBC where it looks like none of the others."""
+    if _SYM.search(text[:_HEAD]):
+        return "SYM"
+    root = _ROOT.search(text) if text.lstrip().startswith("<") else None
+    return {"AUTOSAR": "ARXML", "NetworkDefinition": "KCD"}[root[1]] if root else "DBC"
+
+
+def _entities(text: str) -> str:
+    """What is wrong where an XML text declares entities, which could unfold to gigabytes."""
+    return "declares XML entities, which no bus database needs; export it again." if "<!ENTITY" in text else ""
+
+
+def _refusal(reason: str, text: str, kind: str) -> str:
+    match = re.search(r"line (\d+), column (\d+)", reason) if kind == "DBC" else None
     if match is None:
-        return f"cannot be read as DBC ({shortened(reason, 120)}); mend it, or export the DBC again."
+        return f"cannot be read as {kind} ({shortened(reason, 120)}); mend it, or export the {kind} again."
     lines = len(text.rstrip().splitlines())
     if int(match[1]) > lines:
         return f"is cut off behind line {lines}; export the DBC again."

@@ -1,4 +1,4 @@
-"""CAN logs: BLF, ASC and MF4 bus logging, decoded with DBC files; a raster a message.
+"""CAN logs: BLF, ASC, TRC and MF4 bus logging, decoded with DBC files; a raster a message.
 
 The frames are read once when a log is opened, to see which messages occur in it. Those that a DBC knows are kept as
 long as they take no more than `can_scan.KEPT` bytes; else the file is read again for each raster.
@@ -30,7 +30,7 @@ HEAD = 4096
 
 
 def container(path: Path) -> str | None:
-    """The format of a CAN log by its content, "BLF", "ASC" or "MF4"; None where it is none.
+    """The format of a CAN log by its content, "BLF", "ASC", "TRC" or "MF4"; None where it is none.
 
     Any MDF 4 file is "MF4" here: whether it holds frames of a bus is told when it is opened.
 
@@ -39,7 +39,7 @@ def container(path: Path) -> str | None:
     OSError
         If the file cannot be read.
     """
-    from clutchid.io.formats.can import asc, blf, mf4
+    from clutchid.io.formats.can import asc, blf, mf4, trc
 
     with path.open("rb") as file:
         head = file.read(HEAD)
@@ -47,11 +47,13 @@ def container(path: Path) -> str | None:
         return "BLF"
     if head.startswith(mf4.MAGIC):
         return "MF4"
+    if trc.is_trc(head):
+        return "TRC"
     return "ASC" if asc.is_asc(head) else None
 
 
 def frame_log(path: Path) -> FrameLog:
-    """The raw frames of a CAN log of any of the three formats.
+    """The raw frames of a CAN log of any of the four formats.
 
     Raises
     ------
@@ -62,12 +64,12 @@ def frame_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    from clutchid.io.formats.can import asc, blf, mf4
+    from clutchid.io.formats.can import asc, blf, mf4, trc
 
-    readers = {"BLF": blf.frame_log, "ASC": asc.frame_log, "MF4": mf4.frame_log}
+    readers = {"BLF": blf.frame_log, "ASC": asc.frame_log, "TRC": trc.frame_log, "MF4": mf4.frame_log}
     name = container(path)
     if name is None:
-        raise DataError("is no CAN log; BLF, ASC and MF4 bus logging are read.")
+        raise DataError("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.")
     return readers[name](path)
 
 
@@ -80,7 +82,7 @@ def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
     Parameters
     ----------
     path : Path
-        The log: BLF, ASC, or MF4 bus logging.
+        The log: BLF, ASC, TRC, or MF4 bus logging.
     dbc : sequence of Path
         The DBC files that say what the frames mean; of two that know the same frame the first counts.
 
