@@ -59,7 +59,7 @@ _TEXTS = (
 
 
 def kind_of(head: bytes) -> str:
-    """The format that a file with these first bytes has: ``mdf``, ``parquet``, ``blf``, ``mat``, ``asc``, ``trc``, ``gzip``...
+    """The format that a file with these first bytes has: ``mdf``, ``parquet``, ``blf``, ``mat``, ``asc``, ``trc``, ...
 
     What is nothing else is taken for ``csv``.
 
