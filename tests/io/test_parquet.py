@@ -72,7 +72,9 @@ def test_holes_are_located_by_row(parquet):
 
 @pytest.mark.parametrize("values", [["a", "b", "c"], [True, False, True], [datetime.date(2024, 1, 1)] * 3])
 def test_a_column_that_holds_no_numbers(parquet, values):
-    with pytest.raises(DataError, match=r"column 'position \[mm\]' holds (text|truth values|dates); write numbers \(Float64\)"):
+    with pytest.raises(
+        DataError, match=r"column 'position \[mm\]' holds (text|truth values|dates); write numbers \(Float64\)"
+    ):
         cio.read(parquet(GOOD | {"position [mm]": values}))
     log = cio.read(parquet(GOOD | {"comment": values}))
     assert any("'comment'" in warning and "left out" in warning for warning in log.warnings)

@@ -26,6 +26,9 @@ from clutchid.io.table import Table
 _MOST_UNPACKED = 8_000_000_000
 _CHUNK = 1 << 20
 
+#: Bytes in memory up to which a Parquet file is read in this process.
+_MODERATE = 256_000_000
+
 
 def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
     """Open a file of any known format; `dbc` files decode the frames of a bus log.
@@ -44,7 +47,7 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     if reason := refusal(head, file):
         raise DataError(f"{file}: {reason}")
     kind = kind_of(head)
-    if kind in ("csv", "parquet"):
+    if kind == "csv" or (kind == "parquet" and _is_moderate(file)):
         return opened_here(file, databases)
     from clutchid.io.guard.remote import guarded_source
 
@@ -70,6 +73,14 @@ def opened_here(file: Path, dbc: Sequence[Path]) -> Source:
     if source.rasters or source.problems:
         return source
     return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
+
+
+def _is_moderate(file: Path) -> bool:
+    """Whether a Parquet file says that its columns of numbers need no more memory than may be used in this process."""
+    from clutchid.io.formats.parquet.file import promised_bytes
+
+    promised = promised_bytes(file)
+    return promised is not None and promised <= _MODERATE
 
 
 def _head(file: Path) -> bytes:
