@@ -20,6 +20,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -31,6 +32,8 @@ from clutchid.errors import ClutchidError
 from clutchid.io.formats.kinds import ENOUGH, kind_of, refusal
 from clutchid.io.formats.opening import open_source
 from clutchid.io.look.look import look
+from clutchid.io.source import Source
+from clutchid.io.table import Table
 
 #: A file for which clutchid and its peer take longer than this in s counts as hung.
 PATIENCE = 180.0
@@ -62,34 +65,44 @@ def ours(path: Path, dbc: list[Path]) -> Channels:
     if source.problems or not source.rasters:
         raise ClutchidError(" ".join(source.problems) or "no channel")
     found: Channels = []
+    trouble = ""
     for number, raster in enumerate(source.rasters):
-        columns = [heading.index for heading in raster.headings]
-        tables = list(source.tables(number, columns, 1 << 20))
-        for table in tables:
-            if table.problems:
-                raise ClutchidError(" ".join(table.problems))
-        for heading in raster.headings:
-            parts = [table.numbers[heading.index] for table in tables]
-            found.append((heading.text, np.concatenate(parts) if parts else np.empty(0)))
+        every = [heading.index for heading in raster.headings]
+        tables = _tables(source, number, every)
+        if not isinstance(tables, str):
+            found += [(h.text, np.concatenate([table.numbers[h.index] for table in tables])) for h in raster.headings]
+            continue
+        trouble = tables
+        for heading in raster.headings:  # a recording needs a few of them only
+            alone = _tables(source, number, [heading.index])
+            if not isinstance(alone, str):
+                found.append((heading.text, np.concatenate([table.numbers[heading.index] for table in alone])))
+    if not found:
+        raise ClutchidError(trouble)
     return found
+
+
+def _tables(source: Source, number: int, columns: list[int]) -> list[Table] | str:
+    """Blocks of these columns, or what is wrong with them."""
+    tables = list(source.tables(number, columns, 1 << 20))
+    problems = [problem for table in tables for problem in table.problems]
+    return " ".join(problems) if problems or not tables else tables
 
 
 def compared(path: Path) -> Finding:
     """clutchid and the peer on one file."""
     what = kind(path)
     begun = time.monotonic()
-    sentence = ""
-    try:
+    with suppress(ClutchidError):
         look(path).table()
-    except ClutchidError as error:
-        sentence = str(error)
     seconds = time.monotonic() - begun
+    sentence = ""
     with tempfile.TemporaryDirectory() as folder:
         dbc, trouble = bus_database(path, what, Path(folder))
         try:
             mine = ours(path, dbc)
         except ClutchidError as error:
-            mine, sentence = [], sentence or str(error)
+            mine, sentence = [], str(error)
         theirs, trouble = ([], trouble) if trouble else peer_channels(path, what, dbc)
     verdict, reason = _verdict(what, mine, sentence, theirs, trouble)
     return Finding(path, what, verdict, reason, seconds)

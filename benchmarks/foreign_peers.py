@@ -65,10 +65,26 @@ def _mat(path: Path) -> Channels:
     import h5py
     from scipy.io import loadmat
 
+    found: Channels = []
+    with contextlib.suppress(Exception):  # mat-io decodes objects, where it can
+        from matio import load_from_mat
+
+        found = list(_variables(load_from_mat(str(path))))
     if h5py.is_hdf5(path):
         with h5py.File(path) as file:
-            return list(_hdf5(file))
-    return list(_variables(loadmat(path, struct_as_record=True, squeeze_me=False)))
+            return [*found, *_hdf5(file)]
+    return [*found, *_variables(loadmat(path, struct_as_record=True, squeeze_me=False))]
+
+
+def _objects(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Columns of tables that mat-io decodes; stamps in seconds from the first."""
+    if hasattr(value, "columns"):
+        for column in value.columns:
+            numbers = value[column].to_numpy()
+            if numbers.dtype.kind in "mM":
+                numbers = (numbers - numbers[0]) / np.timedelta64(1, "s")
+            if numbers.dtype.kind in "fiub":
+                yield f"{name}.{column}", numbers.astype(float)
 
 
 def _variables(content: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
@@ -78,6 +94,8 @@ def _variables(content: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _walked(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    if hasattr(value, "columns"):
+        yield from _objects(name, value)
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names and type(value).__name__ != "MatlabOpaque":
@@ -109,7 +127,8 @@ def _hdf5(group: Any) -> Iterator[tuple[str, np.ndarray]]:
 
     def visit(name: str, item: Any) -> None:
         plain = isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and 0 < item.size <= 1e8
-        plain = plain and "MATLAB_sparse" not in item.parent.attrs
+        marks = {*item.attrs, *item.parent.attrs} if plain else set()
+        plain = plain and not marks & {"MATLAB_sparse", "MATLAB_object_decode"} and "function_handle" not in name
         if plain and item.attrs.get("MATLAB_class", b"") != b"char" and not item.attrs.get("MATLAB_empty", 0):
             found.extend(_columns(name, item[()].T))
 
