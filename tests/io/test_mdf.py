@@ -512,6 +512,19 @@ def test_a_file_that_is_damaged_between_opening_and_reading_is_refused(small):
         list(source.tables(0, [1]))
 
 
+def test_a_packed_block_that_cannot_be_unpacked_gives_no_numbers(tmp_path):
+    path = tmp_path / "run.mf4"
+    time = np.arange(BLOCK) / 1000
+    save(Log(time, {"position": np.random.default_rng(3).random(BLOCK)}), path)
+    data = bytearray(path.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 1000] = bytes(1000)
+    path.write_bytes(data)
+    tables = open_file(path).tables(0, [1], 1000)
+    with pytest.raises(DataError, match=r"is damaged within samples \d{3},001 to \d{3},000; copy it again"):
+        assert all(np.isfinite(table.numbers[1]).all() for table in tables)
+
+
 def test_every_real_log_opens_and_says_that_it_holds_frames(logs):
     told = {}
     for path in sorted(logs.glob("*.MF4")):

@@ -45,8 +45,11 @@ def _samples(mdf: Any, channels: Sequence[Channel], rows: slice, mixed: bool) ->
     """Raw samples; asammdf reads mixed records of MDF 3 as a whole only."""
     wanted = [(None, group, index) for group, index in channels]
     first, count = (0, None) if mixed else (rows.start, rows.stop - rows.start)
-    with quiet():
-        signals = mdf.select(wanted, first, raw=True, copy_master=False, record_count=count)
+    try:
+        with quiet():
+            signals = mdf.select(wanted, first, raw=True, copy_master=False, record_count=count)
+    except KeyError as error:  # it found nothing that it could read
+        raise Spoiled(f"is damaged within samples {rows.start + 1:,} to {rows.stop:,}; copy it again.") from error
     found = [(signal.samples, signal.invalidation_bits) for signal in signals]
     return [(samples[rows], None) for samples, _ in found] if mixed else found
 
