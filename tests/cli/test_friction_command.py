@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from clutchid.cli import main
+from clutchid.io import write
 from clutchid.log import Log
 from clutchid.rig.lugre import simulated_force
 
@@ -74,3 +75,43 @@ def test_a_force_with_the_wrong_sign_is_bad_input_in_one_sentence(monkeypatch, c
     turned = [log.with_columns(force=-log["force"]) for log in block()]
     assert called(monkeypatch, turned, "--law", "lugre") == 2
     assert "invert its sign" in capsys.readouterr().err
+
+
+def test_a_fixed_stiffness_and_an_inertia_reach_the_fit(monkeypatch, capsys):
+    assert called(monkeypatch, block(), "--law", "lugre", "--fix", "K_z=2e4", "D_zdot=200", "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert set(answer["parameters"]) == {"F_C@block", "D_v@block", "force_zero@block"}
+    assert answer["parameters"]["F_C@block"]["value"] == pytest.approx(2.0, rel=1e-4)
+    assert called(monkeypatch, block(), "--law", "lugre", "--inertia", "500", "--json") == 0
+    heavy = json.loads(capsys.readouterr().out)
+    assert heavy["logs"]["block"]["fit_percent"] < answer["logs"]["block"]["fit_percent"] - 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--law", "lugre", "--fix", "K_z"), "--fix K_z: write NAME=VALUE in SI units, for example K_z=1e6."),
+        (("--law", "lugre", "--fix", "K_y=1"), "no friction parameter 'K_y'"),
+        (("--law", "lugre", "--inertia", "-1"), "inertia = -1 kg: must be a mass of at least 0 kg"),
+        (("--law", "lugre", "--area", "1e-3"), "--area: belongs to --law coulomb, not to --law lugre; leave it out."),
+        (("--fix", "K_z=1"), "--fix: belongs to --law lugre, not to --law coulomb; leave it out."),
+        (("--inertia", "1"), "--inertia: belongs to --law lugre, not to --law coulomb; leave it out."),
+    ],
+)
+def test_an_option_that_cannot_be_is_one_sentence(monkeypatch, capsys, arguments, sentence):
+    assert called(monkeypatch, block(), *arguments) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_standard_columns_are_read_without_a_warning_and_a_poor_fit_is_said_to_be_poor(tmp_path, capsys):
+    (log,) = block()
+    file = tmp_path / "rig.csv"
+    write(log, file)
+    with pytest.raises(SystemExit) as ended:
+        main(["friction", str(file), "--law", "lugre"])
+    assert ended.value.code == 0
+    assert capsys.readouterr().err == ""
+    write(log.with_columns(force=log["force"] * np.sin(log.time) ** 2 + log["force"] / 4), file)
+    with pytest.raises(SystemExit):
+        main(["friction", str(file), "--law", "lugre"])
+    assert "the fit is poor" in capsys.readouterr().err

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json
+from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.parameters import Parameters
 from clutchid.workflow import Reading, read_recordings
@@ -19,6 +20,8 @@ def friction(
     *files: Path,
     law: Literal["coulomb", "lugre"] = "coulomb",
     area: float | None = None,
+    fix: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    inertia: float | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     ambient: str | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -35,6 +38,11 @@ def friction(
         the pressure. lugre: F_C, K_z, D_v and D_zdot of each recording, by simulation from its position alone.
     area
         Slope of the force over the pressure in m², if known; for coulomb.
+    fix
+        NAME=VALUE in SI of a parameter that is not estimated (F_C, K_z, D_v, D_zdot, force_zero); for lugre. Several
+        may follow each other.
+    inertia
+        Mass in kg between the load cell and the friction, whose acceleration is part of the force; for lugre.
     map_
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     ambient
@@ -47,8 +55,9 @@ def friction(
 
     def work() -> int:
         outside = pressure(ambient, Parameters().P_0)
+        fixed = _fixed(fix or (), inertia, law, area)
         logs = read_recordings(files, Reading(outside, map_), required=("time", "position", "force"))
-        text, content = _lugre(logs) if law == "lugre" else _coulomb(logs, outside, area)
+        text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
         if json:
             print_json({**EMPTY, "status": "warning" if content["warnings"] else "ok", **content})
             return DONE
@@ -83,11 +92,28 @@ def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[s
     return text, {"message": sentence, "parameters": estimates, "levels": levels, "warnings": warnings}
 
 
-def _lugre(logs: Sequence[Log]) -> tuple[str, dict[str, Any]]:
+def _fixed(items: Sequence[str], inertia: float | None, law: str, area: float | None) -> dict[str, float]:
+    """Parameters by ``NAME=VALUE``; an option that the law does not have is an error."""
+    others = {"--area": area} if law == "lugre" else {"--fix": items or None, "--inertia": inertia}
+    for option, value in others.items():
+        if value is not None:
+            other = "coulomb" if law == "lugre" else "lugre"
+            raise ParameterError(f"{option}: belongs to --law {other}, not to --law {law}; leave it out.")
+    found = {}
+    for item in items:
+        name, _, text = item.partition("=")
+        try:
+            found[name.strip()] = float(text)
+        except ValueError:
+            raise ParameterError(f"--fix {item}: write NAME=VALUE in SI units, for example K_z=1e6.") from None
+    return found
+
+
+def _lugre(logs: Sequence[Log], fixed: Mapping[str, float], inertia: float) -> tuple[str, dict[str, Any]]:
     from clutchid.rig import fit_lugre
     from clutchid.rig.tables import lugre_table
 
-    fits = [fit_lugre(log) for log in logs]
+    fits = [fit_lugre(log, fixed=fixed, inertia=inertia) for log in logs]
     estimates = {f"{name}@{fit.name}": _entry(estimate) for fit in fits for name, estimate in fit.parameters.items()}
     message = "; ".join(f"{fit.name}: fit {fit.fit_percent:.1f} % in free run" for fit in fits)
     entries = {fit.name: {"fit_percent": fit.fit_percent, "force_rms_N": fit.rms} for fit in fits}

@@ -7,15 +7,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.log import HOLE, FloatArray, Log
 from clutchid.rig.compiled import NAMES, kernels
 from clutchid.signals.runs import runs
 from clutchid.signals.velocity import velocity
-
-#: Parameters that affect the deflection; the others affect the force only.
-_IN_RATE = ("F_C", "K_z")
 
 #: Least number of samples of a segment.
 _FEWEST = 10
@@ -23,19 +19,18 @@ _FEWEST = 10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """Samples `start` to `stop` (exclusive) without a hole: velocity in m/s, intervals in s, sub-steps per interval."""
+    """Samples `start` to `stop` (exclusive) without a hole: velocity in m/s, and intervals in s."""
 
     start: int
     stop: int
     velocity: FloatArray
     dt: FloatArray
-    substeps: NDArray[np.int32]
 
     def __len__(self) -> int:
         return self.stop - self.start
 
 
-def segments(log: Log, window: float, shortest: float) -> list[Segment]:
+def segments(log: Log, window: float) -> list[Segment]:
     """Divide a recording into segments; a hole in time or a missing position ends a segment.
 
     Parameters
@@ -44,8 +39,6 @@ def segments(log: Log, window: float, shortest: float) -> list[Segment]:
         With a position in m.
     window : s
         Half window of the velocity: difference of the mean positions after and before a sample.
-    shortest : m
-        Smallest F_C / K_z that will be simulated; determines the number of sub-steps.
     """
     position = log["position"]
     apart = np.zeros(len(log), dtype=bool)
@@ -57,17 +50,13 @@ def segments(log: Log, window: float, shortest: float) -> list[Segment]:
         edges = [first, *(first + 1 + np.flatnonzero(apart[first + 1 : last])).tolist(), last]
         for start, stop in pairwise(edges):
             if stop - start >= _FEWEST:
-                found.append(_segment(log, (start, stop), window, shortest))
+                found.append(_segment(log, (start, stop), window))
     return found
 
 
-def _segment(log: Log, ends: tuple[int, int], window: float, shortest: float) -> Segment:
+def _segment(log: Log, ends: tuple[int, int], window: float) -> Segment:
     time, position = log.time[slice(*ends)], log["position"][slice(*ends)]
-    v, dt = velocity(time, position, window), np.diff(time)
-    # the deflection decays at rate |v| K_z / F_C; RK4 has an error of 1e-2 per step at h |v| K_z / F_C = 1, is stable
-    # to 2.8
-    stiffest = np.abs(v[:-1] + v[1:]) / 2 * dt / shortest
-    return Segment(*ends, v, dt, np.maximum(1, np.ceil(stiffest)).astype(np.int32))
+    return Segment(*ends, velocity(time, position, window), np.diff(time))
 
 
 def free_run(segment: Segment, values: Sequence[float], z_start: float) -> tuple[FloatArray, FloatArray]:
@@ -87,21 +76,27 @@ def free_run(segment: Segment, values: Sequence[float], z_start: float) -> tuple
 
     Notes
     -----
-    Within an interval the velocity is constant at the mean of its ends.
+    Within an interval the velocity is constant at the mean of its ends, for which the deflection is exact at any
+    stiffness.
     """
+    from scipy.linalg import solve_banded
+
     module, n, v = kernels(), len(segment), segment.velocity
     p = np.array(values, dtype=np.float64)
-    mean = np.append((v[:-1] + v[1:]) / 2, 0.0)[:, None]
-    slots = [(slot, row, _IN_RATE.index(NAMES[q])) for slot, (row, q) in enumerate(module.SLOTS)]
-    fill = [np.ascontiguousarray(column) for column in np.array(slots, dtype=np.int64).T]
-    z, sens = np.empty((n, 1)), np.empty((n, 1, 3))
-    module.run_all(
-        np.array([z_start]), np.array([[0.0, 0.0, 1.0]]), mean, p, segment.dt, segment.substeps,
-        np.zeros(n, dtype=np.uint8), np.zeros((n, 0)), *fill, np.zeros(1, dtype=np.int64), z, sens,
-    )  # fmt: skip
-    z = np.ascontiguousarray(z[:, 0])
+    interval = ((v[:-1] + v[1:]) / 2, segment.dt, *p[:2])
+    decay = module.decay(*interval)
+    band = np.vstack([np.ones(n), np.append(-decay, 0.0)])
+
+    def run(first: float, driven: FloatArray) -> FloatArray:
+        """Solution of z[k+1] = decay[k] z[k] + driven[k] from z[0] = first."""
+        solution: FloatArray = solve_banded((1, 0), band, np.append(first, driven))
+        return solution
+
+    z = run(z_start, module.gain(*interval))
     to_z = module.force_z(v, z, *p)
     jacobian = np.column_stack([*(getattr(module, f"force_{name}")(v, z, *p) for name in NAMES), np.zeros(n)])
-    for column, of in ((NAMES.index("F_C"), 0), (NAMES.index("K_z"), 1), (len(NAMES), 2)):
-        jacobian[:, column] += to_z * sens[:, 0, of]
+    for column, name in enumerate(NAMES[:2]):
+        driven = getattr(module, f"decay_{name}")(*interval) * z[:-1] + getattr(module, f"gain_{name}")(*interval)
+        jacobian[:, column] += to_z * run(0.0, driven)
+    jacobian[:, len(NAMES)] += to_z * run(1.0, np.zeros(n - 1))
     return module.force(v, z, *p), jacobian

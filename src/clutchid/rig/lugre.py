@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.assess.diagnostics import fit_percent
 from clutchid.errors import DataError, ParameterError
@@ -18,15 +17,26 @@ from clutchid.numerics.least_squares import Solution, minimise
 from clutchid.parameters import Parameters
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import Segment, free_run, segments
-from clutchid.rig.lugre_problem import FREE, LugreProblem, linearised, lugre_problem, residuals, starts
+from clutchid.rig.lugre_problem import (
+    FREE,
+    LugreProblem,
+    inertial_force,
+    linearised,
+    lugre_problem,
+    residuals,
+    resolution,
+    starts,
+)
+from clutchid.rig.lugre_warnings import DAMPINGS, UNITS_OF, at_bound, poor, softened
 from clutchid.signals.residual_colour import effective_samples
 from clutchid.uncertainty.covariance import Covariance, sandwich
 
 #: Half window in s over which the velocity is computed; averages quantisation and noise of the position sensor.
 WINDOW = 0.02
 
-#: Units of the parameters of a fit.
-UNITS_OF = {"F_C": "N", "K_z": "N/m", "D_v": "N·s/m", "D_zdot": "N·s/m", "force_zero": "N"}
+#: A stiffness that falls by more than this share, and by more than its standard error, when the variance of the noise
+#: of the position is doubled has no interval: on simulated rigs the shift is then too small to cover the true value.
+_SOFTENED = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,10 +62,12 @@ class LugreFit:
     warnings: tuple[str, ...]
 
 
-def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, window: float = WINDOW) -> LugreFit:
+def fit_lugre(
+    log: Log, *, fixed: Mapping[str, float] | None = None, window: float = WINDOW, inertia: float = 0.0
+) -> LugreFit:
     r"""Fit LuGre friction, Eqs. (2) and (3), to a recording of a test rig.
 
-    .. math:: f = f_0 + D_v v + K_z z + D_{\dot z} \dot z
+    .. math:: f = f_0 + M a + D_v v + K_z z + D_{\dot z} \dot z
 
     The force is simulated from the measured position alone (free run) and compared with the measured force.
 
@@ -70,6 +82,10 @@ def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, window: flo
     window : s
         Half window of the velocity: difference of the mean positions after and before a sample. It should be short
         compared with F_C / (K_z v).
+    inertia : kg
+        Mass M between the load cell and the friction, at least 0. Its acceleration a is the difference of the mean
+        velocities over `window` after and before a sample: noise of the position is averaged twice, and accelerations
+        shorter than two windows are smoothed.
 
     Returns
     -------
@@ -80,12 +96,13 @@ def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, window: flo
     DataError
         If position or force is missing, nothing moves, or the force drives the motion, so that its sign is wrong.
     ParameterError
-        If a fixed name is unknown, its value not admissible, or `window` not above 0.
+        If a fixed name is unknown, its value not admissible, `window` not above 0, or `inertia` below 0.
 
     Notes
     -----
     The initial deflection of every segment and the zero of the load cell are estimated too. A damping at its bound 0
-    gives a warning, and the other intervals treat it as fixed there.
+    gives a warning, and the other intervals treat it as fixed there. F_C / K_z is searched down to a tenth of the
+    resolution of the position; a stiffness at that bound has no interval, and the other intervals treat it as unknown.
 
     Examples
     --------
@@ -100,13 +117,31 @@ def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, window: flo
     '2.00 N, 20.0 N/mm, 100 %'
     """
     known = _checked(log, {} if fixed is None else fixed, window)
-    problem = lugre_problem(log, known, window)
+    if not 0.0 <= inertia < np.inf:
+        raise ParameterError(f"inertia = {inertia:g} kg: must be a mass of at least 0 kg.")
+    problem = lugre_problem(log, known, window, inertia)
+    found = [_searched(problem, start) for start in starts(problem)]
+    best = min(found, key=lambda solution: solution.at.cost)
+    return _result(problem, best, _shift_by_noise(problem, best, window, inertia))
+
+
+def _searched(problem: LugreProblem, start: FloatArray) -> Solution:
     low, high = problem.low[problem.free], problem.high[problem.free]
-    found = [
-        minimise(lambda x: linearised(problem, x), (start, linearised(problem, start)), low, high, tolerance=1e-10)
-        for start in starts(problem)
-    ]
-    return _result(problem, min(found, key=lambda solution: solution.at.cost))
+    return minimise(lambda x: linearised(problem, x), (start, linearised(problem, start)), low, high, tolerance=1e-10)
+
+
+def _shift_by_noise(problem: LugreProblem, best: Solution, window: float, inertia: float) -> FloatArray:
+    """Shift of the scaled free parameters if noise like that of the position is added to it.
+
+    The noise moves the bristle, which makes it look softer. Its variance is doubled here, so that the shift is about
+    the bias of the fit (simulation extrapolation, Cook and Stefanski 1994).
+    """
+    position = problem.log["position"]
+    noise = resolution(position)[1] * np.random.default_rng(0).standard_normal(position.size)
+    log = problem.log.with_columns(position=position + noise)
+    parts = segments(log, window)
+    noisy = replace(problem, log=log, parts=parts, inertial=inertial_force(log, parts, window, inertia))
+    return _searched(noisy, best.x).x - best.x
 
 
 def simulated_force(
@@ -121,7 +156,7 @@ def simulated_force(
     starts : Sequence[float]
         Initial deflection in m of every segment, 0 by default.
     """
-    parts = segments(log, window, values["F_C"] / values["K_z"])
+    parts = segments(log, window)
     return _simulated(log, parts, values, [*starts, *[0.0] * len(parts)][: len(parts)])
 
 
@@ -148,19 +183,27 @@ def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, f
     return dict(fixed)
 
 
-def _result(problem: LugreProblem, solution: Solution) -> LugreFit:
-    x, shared = solution.x, int(problem.free[: len(FREE)].sum())
+def _result(problem: LugreProblem, solution: Solution, shift: FloatArray) -> LugreFit:
+    x = solution.x
     parameters = problem.all(x)
     values = {name: float(value) for name, value in zip(FREE, parameters[: len(FREE)], strict=True)}
     names = [name for name, free in zip(FREE, problem.free[: len(FREE)], strict=True) if free]
-    low, high = problem.low[problem.free], problem.high[problem.free]
-    gradient = solution.at.R.T @ solution.at.q
-    at_bound = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
+    bounded = _bounded(problem, solution, names)
     scores = [J * r[:, None] for r, J in residuals(problem, x)]
-    covariance = sandwich(solution.at.R, scores, ~at_bound, max(1, shared))
-    force = _simulated(problem.log, problem.parts, values, parameters[len(FREE) :].tolist())
+    undamped = [name in bounded and name in DAMPINGS for name in names] + [False] * (x.size - len(names))
+    covariance = sandwich(solution.at.R, scores, ~np.array(undamped), max(1, len(names)))
+    force = problem.inertial + _simulated(problem.log, problem.parts, values, parameters[len(FREE) :].tolist())
     error = problem.log["force"] - force
-    warnings = [*problem.log.warnings, *_at_bounds(names, at_bound, values)]
+    fit = fit_percent(problem.log["force"], force)
+    warnings = [*problem.log.warnings, *(at_bound(name, values) for name in bounded), *poor(fit)]
+    undetermined = set(bounded)
+    if "K_z" in names and "K_z" not in bounded:
+        at = names.index("K_z")
+        if abs(shift[at]) > max(_SOFTENED * x[at], np.sqrt(covariance.matrix[at, at])):
+            undetermined.add("K_z")
+            warnings.append(softened(resolution(problem.log["position"])[1], values))
+    if "K_z" in undetermined:
+        undetermined.add("D_zdot")
     if solution.status == "limit":
         warnings.append(f"the search stopped after {solution.evaluations} evaluations without converging.")
     block = max(1, round(WINDOW / float(np.median(np.diff(problem.log.time)))))
@@ -168,35 +211,39 @@ def _result(problem: LugreProblem, solution: Solution) -> LugreFit:
         name=problem.log.name,
         status="warning" if warnings else "ok",
         message=f"{solution.status} after {solution.evaluations} evaluations",
-        parameters=_estimates(names, values, covariance, problem),
+        parameters=_estimates(values, covariance, problem, dict(zip(names, shift, strict=False)), undetermined),
         values=values,
         starts=tuple(parameters[len(FREE) :].tolist()),
         force=force,
-        fit_percent=fit_percent(problem.log["force"], force),
+        fit_percent=fit,
         rms=float(np.sqrt(np.nanmean(error**2))),
         effective_samples=effective_samples(error, block),
         warnings=tuple(warnings),
     )
 
 
+def _bounded(problem: LugreProblem, solution: Solution, names: Sequence[str]) -> list[str]:
+    """Parameters at a bound beyond which the cost decreases."""
+    low, high = problem.low[problem.free], problem.high[problem.free]
+    gradient = solution.at.R.T @ solution.at.q
+    at_bound = ((solution.x <= low) & (gradient > 0)) | ((solution.x >= high) & (gradient < 0))
+    return [name for i, name in enumerate(names) if at_bound[i]]
+
+
 def _estimates(
-    names: Sequence[str], values: Mapping[str, float], covariance: Covariance, problem: LugreProblem
+    values: Mapping[str, float],
+    covariance: Covariance,
+    problem: LugreProblem,
+    shifts: Mapping[str, float],
+    undetermined: Set[str],
 ) -> dict[str, Estimate]:
+    """Estimates by name; the `shifts` by the noise of the position, scaled as the parameters, widen the intervals."""
     quantile, estimates = covariance.quantile(), {}
-    for i, name in enumerate(names):
-        at = FREE.index(name)
-        std = float(np.sqrt(covariance.matrix[i, i])) * float(problem.unit[at])
+    for i, (name, shift) in enumerate(shifts.items()):
+        spread = np.hypot(np.sqrt(covariance.matrix[i, i]), shift) * problem.unit[FREE.index(name)]
+        std = np.inf if name in undetermined else float(spread)
         low, high = values[name] - quantile * std, values[name] + quantile * std
         if np.isfinite(std):
             low = max(low, 0.0 if name in NAMES else low)
         estimates[name] = Estimate(values[name], UNITS_OF[name], std, low, high)
     return estimates
-
-
-def _at_bounds(names: Sequence[str], at_bound: NDArray[np.bool_], values: Mapping[str, float]) -> list[str]:
-    return [
-        f"{name} lies at a bound of the search, {values[name]:.3g} {UNITS_OF[name]}, and the cost decreases beyond it: "
-        "this recording does not determine it, and the intervals of the others treat it as fixed there."
-        for i, name in enumerate(names)
-        if at_bound[i]
-    ]

@@ -13,12 +13,20 @@ from clutchid.log import FloatArray, Log
 from clutchid.numerics.least_squares import Linearisation, compress
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import Segment, free_run, segments
+from clutchid.signals.velocity import velocity
 
 #: Parameters that a fit estimates or keeps fixed: the friction, and the zero of the load cell.
 FREE = (*NAMES, "force_zero")
 
-#: Bounds of F_C as multiples of half the range of the force, and of F_C / K_z as fractions of the reach.
-_FORCES, _DISTANCES = (0.25, 4.0), (0.0025, 10.0)
+#: Bounds of F_C as multiples of half the range of the force.
+_FORCES = (0.25, 4.0)
+
+#: Bounds of F_C / K_z: from a tenth of the resolution of the position, but at least a millionth of the reach, to ten
+#: reaches. Below a tenth the bristle has slid within a sample, so that the force says nothing more about its stiffness.
+_FINEST, _LEAST_OF_REACH, _MOST_OF_REACH = 0.1, 1e-6, 10.0
+
+#: Fractions of the reach from which the search for F_C / K_z starts.
+_STARTS = (1e-4, 1e-3, 4e-3, 0.01, 0.1)
 
 #: The sign of the force is wrong if its correlation with the velocity is below minus this; a spring alone has 0.
 _AGAINST = 0.1
@@ -32,9 +40,13 @@ _FEWEST = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LugreProblem:
-    """Segments of a recording, and parameters scaled by `unit`: those of `FREE`, then one initial deflection each."""
+    """Segments of a recording, and parameters scaled by `unit`: those of `FREE`, then one initial deflection each.
+
+    `inertial` is the part of the force in N that accelerates the mass; NaN outside the segments.
+    """
 
     log: Log
+    inertial: FloatArray
     parts: Sequence[Segment]
     unit: FloatArray
     low: FloatArray
@@ -49,9 +61,31 @@ class LugreProblem:
         return values * self.unit
 
 
-def lugre_problem(log: Log, fixed: Mapping[str, float], window: float) -> LugreProblem:
-    """Problem with scales and bounds from the ranges of position and force."""
-    position, force = log["position"], log["force"]
+def resolution(position: FloatArray) -> tuple[float, float]:
+    """Usual step between the values of a position in m, and the standard deviation of its noise, with quantisation.
+
+    Examples
+    --------
+    >>> y = 0.04 * np.sin(np.linspace(0.0, 6.0, 5000))
+    >>> step, noise = resolution(np.round(y, 4))
+    >>> f"{step * 1e3:.1f} mm, {noise * 1e3:.2f} mm"
+    '0.1 mm, 0.03 mm'
+    """
+    known = position[np.isfinite(position)]
+    values = np.unique(known)
+    step = float(np.median(np.diff(values))) if values.size > 1 else 0.0
+    quantised = step if 2 * values.size < known.size else 0.0
+    third = np.abs(np.diff(known, 3))
+    noise = 1.4826 * float(np.median(third)) / np.sqrt(20.0) if third.size else 0.0  # 1 + 9 + 9 + 1
+    return step, max(noise, quantised / np.sqrt(12.0))
+
+
+def lugre_problem(log: Log, fixed: Mapping[str, float], window: float, inertia: float = 0.0) -> LugreProblem:
+    """Problem with scales and bounds from the ranges and the resolution of position and force."""
+    position = log["position"]
+    parts = segments(log, window)
+    inertial = inertial_force(log, parts, window, inertia)
+    force = log["force"] - (inertial if inertia else 0.0)
     reach = float(np.nanmax(position) - np.nanmin(position))
     ends = np.nanquantile(force, [0.02, 0.98])
     strength = float(ends[1] - ends[0]) / 2
@@ -60,8 +94,7 @@ def lugre_problem(log: Log, fixed: Mapping[str, float], window: float) -> LugreP
         raise DataError(
             f"{log.name}: the {what} does not change; friction can be estimated only if the rig moves back and forth."
         )
-    stiffest = fixed.get("K_z", strength / (_DISTANCES[0] * reach))
-    parts = segments(log, window, fixed.get("F_C", _FORCES[0] * strength) / stiffest)
+    shortest = max(_FINEST * max(resolution(position)), _LEAST_OF_REACH * reach)
     v = np.concatenate([segment.velocity for segment in parts]) if parts else np.zeros(0)
     f = np.concatenate([force[segment.start : segment.stop] for segment in parts]) if parts else np.zeros(0)
     both = np.isfinite(v) & np.isfinite(f)
@@ -73,13 +106,22 @@ def lugre_problem(log: Log, fixed: Mapping[str, float], window: float) -> LugreP
         raise DataError(f"{log.name}: the position does not change where the force is known.")
     n = len(parts)
     unit = np.array([strength, 10 * strength / reach, *[strength / speed] * 2, strength, *[reach] * n])
-    low = np.array([_FORCES[0] * strength, strength / (_DISTANCES[1] * reach), 0.0, 0.0, -np.inf, *[-np.inf] * n])
-    high = np.array([_FORCES[1] * strength, stiffest, *[np.inf] * (3 + n)])
+    low = np.array([_FORCES[0] * strength, strength / (_MOST_OF_REACH * reach), 0.0, 0.0, -np.inf, *[-np.inf] * n])
+    high = np.array([_FORCES[1] * strength, strength / shortest, *[np.inf] * (3 + n)])
     base = np.array([0.9 * strength, np.nan, 0.1 * strength / speed, 0.0, float(ends.mean()), *[0.0] * n])
     for i, name in enumerate(FREE):
         base[i] = fixed.get(name, base[i])
     free = np.array([*(name not in fixed for name in FREE), *[True] * n])
-    return LugreProblem(log, parts, unit, low / unit, high / unit, free, base / unit)
+    return LugreProblem(log, inertial, parts, unit, low / unit, high / unit, free, base / unit)
+
+
+def inertial_force(log: Log, parts: Sequence[Segment], window: float, inertia: float) -> FloatArray:
+    """Mass times acceleration; the acceleration is the difference of mean velocities, as the velocity of positions."""
+    force = np.full(len(log), np.nan)
+    for part in parts:
+        ends = slice(part.start, part.stop)
+        force[ends] = inertia * velocity(log.time[ends], part.velocity, window)
+    return force
 
 
 def _check_sign(log: Log, v: FloatArray, f: FloatArray) -> None:
@@ -101,11 +143,13 @@ def starts(problem: LugreProblem) -> list[FloatArray]:
     if not problem.free[K]:
         return [problem.base[problem.free]]
     points = []
-    for part_of_reach in (0.004, 0.01, 0.1):
+    for part_of_reach in _STARTS:
         base = problem.base.copy()
         base[K] = base[0] * problem.unit[0] / (part_of_reach * problem.unit[-1]) / problem.unit[K]
-        points.append(np.clip(base, problem.low, problem.high)[problem.free])
-    return points
+        limited = base.copy()
+        limited[K] = np.clip(base[K], problem.low[K], problem.high[K])
+        points.append(limited[problem.free])
+    return [point for i, point in enumerate(points) if not any(np.array_equal(point, other) for other in points[:i])]
 
 
 def residuals(problem: LugreProblem, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
@@ -114,7 +158,8 @@ def residuals(problem: LugreProblem, x: FloatArray) -> list[tuple[FloatArray, Fl
     answers = []
     for i, segment in enumerate(problem.parts):
         force, slopes = free_run(segment, values[: len(NAMES)].tolist(), float(values[shared + i]))
-        r = force + values[shared - 1] - problem.log["force"][segment.start : segment.stop]
+        ends = slice(segment.start, segment.stop)
+        r = force + values[shared - 1] + problem.inertial[ends] - problem.log["force"][ends]
         J = np.zeros((len(segment), problem.unit.size))
         J[:, [*range(len(NAMES)), shared + i]] = slopes
         J[:, shared - 1] = 1.0
