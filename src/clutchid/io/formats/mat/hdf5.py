@@ -42,9 +42,13 @@ if TYPE_CHECKING:
 #: An object of the time before MATLAB 7.6, which is a struct.
 _OLD_OBJECT = "2"
 
+#: Bytes of one chunk of a dataset, which is inflated anew for every block that is read.
+_LARGEST_CHUNK = 1 << 28
+
 _FORMAT = "MATLAB 7.3 (HDF5)"
 _EMPTY = Numbers((0, 0))
 _ELSEWHERE = Left("arrays whose numbers are not in the file")
+_ONE_PIECE = Left(f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB")
 
 
 @dataclass(slots=True)
@@ -201,6 +205,8 @@ def _dataset(walk: _Walk, data: h5py.Dataset, class_name: str) -> Node:
     h5 = _h5py()
     if data.is_virtual or data.external or not _is_there(walk, data):
         return _ELSEWHERE
+    if math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
+        return _ONE_PIECE
     if data.dtype == h5.ref_dtype:
         return Items(tuple(_pointed(walk, found) for found in _all_of(walk, data)), cell=True)
     if class_name == "char":

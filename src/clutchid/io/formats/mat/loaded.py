@@ -44,7 +44,8 @@ def contents(path: Path) -> Struct:
         _check_size(name, size, path.stat().st_size)
     large = sum(sizes.values()) > KEPT
     later = {name for name, size in sizes.items() if large and size > _LATER}
-    found = {name: node(value) for name, value in _load(path, [*(sizes.keys() - later)] or None).items()}
+    now = [name for name in sizes if name not in later] if sizes else None
+    found = {name: node(value) for name, value in _load(path, now).items()}
     found |= {name: _without_samples(name, node(_load(path, [name])[name])) for name in later}
     return Struct({name: found[name] for name in dict.fromkeys((*sizes, *found)) if name in found})
 
@@ -93,6 +94,8 @@ def _sizes(path: Path) -> dict[str, int]:
 
 def _load(path: Path, names: list[str] | None) -> dict[str, Any]:
     """These variables (None: all) of the file; empty text is what SciPy cannot read, letters of four bytes."""
+    if names == []:
+        return {}
     try:
         return _loaded(path, names)
     except BrokenMat as error:

@@ -63,7 +63,7 @@ def promised_bytes(path: Path) -> int | None:
         reader = with_polars(path)
     except (UnreadParquet, OSError):
         return None
-    return 8 * reader.size * sum(kind.is_numeric() for kind in reader.kinds.values())
+    return 8 * reader.size * sum(kind.is_numeric() or kind.is_temporal() for kind in reader.kinds.values())
 
 
 def open_file(path: Path) -> Source:
