@@ -154,7 +154,8 @@ def _candidates(source: Source, name: str, ranges: Ranges) -> Iterator[_Candidat
             score = _STANDARD if heading.name == name else name_score(name, heading.text)
             if score <= 0.0 or not (heading.unit is None or _fits(name, heading.unit)):
                 continue
-            seen = ranges(index, heading)
+            seen = ranges(index, heading, further=score < _STANDARD)
+            seen = seen._replace(constant=seen.constant and score < _STANDARD)
             unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
             yield _Candidate(raster, heading, score + (0.5 if unit else 0.0), seen, *_unit(name, unit, seen))
 
@@ -173,7 +174,7 @@ def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
 
 def _ranked(name: str, found: Sequence[_Candidate]) -> list[_Candidate]:
     """Candidates by falling score, without constant ones; a duty cycle of 0 remains if it is the only candidate."""
-    chosen = [candidate for candidate in found if not candidate.seen.constant or candidate.score >= _STANDARD]
+    chosen = [candidate for candidate in found if not candidate.seen.constant]
     if not chosen and name in INPUTS and len(found) == 1 and found[0].seen.high == 0.0:
         chosen = list(found)
     return sorted(chosen, key=lambda candidate: -candidate.score)

@@ -38,16 +38,16 @@ class Ranges:
         self._source = source
         self._known: dict[tuple[int, int], Range] = {}
 
-    def __call__(self, raster: int, heading: Heading) -> Range:
-        """Range of one channel of the time grid with the index `raster`."""
+    def __call__(self, raster: int, heading: Heading, *, further: bool = True) -> Range:
+        """Range of one channel of the time grid with the index `raster`; `further`: see whether it stays constant."""
         key = (raster, heading.index)
         if key not in self._known:
-            self._known[key] = self._read(raster, heading.index)
+            self._known[key] = self._read(raster, heading.index, _BLOCKS if further else 1)
         return self._known[key]
 
-    def _read(self, raster: int, index: int) -> Range:
+    def _read(self, raster: int, index: int, blocks: int) -> Range:
         found = Range(math.nan, math.nan, math.inf, constant=False)
-        for table in islice(self._source.tables(raster, [index], _SAMPLED), _BLOCKS):
+        for table in islice(self._source.tables(raster, [index], _SAMPLED), blocks):
             values = table.numbers.get(index, np.empty(0))
             finite = values[np.isfinite(values)]
             if finite.size:
