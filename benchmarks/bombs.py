@@ -64,8 +64,9 @@ def _variable(name: bytes, samples: int) -> bytes:
     head += struct.pack("<II", 1, len(name)) + name + bytes(-len(name) % 8) + struct.pack("<II", 9, 8 * samples)
     packing, zeros = zlib.compressobj(9), bytes(8 << 20)
     parts = [packing.compress(struct.pack("<II", 14, len(head) + 8 * samples) + head)]
-    for start in range(0, 8 * samples, len(zeros)):
-        parts.append(packing.compress(zeros[: min(len(zeros), 8 * samples - start)]))
+    whole, rest = divmod(8 * samples, len(zeros))
+    parts += [packing.compress(zeros) for _ in range(whole)]
+    parts.append(packing.compress(zeros[:rest]))
     return b"".join([*parts, packing.flush()])
 
 
