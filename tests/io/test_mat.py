@@ -386,17 +386,13 @@ def test_a_variable_that_is_too_large_is_refused_before_it_is_loaded(opened, mon
 
 
 @pytest.mark.parametrize("options", [{}, {"do_compression": True}])
-def test_variables_of_a_large_file_are_loaded_when_they_are_read(opened, monkeypatch, options):
+def test_variables_of_a_large_file_are_not_kept_in_memory(opened, monkeypatch, options):
     variables = {"t": T, "y": Y, "z": Y + 1j, "name": "run 7", "rec": {"t": T, "p": -Y}}
     kept = opened(variables, **options)
     monkeypatch.setattr(mat_loaded, "KEPT", 8 * N)
-    monkeypatch.setattr(mat_loaded, "_LATER", 8 * N - 1)
+    monkeypatch.setattr(mat_loaded, "_LARGE", 8 * N - 1)
     large = opened(variables, **options)
     assert called(large) == called(kept) == [["rec.t", "rec.p"], ["t", "y"]]
     assert large.warnings == kept.warnings
     np.testing.assert_array_equal(values(large, "y"), Y)
-    loaded = []
-    plain = mat_loaded._load
-    monkeypatch.setattr(mat_loaded, "_load", lambda path, names: loaded.append(names) or plain(path, names))
     assert sum(table.size for table in large.tables(1, [1], 7)) == N
-    assert loaded == [["y"]]

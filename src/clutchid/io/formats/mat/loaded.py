@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import mmap
+import tempfile
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.io.columns import shortened
 from clutchid.io.formats.mat.arrays import node, samples
@@ -19,18 +23,34 @@ from clutchid.log import FloatArray
 
 #: Bytes of a variable, and of a file, up to which they are loaded, and bytes of a file that are kept in memory.
 LARGEST = 1 << 30
-KEPT = 1 << 29
+KEPT = 1 << 28
 
-#: Bytes of a variable that is left in a large file until it is needed.
-_LATER = 1 << 20
+#: Bytes of a variable of a large file that is kept on the disk.
+_LARGE = 1 << 20
 
 _ARRAYS = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
 _NAMELESS = "None"
 _OWN = ("__header__", "__version__", "__globals__", "__function_workspace__")
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _OnDisk:
+    """The array of a variable in a temporary file, column by column."""
+
+    pages: mmap.mmap
+    dtype: np.dtype[Any]
+
+    def samples(self, numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
+        """See `samples`; the file leaves the memory again."""
+        array: NDArray[Any] = np.ndarray(numbers.shape, self.dtype, self.pages, order="F")
+        found = samples(array, numbers, channel, start, stop)
+        if hasattr(mmap, "MADV_DONTNEED"):
+            self.pages.madvise(mmap.MADV_DONTNEED)
+        return found
+
+
 def contents(path: Path) -> Struct:
-    """The variables of the file, by name; those of a large file are loaded one by one and not kept.
+    """The variables of the file, by name; those of a large file are loaded one by one and kept on the disk.
 
     Raises
     ------
@@ -43,25 +63,21 @@ def contents(path: Path) -> Struct:
     for name, size in sizes.items():
         _check_size(name, size, path.stat().st_size)
     large = sum(sizes.values()) > KEPT
-    later = {name for name, size in sizes.items() if large and size > _LATER}
+    later = {name for name, size in sizes.items() if large and size > _LARGE}
     now = [name for name in sizes if name not in later] if sizes else None
     found = {name: node(value) for name, value in _load(path, now).items()}
-    found |= {name: _without_samples(name, node(_load(path, [name])[name])) for name in later}
+    found |= {name: _on_disk(node(_load(path, [name])[name])) for name in later}
     return Struct({name: found[name] for name in dict.fromkeys((*sizes, *found)) if name in found})
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[ReadSamples]:
-    """Function that reads samples of loaded arrays, or of variables in the file that it loads once."""
-    arrays: dict[str, Any] = {}
+def opened(_path: Path) -> Iterator[ReadSamples]:
+    """Function that reads samples of the loaded arrays."""
 
     def read(numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
-        name = numbers.place
-        if not isinstance(name, str):
-            return samples(np.asarray(name), numbers, channel, start, stop)
-        if name not in arrays:
-            arrays.update(_load(path, [name]))
-        return samples(arrays[name], numbers, channel, start, stop)
+        if isinstance(numbers.place, _OnDisk):
+            return numbers.place.samples(numbers, channel, start, stop)
+        return samples(np.asarray(numbers.place), numbers, channel, start, stop)
 
     yield read
 
@@ -74,9 +90,14 @@ def _check_size(name: str, size: int, stored: int) -> None:
         raise BrokenMat(f"has {size / 1e9:.1f} GB in '{named}'; save it with '-v7.3', which is read piece by piece.")
 
 
-def _without_samples(name: str, whole: Node) -> Node:
-    """The node without its array, which `read` loads again."""
-    return Numbers(whole.shape, name) if isinstance(whole, Numbers) else whole
+def _on_disk(whole: Node) -> Node:
+    """The node with its array in a temporary file, of which only what is read comes into memory."""
+    if not isinstance(whole, Numbers):
+        return whole
+    array = np.asarray(whole.place)
+    with tempfile.TemporaryFile() as file:
+        array.T.tofile(file)
+        return Numbers(whole.shape, _OnDisk(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), array.dtype))
 
 
 def _sizes(path: Path) -> dict[str, int]:
