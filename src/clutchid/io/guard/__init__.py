@@ -3,5 +3,5 @@
 A library may end its process on a damaged file, never return, or unpack a small file to gigabytes. All that then ends
 is the reader process, and the user gets one sentence. `remote.guarded_source` is what the rest of `io` calls; `process`
 starts and watches the reader, `worker` is what runs in it, and `messages` is what the two say to each other: JSON, and
-columns as Arrow, so that nothing that comes from a file is ever executed.
+arrays of numbers, so that nothing that comes from a file is ever executed.
 """

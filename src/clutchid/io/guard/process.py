@@ -22,12 +22,15 @@ from typing import IO
 
 from clutchid.errors import DataError, MissingExtra
 from clutchid.io.guard.limits import memory, seconds, too_large, too_long
-from clutchid.io.guard.messages import Message, receive, send
+from clutchid.io.guard.messages import Arrays, Message, receive, send
 
-Answer = tuple[Message, bytes]
+Answer = tuple[Message, Arrays]
 
 #: Interval in s at which memory and time are looked at while an answer is awaited.
 _GLANCE = 0.05
+
+#: Bytes that wait in the pipe at most, where the system lets one choose.
+_PIPE = 1 << 20
 
 _START = "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from clutchid.io.guard.worker import main; main()"
 _SPOILED = "it is damaged, or of a kind that its library cannot read; copy it again or convert it to Parquet or CSV."
@@ -44,6 +47,7 @@ class ReaderProcess:
             [sys.executable, "-P", "-c", _START, json.dumps(sys.path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            pipesize=_PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), self._folder), "OPENBLAS_NUM_THREADS": "1"},
             start_new_session=True,  # Ctrl-C is for clutchid, which ends the reader itself
@@ -78,10 +82,10 @@ class ReaderProcess:
             if self._ended:
                 raise DataError(f"{path}: the reader process has ended since it was opened; open the file again.")
             forget = [self.forgotten.popleft() for _ in range(len(self.forgotten))]
-            message, columns = self._exchanged({**question, "forget": forget}, path)
+            message, arrays = self._exchanged({**question, "forget": forget}, path)
         if "failed" in message:
             raise _error(message, path)
-        return message, columns
+        return message, arrays
 
     def end(self) -> None:
         """End the process, and remove what it left on the disk."""

@@ -14,11 +14,11 @@ from clutchid.errors import ClutchidError, DataError, MissingExtra
 from clutchid.io.columns import shortened
 from clutchid.io.formats.opening import opened_here
 from clutchid.io.guard.limits import memory
-from clutchid.io.guard.messages import Message, described, packed, receive, send
+from clutchid.io.guard.messages import Arrays, Message, described, packed, receive, send
 from clutchid.io.source import Source
 from clutchid.io.table import Table
 
-Answer = tuple[Message, bytes]
+Answer = tuple[Message, Arrays]
 
 
 def main() -> None:
@@ -48,9 +48,9 @@ def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
         except EOFError:
             return
         _end_within(2 * question["limit"])
-        message, columns = _answer(work, question)
+        message, arrays = _answer(work, question)
         try:
-            send(answers, message, columns)
+            send(answers, message, arrays)
         except BrokenPipeError:
             return
         work.read_ahead()
@@ -80,7 +80,7 @@ def _answer(work: _Work, question: Message) -> Answer:
 
 
 def _failure(kind: str, text: str) -> Answer:
-    return {"failed": kind, "text": text, "traceback": traceback.format_exc()}, b""
+    return {"failed": kind, "text": text, "traceback": traceback.format_exc()}, {}
 
 
 class _Work:
@@ -118,17 +118,17 @@ class _Work:
         source = opened_here(Path(question["path"]), [Path(name) for name in question["dbc"]])
         number = self._number()
         self._opened[number] = source
-        return {"source": number, **described(source)}, b""
+        return {"source": number, **described(source)}, {}
 
     def _tables(self, question: Message) -> Answer:
         number, source = self._number(), self._opened[question["source"]]
         self._streams[number] = _Stream(source.tables(question["raster"], question["columns"], question["rows"]))
-        return {"stream": number}, b""
+        return {"stream": number}, {}
 
     def _next(self, question: Message) -> Answer:
         self._last = self._streams[question["stream"]]
         table = self._last.next()
-        return ({"end": True}, b"") if table is None else packed(table)
+        return ({"end": True}, {}) if table is None else packed(table)
 
 
 class _Stream:
