@@ -114,7 +114,7 @@ def test_a_map_without_a_channel_is_none(save, text):
 
 
 def test_no_toml_and_no_file(save, tmp_path):
-    with pytest.raises(ParameterError, match="is not a TOML file"):
+    with pytest.raises(ParameterError, match="is no TOML file"):
         read_map(save("[position", "MAP.toml"))
     with pytest.raises(DataError, match="there is no such file"):
         read_map(tmp_path / "NO.toml")

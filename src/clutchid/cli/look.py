@@ -31,7 +31,7 @@ def look(
     Parameters
     ----------
     file
-        Recording: CSV, Parquet, MDF, MATLAB, or a CAN log (BLF, ASC, MF4).
+        Recording: CSV, Parquet, MDF, MATLAB, or a CAN log (BLF, ASC, TRC, MF4); each also as .gz.
     save
         Write the proposed channel map (TOML), to be corrected by hand and given to `fit` and `simulate` with --map.
     map_

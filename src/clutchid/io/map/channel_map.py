@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from os import PathLike
@@ -12,7 +11,8 @@ from typing import Any
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.io.columns import QUANTITIES, unit_spelled
-from clutchid.io.files import atomic_write, plain_file
+from clutchid.io.files import atomic_write
+from clutchid.io.toml_file import read_toml
 from clutchid.names import unknown_name
 from clutchid.units import UNITS, known_units
 
@@ -69,20 +69,14 @@ def read_map(path: str | PathLike[str]) -> ChannelMap:
     ParameterError
         If it is not a channel map; the text lists all problems.
     """
-    file = plain_file(path, "channel map")
-    try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParameterError(
-            f"{path}: is not a TOML file ({error}); `clutchid look FILE --save` writes a map."
-        ) from None
+    content = read_toml(path, "channel map")
     problems: list[str] = []
     channels = {
         name: entry
         for name, values in content.items()
         if name not in _TOP and (entry := _channel(name, values, problems)) is not None
     }
-    dbc = _dbc(content.get("dbc", []), file.parent, problems)
+    dbc = _dbc(content.get("dbc", []), Path(path).parent, problems)
     raster, rate = (_positive(content, key, what, problems) for key, what in _ABOVE_ZERO.items())
     if not problems and not channels:
         problems.append("contains no channel; write for example [position] with channel = 'NAME'.")
