@@ -82,13 +82,12 @@ def open_file(path: Path) -> Source:
         If the file cannot be read; what is wrong inside it is in `Source.problems` and `Table.problems`.
     """
     try:
-        if wrong := damage(path, ()):
-            return _refused(path, _damaged(wrong))
-        return _source(_opened(path))
+        try:
+            return _source(_opened(path))
+        except UnreadParquet as error:
+            return _refused(path, _damaged(damage(path, ()) or str(error)))
     except EncryptedParquet:
         return _refused(path, _ENCRYPTED)
-    except UnreadParquet as error:
-        return _refused(path, _damaged(str(error)))
 
 
 def _refused(path: Path, problem: str) -> Source:
