@@ -74,11 +74,21 @@ def read_recordings(
     return logs
 
 
-def inspected(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
-    """Recordings with the findings of the checks before a fit among their warnings."""
+def inspected(logs: Sequence[Log], actuator: Actuator, *, force: bool = False) -> list[Log]:
+    """Recordings with the findings of the checks before a fit among their warnings.
+
+    Raises
+    ------
+    DataError
+        If a check is bad, unless with `force`; the text has the sentences of `clutchid look`.
+    """
     from clutchid.inspection import inspect
 
-    return [replace(log, warnings=(*log.warnings, *inspect(log, actuator).warnings)) for log in logs]
+    found = [inspect(log, actuator) for log in logs]
+    bad = [str(DataError.of(one.name, list(one.bad))) for one in found if one.bad]
+    if bad and not force:
+        raise DataError("\n".join([*bad, "Correct the recording or its channel map, or go on with --force."]))
+    return [replace(log, warnings=(*log.warnings, *one.warnings)) for log, one in zip(logs, found, strict=True)]
 
 
 def start_file(path: Path, model: Model | None) -> ParameterFile:
@@ -123,8 +133,12 @@ def fit_recordings(
     request: FitRequest,
     verify: Sequence[Log] = (),
     progress: Progress | None = None,
+    *,
+    force: bool = False,
 ) -> Outcome:
     """Inspect recordings, fit them as requested, and collect the evidence for the verdict.
+
+    With `force` a recording that a check finds bad is fitted as well.
 
     Raises
     ------
@@ -134,7 +148,7 @@ def fit_recordings(
     from clutchid.assess.evidence import evidence
     from clutchid.estimate.fit import fit_request
 
-    checked = inspected([*logs, *verify], actuator)
+    checked = inspected([*logs, *verify], actuator, force=force)
     fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
     return Outcome(fit, evidence(fit))
 

@@ -257,7 +257,9 @@ def test_a_simulation_tells_the_warnings_of_the_recording(recording: Path, tmp_p
     assert len(set(answer["warnings"])) == len(answer["warnings"])
     done = call(*arguments)
     assert done.stderr.splitlines() == [f"warning: {warning}" for warning in answer["warnings"]]
-    assert done.stdout.startswith("written: ")
+    said, written = done.stdout.splitlines()
+    assert said.startswith("simulated holed: position ")
+    assert written.startswith("written: ")
 
 
 def test_starts_are_used_for_the_very_recording_that_they_were_estimated_from(recording: Path, tmp_path: Path) -> None:

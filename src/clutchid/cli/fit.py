@@ -57,6 +57,7 @@ def fit(
     ambient: str | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -112,6 +113,8 @@ def fit(
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     dbc
         DBC files that decode bus logs; several may follow each other.
+    force
+        Fit although a check of the recording is bad; the checks are those of `clutchid look`.
     json
         Print one JSON object on standard output.
     debug
@@ -128,7 +131,7 @@ def fit(
         )
 
     files = _Files(logs, tuple(verify or ()), start, save, report)
-    how = ambient, map_, tuple(dbc or ())
+    how = _How(ambient, map_, tuple(dbc or ()), force)
     return guarded(lambda: _work(files, request, model, how, json), as_json=json, debug=debug)
 
 
@@ -143,11 +146,21 @@ class _Files:
     report: Path | None
 
 
+@dataclass(frozen=True, slots=True)
+class _How:
+    """How recordings are read, and whether bad ones are fitted."""
+
+    ambient: str | None
+    channel_map: Path | None
+    dbc: tuple[Path, ...]
+    force: bool
+
+
 def _work(
     files: _Files,
     asked: Callable[[], FitRequest],
     model: str | None,
-    how: tuple[str | None, Path | None, tuple[Path, ...]],
+    how: _How,
     json: bool,
 ) -> int:
     if not files.logs:
@@ -157,23 +170,24 @@ def _work(
         )
     check_outputs({"--save": files.save, "--report": files.report}, _inputs(files))
     actuator, request = workflow.start_of(files.start, model_of(model), asked())
-    ambient, channel_map, dbc = how
-    reading = workflow.Reading(pressure(ambient, actuator.parameters.P_0), channel_map, dbc)
+    reading = workflow.Reading(pressure(how.ambient, actuator.parameters.P_0), how.channel_map, how.dbc)
     read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)
-    outcome = _fitted(read[: len(files.logs)], actuator, request, read[len(files.logs) :])
+    outcome = _fitted(read[: len(files.logs)], actuator, request, read[len(files.logs) :], how.force)
     return _answered(outcome, json, {
         files.save: lambda path: workflow.save(outcome, path),
         files.report: lambda path: workflow.report(outcome, shlex.join(["clutchid", *sys.argv[1:]]), path),
     })  # fmt: skip
 
 
-def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log]) -> Outcome:
+def _fitted(
+    logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log], force: bool
+) -> Outcome:
     with progress_bar("fit") as show:
 
         def shown(stage: str, count: int) -> None:
             show(f"{stage} search, {count} simulations", -1.0)
 
-        return workflow.fit_recordings(logs, actuator, request, verify, shown)
+        return workflow.fit_recordings(logs, actuator, request, verify, shown, force=force)
 
 
 def _answered(outcome: Outcome, json: bool, writers: Mapping[Path | None, Callable[[Path], None]]) -> int:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, model_of, partition_of, pressure, print_json
-from clutchid.workflow import Reading, read_recordings, start_file
+from clutchid.workflow import Reading, inspected, read_recordings, start_file
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.estimate.recording_sections import Starts
     from clutchid.log import Log
-    from clutchid.simulation import Partition
+    from clutchid.simulation import Partition, Simulation
 
 
 def simulate(
@@ -32,6 +33,7 @@ def simulate(
     ambient: str | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -64,6 +66,8 @@ def simulate(
         Channel map (TOML) of the recording, as written by `clutchid look --save`.
     dbc
         DBC files that decode a bus log; several may follow each other.
+    force
+        Simulate although a check of the recording is bad; the checks are those of `clutchid look`.
     json
         Print one JSON object on standard output.
     debug
@@ -77,21 +81,33 @@ def simulate(
         check_outputs({"--out": out}, _inputs(log, parameters, band))
         partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
         air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
-        recording, *others = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
+        read = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
+        recording, *others = inspected(read, content.actuator, force=force)
         starts, notes = _starts(recording, content, partition, parameters)
         done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
         write(_banded(done.log, others, content, partition), out)
-        warnings = list(dict.fromkeys((*recording.warnings, *notes, *done.warnings)))
-        if json:
-            status = "warning" if warnings else "ok"
-            print_json({**EMPTY, "status": status, "message": done.message, "warnings": warnings})
-            return DONE
-        for warning in warnings:
-            print(f"warning: {warning}", file=sys.stderr)
-        print(f"written: {out.resolve()}")
+        _answer(recording, done, (*recording.warnings, *notes, *done.warnings), out, json)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
+
+
+def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path, json: bool) -> None:
+    """Print the errors of the simulation against what was measured, and its warnings."""
+    from clutchid.estimate.result import errors_over
+    from clutchid.report.fit_text import errors_json, errors_text
+
+    errors = errors_over([(recording, done.log)]) if "position" in recording else None
+    told = list(dict.fromkeys(warnings))
+    if json:
+        logs = {} if errors is None else {"errors": errors_json(errors), "logs": {recording.name: errors_json(errors)}}
+        print_json({**EMPTY, "status": "warning" if told else "ok", "message": done.message, "warnings": told, **logs})
+        return
+    for warning in told:
+        print(f"warning: {warning}", file=sys.stderr)
+    if errors is not None:
+        print(f"simulated {recording.name}: {errors_text(errors)}")
+    print(f"written: {out.resolve()}")
 
 
 def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, Path | None]]:

@@ -39,6 +39,11 @@ class Inspection:
         poor = [check for check in self.checks if check.grade in ("suspect", "bad")]
         return tuple(f"{self.name}: {check.sentence}" for check in poor)
 
+    @property
+    def bad(self) -> tuple[str, ...]:
+        """The sentence of each check that is "bad": a fit would be wrong."""
+        return tuple(check.sentence for check in self.checks if check.grade == "bad")
+
     def table(self) -> str:
         """All checks as a text table for a terminal, followed by the sentences of those that are not good.
 

@@ -26,6 +26,12 @@ def pressure_unit(reading: Reading) -> Check:
     p, pressure = reading.actuator.parameters, reading.log["pressure_a"]
     low, high = (float(q) for q in np.nanquantile(pressure, (0.01, 0.99)))
     value = f"{low:.4g} to {high:.4g}"
+    if reading.ends["pressure_a"][0] == reading.ends["pressure_a"][1]:
+        sentence = (
+            f"pressure_a is {low:.4g} Pa in every sample, so its sensor was not connected or the channel is another "
+            "one; leave the column out, or take the right channel."
+        )
+        return Check(CHECK, f"{low:.4g} Pa throughout", "bad", sentence)
     if _plausible(low, high, p.P_0, p.P_S):
         return Check(
             CHECK, f"{value} Pa", "good", f"pressure_a ranges from {value} Pa, plausible for an absolute pressure."

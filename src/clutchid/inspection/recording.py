@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from clutchid.inspection.check import Check, Inspection
 from clutchid.inspection.direction import direction
+from clutchid.inspection.motion import motion
 from clutchid.inspection.position_range import position_range
 from clutchid.inspection.pressure_unit import pressure_unit
 from clutchid.inspection.quantisation import quantisation
@@ -50,6 +51,8 @@ def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
     checks: list[Check] = [sample_rate(reading)]
     for check in (saturation, quantisation, stuck):
         checks += [check(reading, name) for name in reading.measured]
+    if "position" in log:
+        checks.append(motion(reading))
     if "position" in reading.measured:
         checks.append(position_range(reading))
     checks.append(direction(reading))

@@ -15,6 +15,9 @@ CHECK = "sample rate"
 #: Least number of samples per stroke, and in the narrowest knot interval of the load curve.
 PER_STROKE, PER_INTERVAL = 4, 1
 
+#: Interval in s from which milliseconds were probably read as seconds, and below which seconds as something smaller.
+_SLOW, _FASTEST = 0.5, 5e-6
+
 
 def sample_rate(reading: Reading) -> Check:
     """Whether the sample rate suits the stiffness of the model and the knot intervals of its load curve.
@@ -28,8 +31,10 @@ def sample_rate(reading: Reading) -> Check:
     steps = max(1, math.ceil(step * reading.rate / STABLE_STEP * (1 - 1e-9)))
     travel = TOP_SPEED * step
     narrowest = float(np.diff(reading.actuator.load.knots).min())
+    if reason := _implausible(reading, steps, slow=PER_STROKE * travel > p.y_max):
+        return Check(CHECK, f"{1 / step:.4g} Hz", "bad", f"at {1 / step:.4g} Hz {reason}")
     grade: Grade = "good"
-    if steps > MOST_SUBSTEPS or PER_STROKE * travel > p.y_max:
+    if PER_STROKE * travel > p.y_max:
         grade = "bad"
     elif PER_INTERVAL * travel > narrowest:
         grade = "suspect"
@@ -40,11 +45,27 @@ def sample_rate(reading: Reading) -> Check:
         f"per sample), and at {TOP_SPEED:g} m/s the piston travels {travel * 1e3:.3g} mm between two samples"
     )
     needed = TOP_SPEED * PER_INTERVAL / narrowest
+    unit = ", or write the unit of the time as ms if the stamps count milliseconds" if step >= _SLOW else ""
     advice = {
         "good": "",
         "suspect": f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm): valve edges "
         f"are known to one sample only, so a fit smooths and shifts the load; record at {needed:.3g} Hz or more.",
         "bad": f" of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes have too few samples and a fit would be wrong; "
-        f"record at {needed:.3g} Hz or more.",
+        f"record at {needed:.3g} Hz or more{unit}.",
     }
     return Check(CHECK, rate + repeated, grade, f"at {rate}{repeated} {facts}{advice.get(grade) or '.'}")
+
+
+def _implausible(reading: Reading, steps: int, *, slow: bool) -> str:
+    """Why the rate cannot be that of a recording of this actuator, if that is not for its being too `slow`."""
+    if reading.update_interval < _FASTEST:
+        return (
+            "no sensor of a position is that fast: the stamps seem to be in s or ms and are read as smaller; correct "
+            "the unit of the time."
+        )
+    if steps > MOST_SUBSTEPS and not slow:
+        return (
+            f"the model is too stiff ({reading.rate:.3g} 1/s); check the mass, the volumes and the stiffnesses of the "
+            "parameters."
+        )
+    return ""

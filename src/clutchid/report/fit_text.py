@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from clutchid.assess.evidence import Evidence
     from clutchid.estimate import Fit
     from clutchid.estimate.changes import Change
+    from clutchid.estimate.result import Errors
 
 
 def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
@@ -29,9 +30,9 @@ def fit_json(result: Fit, found: Evidence) -> dict[str, Any]:
             "low_N": curve.low.tolist(),
             "high_N": curve.high.tolist(),
         },
-        "errors": _errors_json(result.errors),
-        "logs": {name: _errors_json(recording.errors) for name, recording in result.recordings.items()},
-        "verify": {name: _errors_json(recording.errors) for name, recording in result.verification.items()},
+        "errors": errors_json(result.errors),
+        "logs": {name: errors_json(recording.errors) for name, recording in result.recordings.items()},
+        "verify": {name: errors_json(recording.errors) for name, recording in result.verification.items()},
         "noise_scales": dict(result.scales),
         "warnings": list(result.warnings),
         "method": result.method,
@@ -48,13 +49,27 @@ def _change_json(change: Change) -> dict[str, Any]:
     }
 
 
-def _errors_json(errors: Any) -> dict[str, float | None]:
+def errors_json(errors: Errors) -> dict[str, float | None]:
+    """Errors of a simulation as a JSON object."""
     return {
         "position_rms_m": errors.position_rms,
         "position_sse_m2": errors.position_sse,
         "pressure_a_rms_Pa": errors.pressure_a_rms,
         "pressure_a_sse_Pa2": errors.pressure_a_sse,
     }
+
+
+def errors_text(errors: Errors) -> str:
+    """Errors of a simulation for a terminal.
+
+    Examples
+    --------
+    >>> from clutchid.estimate.result import Errors
+    >>> errors_text(Errors(2.5e-4, 1e-6, None, None)), errors_text(Errors(2.5e-4, 1e-6, 7100.0, 1e9))
+    ('position 0.250 mm rms', 'position 0.250 mm rms, pressure 7.1 kPa rms')
+    """
+    pressure = "" if errors.pressure_a_rms is None else f", pressure {errors.pressure_a_rms / 1e3:.1f} kPa rms"
+    return f"position {errors.position_rms * 1e3:.3f} mm rms{pressure}"
 
 
 def fit_text(result: Fit, found: Evidence) -> str:
@@ -69,10 +84,8 @@ def fit_text(result: Fit, found: Evidence) -> str:
     lines.append(_peak(result))
     for title, recordings in (("fitted", result.recordings), ("verified", result.verification)):
         for name, recording in recordings.items():
-            pressure_error = recording.errors.pressure_a_rms
-            text = "" if pressure_error is None else f", pressure {pressure_error / 1e3:.1f} kPa rms"
             how = ", simulated from its duty cycles" if title == "verified" else ""
-            lines.append(f"{title} {name}: position {recording.errors.position_rms * 1e3:.3f} mm rms{text}{how}")
+            lines.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
     judged = verdict(result, found)
     reasons = "".join(f"; {reason.rstrip('.')}" for reason in judged.reasons)
     return "\n".join([*lines, *notes_of(result), f"trust: {judged.trust}{reasons}"])

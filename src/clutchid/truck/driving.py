@@ -200,10 +200,10 @@ def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple
     problems = []
     if not 0.5 <= seconds <= LONGEST:
         problems.append(f"seconds = {seconds:g}: a drive lasts 0.5 to {LONGEST:g} s.")
+    elif not 0 <= dropouts <= _MOST_DROPOUTS * seconds:
+        problems.append(f"dropouts = {dropouts}: must be at least 0, and at most {_MOST_DROPOUTS} a second.")
     if seed < 0:
         problems.append(f"seed = {seed}: must be an integer of at least 0.")
-    if not 0 <= dropouts <= _MOST_DROPOUTS * seconds:
-        problems.append(f"dropouts = {dropouts}: must be at least 0, and at most {_MOST_DROPOUTS} a second.")
     if recorder not in ("controller", "bus"):
         problems.append(f"recorder = {recorder!r}: must be controller or bus.")
     if stuck is not None and not 0 <= stuck[0] < stuck[1]:
