@@ -84,3 +84,16 @@ def unknown_names(names: Iterable[str], known: Sequence[str], what: str = "param
     messages = [unknown_name(name, known, what) for name in unknown[:_SHOWN]]
     messages[:-1] = [message.partition(" Known are ")[0] for message in messages[:-1]]  # once is enough
     return [*messages, f"and {len(unknown) - _SHOWN:,} more."] if len(unknown) > _SHOWN else messages
+
+
+def printable(text: str) -> str:
+    r"""`text` with a question mark for what cannot be printed, which names in foreign files have.
+
+    These are control characters, bytes that are not UTF-8, and marks that turn the direction of writing.
+
+    Examples
+    --------
+    >>> printable("run\x1b[31m\n7"), printable("\u202egpj.exe")
+    ('run?[31m?7', '?gpj.exe')
+    """
+    return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import INPUTS, Log
+from clutchid.names import printable
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
@@ -176,4 +177,4 @@ def report(outcome: Outcome, command: str, path: Path) -> None:
     """
     from clutchid.report.fit_page import fit_page
 
-    fit_page(outcome.fit, command, path, outcome.evidence)
+    fit_page(outcome.fit, printable(command), path, outcome.evidence)

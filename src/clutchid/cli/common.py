@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
 from clutchid.log import Log
+from clutchid.names import printable
 from clutchid.units import UNITS, known_units
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def complain(message: str, *, as_json: bool, status: str) -> int:
     if as_json:
         print_json({**EMPTY, "status": status, "message": message})
     else:
-        print(f"clutchid: {message}", file=sys.stderr)
+        print(f"clutchid: {chr(10).join(map(printable, message.splitlines()))}", file=sys.stderr)
     return BAD_INPUT if status == "bad_input" else FAILED
 
 
@@ -76,6 +77,13 @@ EMPTY: dict[str, Any] = {
     "logs": {},
     "warnings": [],
 }
+
+
+def print_written(*paths: Path | None) -> None:
+    """Say which files were written."""
+    for path in paths:
+        if path is not None:
+            print(f"written: {printable(str(path.resolve()))}")
 
 
 def print_json(content: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, check_outputs, guarded, pieces_of, pressure, progress_bar
+from clutchid.cli.common import DONE, check_outputs, guarded, pieces_of, pressure, print_written, progress_bar
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
 
@@ -75,7 +75,7 @@ def cut(
             raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
         write(joined(chosen), out)
         print(f"\n{sections_table(chosen)}\n")
-        print("\n".join(f"written: {path.resolve()}" for path in (out, table) if path is not None))
+        print_written(out, table)
         return DONE
 
     return guarded(work, as_json=False, debug=debug)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, guarded, print_json
+from clutchid.cli.common import DONE, EMPTY, guarded, print_json, print_written
 from clutchid.errors import ParameterError
 
 
@@ -79,7 +79,7 @@ def drive(
         if json:
             print_json({**EMPTY, "status": "ok", "message": f"recording of truck {truck}", "written": written})
         else:
-            print("\n".join(f"written: {path}" for path in written))
+            print_written(out, truth)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)

@@ -23,6 +23,7 @@ from clutchid.cli.common import (
     partition_of,
     pressure,
     print_json,
+    print_written,
     priors,
     progress_bar,
 )
@@ -204,15 +205,14 @@ def _answered(outcome: Outcome, json: bool, writers: Mapping[Path | None, Callab
         try:
             if path is not None:
                 write(path)
-                written.append(path.resolve())
+                written.append(path)
         except ExportError as error:
             failures.append(str(error))
     if json:
         lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
         print_json({**EMPTY, **fit_json(result, outcome.evidence), **lost})
     else:
-        for path in written:
-            print(f"written: {path}")
+        print_written(*written)
         for failure in failures:
             print(f"clutchid: the fit is complete, but {failure}", file=sys.stderr)
     return FAILED if failures or result.status == "failed" else DONE

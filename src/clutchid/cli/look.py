@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure
+from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure, print_written
 from clutchid.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def look(
         if save is not None:
             proposed = contents.proposal.channels
             write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
-            print(f"written: {save.resolve()}")
+            print_written(save)
             if not proposed.channels:
                 print("No channel could be identified by its name: the file lists all channels, write the map by hand.")
         return BAD_INPUT if contents.problems else DONE

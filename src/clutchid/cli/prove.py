@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, guarded, progress_bar
+from clutchid.cli.common import DONE, FAILED, guarded, print_written, progress_bar
 from clutchid.errors import ParameterError
 
 
@@ -58,7 +58,7 @@ def prove(
         write_text(to_csv(table), out / "standings.csv")
         write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
         print(to_text(table), table.note, sep="\n\n")
-        print(f"written: {(out / 'recordings.csv').resolve()}")
+        print_written(out / "recordings.csv")
         return FAILED if all(result["failed"] for result in results) else DONE
 
     return guarded(work, as_json=False, debug=debug)

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, model_of, partition_of, pressure, print_json
+from clutchid.cli.common import (
+    DONE,
+    EMPTY,
+    check_outputs,
+    guarded,
+    model_of,
+    partition_of,
+    pressure,
+    print_json,
+    print_written,
+)
 from clutchid.workflow import Reading, inspected, read_recordings, start_file
 
 if TYPE_CHECKING:
@@ -107,7 +117,7 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
         print(f"warning: {warning}", file=sys.stderr)
     if errors is not None:
         print(f"simulated {recording.name}: {errors_text(errors)}")
-    print(f"written: {out.resolve()}")
+    print_written(out)
 
 
 def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, Path | None]]:

@@ -16,6 +16,7 @@ from clutchid.io.formats.opening import open_source
 from clutchid.io.guard.limits import MEMORY_VARIABLE, memory
 from clutchid.io.source import BLOCK, Source, in_contract
 from clutchid.log import Log
+from clutchid.names import printable
 
 if TYPE_CHECKING:
     from clutchid.io.map.channel_map import ChannelMap
@@ -113,7 +114,7 @@ def _logs(
     source = open_source(path, (*(given.dbc if given else ()), *dbc))
     if rows is None:
         _check_size(source)
-    metadata = {"source": source.path.name, "ambient_Pa": repr(float(ambient))}
+    metadata = {"source": printable(source.path.name), "ambient_Pa": repr(float(ambient))}
     if rows is None:
         metadata["sha256"] = digest(source.path)
     if given is None and in_contract(source):

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from clutchid.log import COLUMNS, INPUTS
+from clutchid.names import printable
 from clutchid.units import SPELLINGS, UNITS, known_units
 
 #: Known quantities and their SI units.
@@ -169,7 +170,7 @@ def unit_spelled(text: str | None) -> str | None:
     >>> unit_spelled("bar (g)"), unit_spelled("barg"), unit_spelled("-"), unit_spelled("Prozent"), unit_spelled(" ")
     ('bar(g)', 'bar(g)', '1', '%', None)
     """
-    unit = re.sub(r"\s", "", text or "").replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}")
+    unit = printable(re.sub(r"\s", "", text or "")).replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}")
     return SPELLINGS.get(unit.casefold(), unit) or None
 
 
@@ -205,7 +206,7 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
 
 def shortened(text: str, length: int = 40) -> str:
     """`text` on one line and not longer than `length`, for a message."""
-    line = " ".join(text.split())
+    line = printable(" ".join(text.split()))
     return line if len(line) <= length else line[: length - 1] + "…"
 
 

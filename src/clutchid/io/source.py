@@ -9,6 +9,7 @@ from typing import Protocol
 
 from clutchid.io.columns import REQUIRED, Heading
 from clutchid.io.table import Table
+from clutchid.names import printable
 
 #: Samples per block when a recording is read in pieces.
 BLOCK = 1 << 20
@@ -61,8 +62,8 @@ class Source:
 
     @property
     def name(self) -> str:
-        """Name of the recording: that of the file without its suffix, and without ``.gz``."""
-        return Path(self.path.name.removesuffix(".gz")).stem
+        """Name of the recording: that of the file without its suffix and ``.gz``, printable."""
+        return printable(Path(self.path.name.removesuffix(".gz")).stem)
 
     @property
     def tabular(self) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from clutchid.io.look.time_look import TimeLook
 from clutchid.io.map.proposal import Proposal
 from clutchid.io.table import and_more
+from clutchid.names import printable
 from clutchid.text_table import text_table
 
 #: Longest name in the table; the listing and the map have whole names.
@@ -87,10 +88,12 @@ def _text(look: Look) -> str:
     lines = []
     if len(look.rasters) < 2:
         time = look.rasters[0].time if look.rasters else None
-        lines.append(f"{look.source}: {_samples(samples)}{_time_text(time)}")
+        lines.append(f"{printable(look.source)}: {_samples(samples)}{_time_text(time)}")
     else:
         channels = sum(len(raster.columns) for raster in look.rasters)
-        lines.append(f"{look.source}: {look.format}, {len(look.rasters)} time grids with {channels} channels")
+        lines.append(
+            f"{printable(look.source)}: {look.format}, {len(look.rasters)} time grids with {channels} channels"
+        )
     for raster in look.rasters:
         lines += _raster(raster, len(look.rasters) > 1)
     if look.needs_map and look.proposal.channels.channels:

@@ -17,11 +17,12 @@ from clutchid.errors import DataError, ExportError
 from clutchid.io.columns import shortened
 from clutchid.io.formats.mat import hdf5, loaded
 from clutchid.io.formats.mat.objects import with_objects
-from clutchid.io.formats.mat.rasters import Found, Signal, printable, rasters_of, signals_of
+from clutchid.io.formats.mat.rasters import Found, Signal, rasters_of, signals_of
 from clutchid.io.formats.mat.tree import BrokenMat, ReadSamples, Struct, Text
 from clutchid.io.source import BLOCK, Raster, Source
 from clutchid.io.table import Places, Table, and_more
 from clutchid.log import FloatArray, Log, name_and_unit
+from clutchid.names import printable
 
 #: Bytes of the start of a file that tell its format.
 HEAD = 1024

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from clutchid.io.columns import shortened
 from clutchid.io.formats.mat.arrays import node, samples
-from clutchid.io.formats.mat.rasters import printable
 from clutchid.io.formats.mat.tree import BEST_RATIO, BrokenMat, Node, Numbers, ReadSamples, Struct, sound
 from clutchid.log import FloatArray
+from clutchid.names import printable
 
 #: Bytes of a variable, and of a file, up to which they are loaded, and bytes of a file that are kept in memory.
 LARGEST = 1 << 30

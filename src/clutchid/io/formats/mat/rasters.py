@@ -18,6 +18,7 @@ from clutchid.io.formats.mat.tree import BrokenMat, Items, Left, Node, Numbers, 
 from clutchid.io.formats.mat.units import Naming, means_time, naming
 from clutchid.io.source import Raster
 from clutchid.log import FloatArray
+from clutchid.names import printable
 
 #: Channels of a matrix, and of a file, up to which they are listed.
 MOST_COLUMNS = 256
@@ -101,11 +102,6 @@ def rasters_of(found: Found) -> tuple[Raster, ...]:
             headings.append(channel(index, text, signal.unit and printable(signal.unit), comment))
         rasters.append(Raster(tuple(headings), signals[0].numbers.samples, printable(name), clock))
     return tuple(rasters)
-
-
-def printable(text: str) -> str:
-    """`text` without what cannot be printed, which damaged names have."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 @dataclass(frozen=True, slots=True)
