@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.errors import DataError, ParameterError
+from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.log import INPUTS, Log
 from clutchid.names import printable
 
@@ -154,17 +154,43 @@ def fit_recordings(
     return Outcome(fit, evidence(fit))
 
 
-def save(outcome: Outcome, path: Path) -> None:
-    """Write the result as a parameter file.
+def check_save(path: Path) -> None:
+    """Check, before a long computation, that `save` can write a file with this name.
 
     Raises
     ------
     ExportError
-        If the file cannot be written; an existing file is unchanged.
+        If the suffix is unknown, or MATLAB cannot use the name.
     """
-    from clutchid.estimate.parameter_file import parameter_file, write_parameters
+    from clutchid.estimate.parameter_file import MATLAB_SUFFIXES
+    from clutchid.report.matlab import check_name
 
-    write_parameters(parameter_file(outcome.fit), path)
+    suffix = path.suffix.lower()
+    if suffix in MATLAB_SUFFIXES:
+        check_name(path)
+    elif suffix not in ("", ".toml"):
+        raise ExportError(
+            f"{path}: the suffix '{path.suffix}' is not known; a fit is saved as .toml, for --start and simulate, or "
+            "as .mat or .m, for MATLAB."
+        )
+
+
+def save(outcome: Outcome, path: Path) -> None:
+    """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat`` or ``.m``.
+
+    Raises
+    ------
+    ExportError
+        If the suffix is unknown or the file cannot be written; an existing file is unchanged.
+    """
+    from clutchid.estimate.parameter_file import MATLAB_SUFFIXES, parameter_file, write_parameters
+    from clutchid.report.matlab import write_matlab
+
+    check_save(path)
+    if path.suffix.lower() in MATLAB_SUFFIXES:
+        write_matlab(outcome.fit, path)
+    else:
+        write_parameters(parameter_file(outcome.fit), path)
 
 
 def report(outcome: Outcome, command: str, path: Path) -> None:

@@ -105,7 +105,7 @@ def fit(
     verify
         Recordings to simulate with the result, but not to fit.
     save
-        Write the result as a parameter file (TOML).
+        Write the result: .toml (for --start and simulate), or .mat or .m for MATLAB, Octave and Simulink.
     report
         Write a self-contained HTML page.
     ambient
@@ -170,6 +170,8 @@ def _work(
             "--dbc) take all that follows them: put the recordings first."
         )
     check_outputs({"--save": files.save, "--report": files.report}, _inputs(files))
+    if files.save is not None:
+        workflow.check_save(files.save)
     actuator, request = workflow.start_of(files.start, model_of(model), asked())
     reading = workflow.Reading(pressure(how.ambient, actuator.parameters.P_0), how.channel_map, how.dbc)
     read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,9 @@ from clutchid.model.weighted_load import BASES, MOST_KNOTS, Load
 from clutchid.names import unknown_name, unknown_names
 from clutchid.parameters import Parameters, is_number
 from clutchid.uncertainty.calibration import Calibration
+
+#: Suffixes of files for MATLAB, which `clutchid.report.matlab` writes and nothing reads.
+MATLAB_SUFFIXES = (".mat", ".m")
 
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
 _LOAD_KEYS = ("load_basis", "knots", "phi2_slope")
@@ -154,9 +158,14 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     DataError
         If there is no readable plain file.
     ParameterError
-        If it is no TOML, was saved with another `model`, or any entry is unknown or inadmissible; the text lists all
-        problems.
+        If it is for MATLAB, no TOML, was saved with another `model`, or any entry is unknown or inadmissible; the text
+        lists all problems.
     """
+    if Path(path).suffix.lower() in MATLAB_SUFFIXES:
+        raise ParameterError(
+            f"{path}: is for MATLAB, and clutchid does not read it back; save the fit as .toml too (fit LOG --save "
+            "FIT.toml), and name that file."
+        )
     document = read_toml(path, "parameter file")
     problems = unknown_names(document, _SECTIONS, "section")
     problems += [

@@ -38,11 +38,12 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
     rows: list[tuple[Cell, ...]] = []
     for name in fit.parameters if names is None else names:
         e = fit.parameters[name]
-        rows.append((name, e.unit, e.value, e.std, e.low, e.high, _meaning(fit, name)))
+        rows.append((name, e.unit, e.value, e.std, e.low, e.high, meaning(fit, name)))
     return Table(title, columns, tuple(rows))
 
 
-def _meaning(fit: Fit, name: str) -> str:
+def meaning(fit: Fit, name: str) -> str:
+    """What a parameter, NAME or NAME@STEM, is."""
     base, _, stem = name.partition("@")
     meaning = fit.actuator.row(base).meaning if base in fit.actuator.parameter_names else "weight of the load"
     return f"{meaning}, in {stem}" if stem else meaning
