@@ -37,8 +37,8 @@ _KEYWORDS = frozenset((
 _USED = frozenset((_VARIABLE, "load_force", "struct", "interp1", "true", "false", "Inf", "NaN"))
 
 _SECTIONS = {
-    "load": "Load on the piston over its position, with a pointwise 95 % interval, and the basis that it was fitted on",
-    "parameters": "Value in SI, standard error and 95 % interval (NaN: fixed, or estimated by recording), unit, meaning",
+    "load": "Load on the piston over its position with a pointwise 95 % interval, and the basis that it was fitted on",
+    "parameters": "Value in SI, standard error and 95 % interval (NaN: fixed, or fitted by recording), unit, meaning",
     "model": "Variant of the model",
     "actuator": "Chambers and valves",
     "recordings": "Fitted recordings: SHA-256 of the file, initial states of its segments, parameters of its own",
