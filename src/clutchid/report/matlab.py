@@ -26,7 +26,7 @@ _VARIABLE = "clutchid"
 _SUPERSCRIPT = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
 
-# of MATLAB R2024b (`iskeyword`), and those that Octave has besides
+# of MATLAB (`iskeyword`), and those that Octave has besides
 _KEYWORDS = frozenset((
     "break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for", "function", "global", "if",
     "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while", "do", "until", "endfor",
