@@ -30,8 +30,8 @@ from foreign_peers import Channels, bus_database, peer_channels
 
 from clutchid.errors import ClutchidError
 from clutchid.io.formats.kinds import ENOUGH, kind_of, refusal
-from clutchid.io.formats.opening import open_source
 from clutchid.io.look.look import look
+from clutchid.io.opening import open_source
 from clutchid.io.source import Source
 from clutchid.io.table import Table
 

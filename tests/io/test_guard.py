@@ -17,10 +17,11 @@ from scipy.io import savemat
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.io import read, read_pieces
-from clutchid.io.formats.opening import open_source, opened_here
+from clutchid.io.formats.opening import opened_here
 from clutchid.io.guard import process as guard
 from clutchid.io.guard.messages import send
 from clutchid.io.look.look import look
+from clutchid.io.opening import open_source
 
 TEXT = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n" + "".join(
     f"{i / 1000},{i}e-06,{i % 2},0\n" for i in range(3000)

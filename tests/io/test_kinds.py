@@ -11,8 +11,8 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.io.formats.kinds import ENOUGH, kind_of, refusal
-from clutchid.io.formats.opening import open_source
 from clutchid.io.look.look import look
+from clutchid.io.opening import open_source
 
 DBC = 'VERSION "1.0"\n\nNS_ :\n\nBU_: ECU\nBO_ 256 Clutch: 8 ECU\n SG_ Pos : 0|16@1+ (0.01,0) [0|100] "mm" ECU\n'
 FOREIGN = {

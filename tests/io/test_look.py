@@ -7,9 +7,9 @@ import polars as pl
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.io.formats.opening import open_source
 from clutchid.io.look.look import look
 from clutchid.io.map.channel_map import Channel, ChannelMap
+from clutchid.io.opening import open_source
 
 
 def test_columns_are_shown_as_written_and_in_si(recording, save):

@@ -12,8 +12,8 @@ from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check, check_ambient
 from clutchid.io.columns import QUANTITIES, REQUIRED
 from clutchid.io.files import atomic_write, digest
-from clutchid.io.formats.opening import open_source
 from clutchid.io.guard.limits import MEMORY_VARIABLE, memory
+from clutchid.io.opening import open_source
 from clutchid.io.source import BLOCK, Source, in_contract
 from clutchid.log import Log
 from clutchid.names import printable

@@ -1,8 +1,4 @@
-"""Open a recording: the format is detected from the content, and its reader is loaded on demand.
-
-Text, and Parquet of moderate size, is read in this process; everything else in the guarded reader process (`io.guard`),
-which calls `opened_here`.
-"""
+"""Open a file of any known format in this process: its reader is loaded on demand, a packed file unpacked first."""
 
 from __future__ import annotations
 
@@ -13,11 +9,9 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from os import PathLike
 from pathlib import Path
 
 from clutchid.errors import ClutchidError, DataError
-from clutchid.io.files import plain_file
 from clutchid.io.formats.kinds import ENOUGH, kind_of, refusal
 from clutchid.io.source import Source, Tables
 from clutchid.io.table import Table
@@ -25,33 +19,6 @@ from clutchid.io.table import Table
 #: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
 _MOST_UNPACKED = 8_000_000_000
 _CHUNK = 1 << 20
-
-#: Bytes in memory up to which a Parquet file is read in this process.
-_MODERATE = 256_000_000
-
-
-def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
-    """Open a file of any known format; `dbc` files decode the frames of a bus log.
-
-    Raises
-    ------
-    DataError
-        If the recording or a DBC file is not a readable plain file, is no recording, or ended the reader process;
-        problems inside a recording are in ``Source.problems``.
-    MissingExtra
-        If the format needs a library that is not installed.
-    """
-    file = plain_file(path)
-    databases = [plain_file(name, "DBC file") for name in dbc]
-    head = _head(file)
-    if reason := refusal(head, file):
-        raise DataError(f"{file}: {reason}")
-    kind = kind_of(head)
-    if kind == "csv" or (kind == "parquet" and _is_moderate(file)):
-        return opened_here(file, databases)
-    from clutchid.io.guard.remote import guarded_source
-
-    return guarded_source(file, databases)
 
 
 def opened_here(file: Path, dbc: Sequence[Path]) -> Source:
@@ -75,15 +42,14 @@ def opened_here(file: Path, dbc: Sequence[Path]) -> Source:
     return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
 
 
-def _is_moderate(file: Path) -> bool:
-    """Whether a Parquet file says that its columns of numbers need no more memory than may be used in this process."""
-    from clutchid.io.formats.parquet.file import promised_bytes
+def head_of(file: Path) -> bytes:
+    """First bytes of a file, which tell its kind.
 
-    promised = promised_bytes(file)
-    return promised is not None and promised <= _MODERATE
-
-
-def _head(file: Path) -> bytes:
+    Raises
+    ------
+    DataError
+        If it cannot be read.
+    """
     try:
         with file.open("rb") as stream:
             return stream.read(ENOUGH)
@@ -92,7 +58,7 @@ def _head(file: Path) -> bytes:
 
 
 def _opened(file: Path, dbc: Sequence[Path]) -> Source:
-    kind = kind_of(_head(file))
+    kind = kind_of(head_of(file))
     if kind == "gzip":
         return _unpacked(file, dbc)
     if kind == "mdf":
@@ -136,7 +102,7 @@ def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
     inner = Path(folder.name) / (file.name.removesuffix(".gz") or "recording")
     with _named(file, inner):
         _unpack(file, inner)
-        head = _head(inner)
+        head = head_of(inner)
         reason = "is packed twice; unpack it once." if kind_of(head) == "gzip" else refusal(head, inner)
         if reason:
             raise DataError(f"{file}: {reason}")

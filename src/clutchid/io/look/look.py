@@ -12,12 +12,12 @@ import numpy as np
 
 from clutchid.io.checks import AMBIENT, check, check_ambient, in_si
 from clutchid.io.columns import REQUIRED, Heading
-from clutchid.io.formats.opening import open_source
 from clutchid.io.look.overview import ColumnLook, Look, RasterLook
 from clutchid.io.look.time_look import TimeLook, updated
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.map.picking import own_clock
 from clutchid.io.map.proposal import Proposal, propose
+from clutchid.io.opening import open_source
 from clutchid.io.recording import findings, picked, scaled
 from clutchid.io.source import BLOCK, Raster, Source, in_contract
 from clutchid.io.table import SHOWN, Places, Table
