@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    __version__: str
     from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
     from clutchid.estimate import Fit, fit
     from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
@@ -85,10 +86,14 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("clutchid")
     if name not in _HOME:
         raise AttributeError(f"module 'clutchid' has no attribute '{name}'")
     return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(_HOME)
+    return sorted([*_HOME, "__version__"])

@@ -9,11 +9,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
@@ -83,6 +87,19 @@ class Log:
         if problems:
             raise DataError.of(self.name, problems)
 
+    def __repr__(self) -> str:
+        span = ""
+        if len(self) > 1:
+            rate = 1.0 / float(np.median(np.diff(self.time)))
+            span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s, {rate:.4g} Hz"
+        warnings = f"; {len(self.warnings)} warnings" if self.warnings else ""
+        return f"Log({self.name!r}, {len(self):,} samples{span}: {', '.join(self.columns) or 'no columns'}{warnings})"
+
+    def _repr_html_(self) -> str:
+        from clutchid.report.notebook import log_html
+
+        return log_html(self)
+
     def __len__(self) -> int:
         return int(self.time.size)
 
@@ -95,6 +112,12 @@ class Log:
 
     def __contains__(self, name: str) -> bool:
         return name in self.columns
+
+    def plot(self) -> Figure:
+        """Position, pressure and duty cycles over time, as a matplotlib figure without pyplot."""
+        from clutchid.report.notebook import log_figure
+
+        return log_figure(self)
 
     def slice(self, start: int, stop: int) -> Log:
         """Samples `start` to `stop` (exclusive), as a view."""

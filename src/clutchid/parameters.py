@@ -215,6 +215,11 @@ class Parameters:
         if problems:
             raise ParameterError("\n".join(problems))
 
+    def __repr__(self) -> str:
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        changed = [f"{item.name}={values[item.name]!r}" for item in fields(self) if values[item.name] != item.default]
+        return f"Parameters({', '.join(changed)})"
+
     @classmethod
     @cache
     def names(cls) -> tuple[str, ...]:
@@ -240,15 +245,15 @@ class Parameters:
         """Values in the order of `names`, shape (n_parameters,)."""
         return np.array([getattr(self, name) for name in self.names()], dtype=np.float64)
 
-    def replace(self, changes: Mapping[str, float]) -> Parameters:
-        """A copy with changed values, validated again.
+    def replace(self, changes: Mapping[str, float] | None = None, /, **by_name: float) -> Parameters:
+        """A copy with changed values, validated again: ``replace({"P_S": 7e5})`` or ``replace(P_S=7e5)``.
 
         Raises
         ------
         ParameterError
             For an unknown name or a value outside its range.
         """
-        known = self.names()
+        changes, known = {**(changes or {}), **by_name}, self.names()
         unknown = [unknown_name(name, known) for name in changes if name not in known]
         if unknown:
             raise ParameterError("\n".join(unknown))

@@ -45,6 +45,7 @@ def fit_with_priors(
         As `clutchid.fit`.
     """
     actuator, free = free_parameters(logs, actuator, request)
+    request = replace(request, profile=actuator.expanded(request.profile))
     check_size(logs, free)
     _check_profiled(request, free)
     search_result, extended, present_score = _searched(method, logs, actuator, free, request.calibration, progress)

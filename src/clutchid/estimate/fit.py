@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
 from typing import Literal
 
+from clutchid.errors import DataError
 from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.methods import method_of
 from clutchid.estimate.request import FitRequest
@@ -21,16 +23,19 @@ from clutchid.uncertainty.coordinates import Prior
 
 MethodName = Literal["simulation", "shooting", "prediction-error"]
 
+#: A recording, or the path of its file.
+LogOrPath = Log | str | PathLike[str]
+
 
 def fit(
-    logs: Log | Sequence[Log],
+    logs: LogOrPath | Sequence[LogOrPath],
     actuator: Actuator | None = None,
     *,
     measure: str | Sequence[str] = ("position",),
     free: str | Sequence[str] = ("load",),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     partition: Partition | None = None,
-    verify: Sequence[Log] = (),
+    verify: LogOrPath | Sequence[LogOrPath] = (),
     method: MethodName | None = None,
     priors: Mapping[str, Prior] | None = None,
     calibration: Calibration | None = None,
@@ -49,8 +54,9 @@ def fit(
 
     Parameters
     ----------
-    logs : Log or several
-        Recordings with the duty cycles of the valves and the columns in `measure`; all share the free parameters.
+    logs : Log or path, or several
+        Recordings with the duty cycles of the valves and the columns in `measure`; all share the free parameters. Files
+        are read as by `clutchid.read`, with the actuator's P_0 added to gauge pressures.
     actuator : Actuator, optional
         Model and start values; by default the paper's Appendix A with theta = (9e5, 0, 0) N/m, and for 'auto' the
         energy balance with Stribeck friction and a load on B-splines.
@@ -64,7 +70,7 @@ def fit(
         every other parameter stays within a factor of three of its start, or within its range if that is finite.
     partition : Partition, optional
         Partitioned ballistic simulation; ballistic by default.
-    verify : logs
+    verify : Log or path, or several
         Recordings that are simulated with the result, but not fitted.
     method : 'simulation', 'shooting' or 'prediction-error', optional
         By default that of the calibration; without one 'shooting' if 'auto', priors or parameters of single recordings
@@ -110,8 +116,30 @@ def fit(
         listed_names(profile),
         bootstrap,
     )
-    done = fit_request([logs] if isinstance(logs, Log) else logs, actuator, request, verify, progress)
+    fitted, others = _several(logs), _several(verify)
+    recordings = _read([*fitted, *others], actuator or Actuator())
+    done = fit_request(recordings[: len(fitted)], actuator, request, recordings[len(fitted) :], progress)
     return done.raised() if on_failure == "raise" else done
+
+
+def _several(logs: LogOrPath | Sequence[LogOrPath]) -> list[LogOrPath]:
+    return [*logs] if isinstance(logs, Iterable) and not isinstance(logs, str) else [logs]
+
+
+def _read(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
+    """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
+    from clutchid.io import read
+
+    ambient, required = actuator.parameters.P_0, ("time", "position", *actuator.equipment.recorded)
+    found, problems = [], []
+    for log in logs:
+        try:
+            found.append(log if isinstance(log, Log) else read(log, ambient=ambient, required=required))
+        except DataError as error:
+            problems.append(str(error))
+    if problems:
+        raise DataError("\n".join(problems))
+    return found
 
 
 def fit_request(

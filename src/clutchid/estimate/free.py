@@ -43,7 +43,7 @@ def free_names(free: Sequence[str], actuator: Actuator, stems: Sequence[str] = (
     ParameterError
         For an unknown name, with the nearest known one, and for a parameter of a missing chamber or valve.
     """
-    expanded = [name for item in free for name in (actuator.load.names if item == "load" else (item,))]
+    expanded = actuator.expanded(free)
     problems = []
     for name in expanded:
         base, stem = ParameterName.parse(name)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -14,7 +16,17 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.uncertainty.calibration import Calibration
 
+if TYPE_CHECKING:
+    import polars as pl
+    from matplotlib.figure import Figure
+
+    from clutchid.assess.evidence import Evidence
+    from clutchid.assess.verdict import Verdict
+
 Status = Literal["ok", "warning", "failed"]
+
+#: Recordings and parameters that the text of a fit names; there may be hundreds.
+_NAMED, _SHOWN = 3, 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +48,13 @@ class LoadCurve:
     force: FloatArray
     low: FloatArray
     high: FloatArray
+
+    def __repr__(self) -> str:
+        at = self.peak(float(self.position[-1]))
+        return (
+            f"LoadCurve({self.position.size} points from {self.position[0] * 1e3:g} to {self.position[-1] * 1e3:g} mm, "
+            f"greatest {self.force[at] / 1e3:.3g} kN at {self.position[at] * 1e3:.3g} mm)"
+        )
 
     def peak(self, furthest: float) -> int:
         """Index of the greatest load up to position `furthest` in m, among points with an interval if any has one."""
@@ -67,7 +86,7 @@ class Recording:
     starts: tuple[tuple[float, float], ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """The result of `clutchid.fit`.
 
@@ -97,6 +116,69 @@ class Fit:
     calibration: Calibration | None = None
     converged: bool = True
     changes: tuple[Change, ...] = ()
+
+    def __repr__(self) -> str:
+        names = [repr(name) for name in self.recordings]
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        lines = [f"Fit of {', '.join(names[:_NAMED])}{more}: {self.status}, {self.message}"]
+        for name, e in [*self.parameters.items()][:_SHOWN]:
+            lines.append(f"  {name} = {e.value:.4g} ± {e.std:.2g} {'' if e.unit == '1' else e.unit}".rstrip())
+        if len(self.parameters) > _SHOWN:
+            lines.append(f"  and {len(self.parameters) - _SHOWN} more in .to_frame()")
+        counts = {"warning": len(self.warnings), "change": len(self.changes)}
+        lines += [f"  {n} {what}{'s' if n > 1 else ''} in .{what}s" for what, n in counts.items() if n]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        from clutchid.report.notebook import fit_html
+
+        return fit_html(self)
+
+    @cached_property
+    def _evidence(self) -> Evidence:
+        from clutchid.assess.evidence import evidence
+
+        return evidence(self)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether parameters and load can be trusted, see `clutchid.assess.verdict.verdict`; computed once."""
+        from clutchid.assess.verdict import verdict
+
+        return verdict(self, self._evidence)
+
+    def to_frame(self) -> pl.DataFrame:
+        """Free parameters as rows: name, value, unit, std, low and high, in SI and with 95 % intervals."""
+        import polars as pl
+
+        schema = {"name": pl.String, "value": pl.Float64, "unit": pl.String} | dict.fromkeys(
+            ("std", "low", "high"), pl.Float64
+        )
+        return pl.DataFrame([{"name": name, **asdict(e)} for name, e in self.parameters.items()], schema=schema)
+
+    def plot(self) -> Figure:
+        """Load over position with its 95 % band, as a matplotlib figure without pyplot.
+
+        Raises
+        ------
+        SolveError
+            If the fit failed: there is no load to draw.
+        """
+        from clutchid.report.notebook import fit_figure
+
+        return fit_figure(self.raised())
+
+    def report(self, path: str | PathLike[str]) -> None:
+        """Write the page that ``clutchid fit --report`` writes, one self-contained HTML file.
+
+        Raises
+        ------
+        ExportError
+            If the file cannot be written; an existing file is unchanged.
+        """
+        from clutchid.report.fit_page import fit_page
+
+        fit_page(self, "clutchid.fit(...) in Python", path, self._evidence)
 
     def raised(self) -> Fit:
         """This fit, unless it failed.

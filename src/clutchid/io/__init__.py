@@ -109,6 +109,8 @@ def _logs(
     rows: int | None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Log]:
+    if not isinstance(path, str | PathLike):
+        raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
     check_ambient(ambient)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))

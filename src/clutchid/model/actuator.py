@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -67,6 +67,15 @@ class Actuator:
         if problems:
             raise ParameterError("\n".join(problems))
         object.__setattr__(self, "own", values)
+
+    def __repr__(self) -> str:
+        usual = Actuator(model=self.model, equipment=self.equipment)
+        defaults = {
+            "parameters": usual.parameters, "load": usual.load, "model": "isothermal", "equipment": Equipment(),
+            "own": usual.own,
+        }  # fmt: skip
+        changed = [f"{name}={value!r}" for name, d in defaults.items() if (value := getattr(self, name)) != d]
+        return f"Actuator({', '.join(changed)})"
 
     @property
     def _own_rows(self) -> Mapping[str, OwnParameter]:
@@ -142,6 +151,10 @@ class Actuator:
         result: float = getattr(self.parameters, name)
         return result
 
+    def expanded(self, names: Iterable[str]) -> tuple[str, ...]:
+        """`names` with all load weights in place of 'load'."""
+        return tuple(name for item in names for name in (self.load.names if item == "load" else (item,)))
+
     def unit(self, name: str) -> str:
         """Unit of a parameter or load weight."""
         return self.load.unit if name in self.load.names else self.row(name).unit
@@ -151,14 +164,17 @@ class Actuator:
         unit = self.unit(name)
         return "" if unit == "1" else f" {unit}"
 
-    def replace(self, changes: dict[str, float]) -> Actuator:
+    def replace(self, changes: Mapping[str, float] | None = None, /, **by_name: float) -> Actuator:
         """A copy with other parameter values or load weights, checked again.
+
+        ``replace({"P_S": 7e5, "theta_1": 8e5})`` or ``replace(P_S=7e5, theta_1=8e5)``.
 
         Raises
         ------
         ParameterError
             For an unknown name, a value outside its range, or a chamber or valve that does not exist.
         """
+        changes = {**(changes or {}), **by_name}
         theta = tuple(changes.get(name, value) for name, value in zip(self.load.names, self.load.theta, strict=True))
         others = {name: value for name, value in changes.items() if name not in self.load.names}
         problems = [unknown_name(name, self.names) for name in others if name not in self.parameter_names]

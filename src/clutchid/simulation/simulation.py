@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from os import PathLike
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import unknown_name
+from clutchid.names import listed_names, unknown_name
 from clutchid.simulation.failing_term import failing_term
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Plan, Segment, plan
@@ -24,6 +25,9 @@ from clutchid.simulation.run import (
     start_state,
 )
 from clutchid.simulation.stiffness import stiffness, top_speed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,13 +44,26 @@ class Simulation:
     warnings: tuple[str, ...] = ()
     sensitivities: Mapping[str, FloatArray] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        sensitivities = f"; sensitivities to {', '.join(self.sensitivities)}" if self.sensitivities else ""
+        return f"Simulation({self.status}: {self.message}; {self.log!r}{sensitivities})"
+
+    def _repr_html_(self) -> str:
+        from clutchid.report.notebook import simulation_html
+
+        return simulation_html(self)
+
+    def plot(self) -> Figure:
+        """Simulated position and pressure, and the duty cycles, over time, as a matplotlib figure without pyplot."""
+        return self.log.plot()
+
 
 def simulate(
     actuator: Actuator,
-    log: Log,
+    log: Log | str | PathLike[str],
     *,
     partition: Partition | None = None,
-    sensitivities: Sequence[str] = (),
+    sensitivities: str | Sequence[str] = (),
     starts: Sequence[tuple[float, float]] | None = None,
     on_failure: Literal["raise", "return"] = "raise",
 ) -> Simulation:
@@ -56,12 +73,14 @@ def simulate(
     ----------
     actuator : Actuator
         Model variant, parameters and load.
-    log : Log
-        The duty cycles of the valves; the position, if recorded, gives the start and the resets.
+    log : Log or path
+        The duty cycles of the valves; the position, if recorded, gives the start and the resets. A file is
+        read as by `clutchid.read`, with the actuator's P_0 added to gauge pressures.
     partition : Partition, optional
         Re-initialise the position; without it the simulation is ballistic.
     sensitivities : names
-        Parameters and load weights whose exact derivatives are computed.
+        Parameters and load weights whose exact derivatives are computed, also as one text with commas; 'load' means all
+        load weights.
     starts : (m, Pa) per segment, optional
         Position and pressure in chamber A at the start of each segment, if a fit has estimated them.
     on_failure : 'raise' or 'return'
@@ -90,10 +109,11 @@ def simulate(
     >>> f"{t[np.argmax(stroke.log['position'] > 0.02)]:.2f} s"
     '0.15 s'
     """
+    sensitivities = actuator.expanded(listed_names(sensitivities))
     unknown = [unknown_name(name, actuator.names) for name in sensitivities if name not in actuator.names]
     if unknown:
         raise ParameterError("\n".join(unknown))
-    log = actuator.equipment.driven(log)
+    log = actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator))
     prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
@@ -121,6 +141,12 @@ def simulate(
         warnings=prepared.warnings,
         sensitivities={name: sens[:, :, c] for c, name in enumerate(which.names)},
     )
+
+
+def _read(path: str | PathLike[str], actuator: Actuator) -> Log:
+    from clutchid.io import read
+
+    return read(path, ambient=actuator.parameters.P_0, required=("time", *actuator.equipment.recorded))
 
 
 def simulated_log(prepared: Plan, states: FloatArray, actuator: Actuator) -> Log:
