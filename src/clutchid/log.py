@@ -92,7 +92,8 @@ class Log:
         if len(self) > 1:
             rate = 1.0 / float(np.median(np.diff(self.time)))
             span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s, {rate:.4g} Hz"
-        warnings = f"; {len(self.warnings)} warnings" if self.warnings else ""
+        count = len(self.warnings)
+        warnings = f"; {count} warning{'s' if count > 1 else ''}" if count else ""
         return f"Log({self.name!r}, {len(self):,} samples{span}: {', '.join(self.columns) or 'no columns'}{warnings})"
 
     def _repr_html_(self) -> str:

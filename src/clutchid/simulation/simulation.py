@@ -109,15 +109,11 @@ def simulate(
     >>> f"{t[np.argmax(stroke.log['position'] > 0.02)]:.2f} s"
     '0.15 s'
     """
-    sensitivities = actuator.expanded(listed_names(sensitivities))
-    unknown = [unknown_name(name, actuator.names) for name in sensitivities if name not in actuator.names]
-    if unknown:
-        raise ParameterError("\n".join(unknown))
     log = actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator))
     prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
-    arrays, which = KernelArrays.of(actuator), columns(actuator, sensitivities)
+    arrays, which = KernelArrays.of(actuator), columns(actuator, _known(sensitivities, actuator))
     names = actuator.states
     states = np.full((len(log), len(names)), np.nan)
     sens = np.full((len(log), len(names), len(which.names)), np.nan)
@@ -141,6 +137,14 @@ def simulate(
         warnings=prepared.warnings,
         sensitivities={name: sens[:, :, c] for c, name in enumerate(which.names)},
     )
+
+
+def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
+    expanded = actuator.expanded(listed_names(names))
+    unknown = [unknown_name(name, actuator.names) for name in expanded if name not in actuator.names]
+    if unknown:
+        raise ParameterError("\n".join(unknown))
+    return expanded
 
 
 def _read(path: str | PathLike[str], actuator: Actuator) -> Log:
