@@ -37,3 +37,9 @@ def test_the_file_before_it_was_broken_is_read(kind, tmp_path):
         assert np.array_equal(made.time, known.time)
         for name, values in known.columns.items():
             assert np.array_equal(made[name], values, equal_nan=True)
+
+
+def test_a_parquet_file_that_promises_samples_and_has_none_is_refused(tmp_path):
+    fuzz = driver()
+    for _, path, channels in fuzz.cases("parquet", [7167, 7428], tmp_path):
+        assert fuzz.answered(path, channels) == "refused"

@@ -74,7 +74,10 @@ def read(
     >>> log.name, float(log["position"][1]), float(log["duty_supply"][1])
     ('run', 0.0005, 1.0)
     """
-    return next(_logs(path, ambient, channels, dbc, required, None))
+    log = next(_logs(path, ambient, channels, dbc, required, None), None)
+    if log is None:
+        raise DataError(f"{path}: none of its samples can be read, so it is damaged; copy or write it again.")
+    return log
 
 
 def read_pieces(
