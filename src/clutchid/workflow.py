@@ -55,7 +55,7 @@ def read_recordings(
     DataError
         The text lists the problems of all files.
     """
-    from clutchid.io import read
+    from clutchid.io import read, read_each
 
     channels = None
     if reading.channel_map is not None:
@@ -63,16 +63,12 @@ def read_recordings(
 
         channels = read_map(reading.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
-    logs, problems = [], []
-    for path in paths:
-        try:
-            log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=needed)
-            logs.append(equipment.driven(log) if equipment else log)
-        except DataError as error:
-            problems.append(str(error))
-    if problems:
-        raise DataError("\n".join(problems))
-    return logs
+
+    def one(path: Path) -> Log:
+        log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=needed)
+        return equipment.driven(log) if equipment else log
+
+    return read_each(paths, one)
 
 
 def inspected(logs: Sequence[Log], actuator: Actuator, *, force: bool = False) -> list[Log]:

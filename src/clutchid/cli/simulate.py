@@ -108,12 +108,14 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
     from clutchid.report.fit_text import errors_json, errors_text
 
     errors = errors_over([(recording, done.log)]) if "position" in recording else None
-    told = list(dict.fromkeys(warnings))
+    distinct = list(dict.fromkeys(warnings))
     if json:
         logs = {} if errors is None else {"errors": errors_json(errors), "logs": {recording.name: errors_json(errors)}}
-        print_json({**EMPTY, "status": "warning" if told else "ok", "message": done.message, "warnings": told, **logs})
+        print_json(
+            {**EMPTY, "status": "warning" if distinct else "ok", "message": done.message, "warnings": distinct, **logs}
+        )
         return
-    for warning in told:
+    for warning in distinct:
         print(f"warning: {warning}", file=sys.stderr)
     if errors is not None:
         print(f"simulated {recording.name}: {errors_text(errors)}")

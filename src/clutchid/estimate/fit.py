@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Literal
 
-from clutchid.errors import DataError
 from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.methods import method_of
 from clutchid.estimate.request import FitRequest
@@ -128,18 +127,10 @@ def _several(logs: LogOrPath | Sequence[LogOrPath]) -> list[LogOrPath]:
 
 def _read(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
     """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
-    from clutchid.io import read
+    from clutchid.io import read, read_each
 
     ambient, required = actuator.parameters.P_0, ("time", "position", *actuator.equipment.recorded)
-    found, problems = [], []
-    for log in logs:
-        try:
-            found.append(log if isinstance(log, Log) else read(log, ambient=ambient, required=required))
-        except DataError as error:
-            problems.append(str(error))
-    if problems:
-        raise DataError("\n".join(problems))
-    return found
+    return read_each(logs, lambda log: log if isinstance(log, Log) else read(log, ambient=ambient, required=required))
 
 
 def fit_request(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check, check_ambient
@@ -21,10 +21,12 @@ from clutchid.names import printable
 if TYPE_CHECKING:
     from clutchid.io.map.channel_map import ChannelMap
 
-#: A file that unpacks to more than so many times its size holds nothing that a recording would.
+#: Largest ratio of unpacked to stored bytes of a recording: a higher one means values that hardly ever change.
 _MOST_GROWTH = 50
 
-__all__ = ["AMBIENT", "atomic_write", "read", "read_pieces", "write"]
+Item = TypeVar("Item")
+
+__all__ = ["AMBIENT", "atomic_write", "read", "read_each", "read_pieces", "write"]
 
 
 def read(
@@ -78,6 +80,25 @@ def read(
     if log is None:
         raise DataError(f"{path}: none of its samples can be read, so it is damaged; copy or write it again.")
     return log
+
+
+def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Log]:
+    """The recordings that `read_one` makes of `items`.
+
+    Raises
+    ------
+    DataError
+        The text lists the problems of all of them.
+    """
+    logs, problems = [], []
+    for item in items:
+        try:
+            logs.append(read_one(item))
+        except DataError as error:
+            problems.append(str(error))
+    if problems:
+        raise DataError("\n".join(problems))
+    return logs
 
 
 def read_pieces(

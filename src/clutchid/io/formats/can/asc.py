@@ -10,9 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import BinaryIO
 
-from clutchid.errors import MissingExtra
-from clutchid.io.formats.can.frames import FrameLog, Frames, in_blocks, quiet
-from clutchid.io.formats.can.text_lines import LONGEST_LINE, TextLines, readable
+from clutchid.io.formats.can.frames import FrameLog, Frames, check_python_can, in_blocks, quiet
+from clutchid.io.formats.can.text_lines import LONGEST_LINE, TextLines, readable, text_log
 
 _HEAD_LINES = 200
 _BASE = re.compile(r"\s*base\s+(?:hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?", re.IGNORECASE)
@@ -62,13 +61,8 @@ def frame_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    try:
-        import can  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("reading ASC needs python-can; install it with pip install 'clutchid[can]'.") from error
-    start = _start(path)
-    lost = "does not say when it was recorded: its stamps count from its first frame only."
-    return FrameLog("ASC", start, lambda: _blocks(path), () if start else (lost,))
+    check_python_can("ASC")
+    return text_log("ASC", _start(path), lambda: _blocks(path))
 
 
 def _start(path: Path) -> datetime | None:

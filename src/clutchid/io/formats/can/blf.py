@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
-from clutchid.errors import DataError, MissingExtra
-from clutchid.io.formats.can.frames import FrameLog, Frames, in_blocks, quiet
+from clutchid.errors import DataError
+from clutchid.io.formats.can.frames import FrameLog, Frames, check_python_can, in_blocks, quiet
 
 MAGIC = b"LOGG"
 
@@ -29,10 +29,7 @@ def frame_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    try:
-        import can  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("reading BLF needs python-can; install it with pip install 'clutchid[can]'.") from error
+    check_python_can("BLF")
     with path.open("rb") as file:
         head = file.read(_HEADER.size)
     if len(head) < _HEADER.size:

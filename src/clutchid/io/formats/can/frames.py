@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.errors import MissingExtra
 from clutchid.log import FloatArray
 
 if TYPE_CHECKING:
@@ -77,6 +78,20 @@ class FrameLog:
     start: datetime | None
     blocks: Callable[[], Iterator[Frames]]
     warnings: tuple[str, ...] = ()
+
+
+def check_python_can(what: str) -> None:
+    """Check that the library that reads `what` is installed.
+
+    Raises
+    ------
+    MissingExtra
+        If it is not.
+    """
+    try:
+        import can  # noqa: F401
+    except ImportError as error:
+        raise MissingExtra(f"reading {what} needs python-can; install it with pip install 'clutchid[can]'.") from error
 
 
 def in_blocks(messages: Iterable[can.Message], left_out: Counter[str], size: int = FRAMES) -> Iterator[Frames]:

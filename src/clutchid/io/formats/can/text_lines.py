@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from datetime import datetime
 from typing import TYPE_CHECKING, BinaryIO
+
+from clutchid.io.formats.can.frames import FrameLog, Frames
 
 if TYPE_CHECKING:
     import can
@@ -43,6 +46,12 @@ class TextLines:
 
     def close(self) -> None:
         """Nothing: who opened the file closes it."""
+
+
+def text_log(form: str, start: datetime | None, blocks: Callable[[], Iterator[Frames]]) -> FrameLog:
+    """The log of a text of the format `form`, with a warning where it does not say when it was recorded."""
+    lost = "does not say when it was recorded: its stamps count from its first frame only."
+    return FrameLog(form, start, blocks, () if start else (lost,))
 
 
 def readable(reader: Iterable[can.Message], lines: TextLines, left_out: Counter[str]) -> Iterator[can.Message]:

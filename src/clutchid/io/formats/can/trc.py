@@ -9,9 +9,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.errors import MissingExtra
-from clutchid.io.formats.can.frames import FrameLog, Frames, in_blocks, quiet
-from clutchid.io.formats.can.text_lines import LONGEST_LINE, TextLines, readable
+from clutchid.io.formats.can.frames import FrameLog, Frames, check_python_can, in_blocks, quiet
+from clutchid.io.formats.can.text_lines import LONGEST_LINE, TextLines, readable, text_log
 
 if TYPE_CHECKING:
     import can
@@ -45,13 +44,8 @@ def frame_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    try:
-        import can  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("reading TRC needs python-can; install it with pip install 'clutchid[can]'.") from error
-    start = _start(path)
-    lost = "does not say when it was recorded: its stamps count from its first frame only."
-    return FrameLog("TRC", start, lambda: _blocks(path), () if start else (lost,))
+    check_python_can("TRC")
+    return text_log("TRC", _start(path), lambda: _blocks(path))
 
 
 def _start(path: Path) -> datetime | None:
