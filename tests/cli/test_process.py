@@ -10,6 +10,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+import clutchid.cli
 from clutchid.errors import ExportError, ParameterError
 from clutchid.io.files import check_writable
 from clutchid.study.proving.ground import _read
@@ -47,14 +48,30 @@ def test_the_workers_of_prove_end_with_it(end, tmp_path):
 
 
 @posix
-def test_an_interrupt_while_the_command_loads_is_quiet():
-    for delay in (0.2, 0.3, 0.5):
-        done = subprocess.Popen([*COMMAND, "fit", "no.csv"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        time.sleep(delay)
-        done.send_signal(signal.SIGINT)
-        _, said = done.communicate(timeout=60)
-        assert "Traceback" not in said
-        assert done.returncode in (-signal.SIGINT, 1, 2)
+@pytest.mark.parametrize("delay", [0.1, 0.3, 0.5, 0.8, 1.2])
+def test_an_interrupt_while_the_command_loads_or_ends_is_quiet(delay):
+    started = "from clutchid.__main__ import main; print(flush=True); main()"
+    done = subprocess.Popen([sys.executable, "-c", started, "fit", "no.csv"],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)  # fmt: skip
+    assert done.stdout.readline()
+    time.sleep(delay)
+    done.send_signal(signal.SIGINT)
+    _, said = done.communicate(timeout=60)
+    assert "Traceback" not in said
+    assert done.returncode in (-signal.SIGINT, 1, 2)
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_an_interrupt_before_the_command_begins_is_one_sentence(options, monkeypatch, capsys):
+    def interrupted(*_arguments, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cyclopts.App.__call__", interrupted)
+    with pytest.raises(SystemExit) as end:
+        clutchid.cli.main(["look", "no.csv", *options])
+    assert end.value.code == 1
+    shown = capsys.readouterr()
+    assert (json.loads(shown.out)["message"] if options else shown.err.strip()).endswith("stopped.")
 
 
 @posix

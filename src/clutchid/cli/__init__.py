@@ -60,6 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(tokens: list[str]) -> int:
     try:
         code = app()(tokens, exit_on_error=False, print_error=False)
+    except KeyboardInterrupt:  # before the command took over
+        return complain("stopped.", as_json="--json" in tokens, status="failed")
     except CycloptsError as error:
         if "--debug" in tokens:
             traceback.print_exc()
