@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,6 @@ from clutchid.names import printable
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
-    from clutchid.assess.evidence import Evidence
     from clutchid.estimate import Fit
     from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.estimate.request import FitRequest
@@ -34,10 +33,10 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """A fit, and the evidence for its verdict."""
+    """A fit, and the readings of its recordings one by one, if there are several that started from a calibration."""
 
     fit: Fit
-    evidence: Evidence
+    single: Mapping[str, Fit] = field(default_factory=dict)
 
 
 def read_recordings(
@@ -107,7 +106,7 @@ def start_file(path: Path, model: Model | None) -> ParameterFile:
 
 
 def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tuple[Actuator, FitRequest]:
-    """The actuator to start from, and the request with the calibration of its file, if the request supports one.
+    """The actuator to start from, and the request with calibration and search of its file, if it supports them.
 
     Raises
     ------
@@ -120,8 +119,10 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
     if path is None:
         return Actuator(model=model or (AUTOMATIC if request.automatic else "isothermal")), request
     content = start_file(path, model)
-    uses_calibration = request.partition is None and request.method != "simulation" and not request.automatic
-    return content.actuator, replace(request, calibration=content.calibration) if uses_calibration else request
+    if request.partition is not None or request.method == "simulation":
+        return content.actuator, request
+    calibration = None if request.automatic else content.calibration
+    return content.actuator, replace(request, calibration=calibration, continues=content.continuation)
 
 
 def fit_recordings(
@@ -133,21 +134,26 @@ def fit_recordings(
     *,
     force: bool = False,
 ) -> Outcome:
-    """Inspect recordings, fit them as requested, and collect the evidence for the verdict.
+    """Inspect recordings, and fit them as requested.
 
-    With `force` a recording that a check finds bad is fitted as well.
+    With `force` a recording that a check finds bad is fitted as well. Several recordings whose load is read from a
+    calibration are also read one by one, because a load that they share is meant for one state of wear.
 
     Raises
     ------
     DataError, ParameterError, SolveError
         As `clutchid.fit`.
     """
-    from clutchid.assess.evidence import evidence
+    from clutchid.assess.comparison import comparison
     from clutchid.estimate.fit import fit_request
 
     checked = inspected([*logs, *verify], actuator, force=force)
     fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
-    return Outcome(fit, evidence(fit))
+    if len(logs) < 2 or comparison(fit) is None:
+        return Outcome(fit)
+    alone = replace(request, profile=(), bootstrap=0)
+    single = {log.name: fit_request([log], actuator, alone, (), progress) for log in checked[: len(logs)]}
+    return Outcome(fit, {name: one for name, one in single.items() if one.status != "failed"})
 
 
 def check_save(path: Path) -> None:
@@ -199,4 +205,4 @@ def report(outcome: Outcome, command: str, path: Path) -> None:
     """
     from clutchid.report.fit_page import fit_page
 
-    fit_page(outcome.fit, printable(command), path, outcome.evidence)
+    fit_page(outcome.fit, printable(command), path, single=outcome.single)

@@ -133,5 +133,5 @@ def test_a_file_that_cannot_be_written_does_not_cost_the_fit(shared, tmp_path):
             assert (answer["status"], answer["message"]) == ("failed", said)
             assert answer["parameters"]["theta_1"]["value"] > 0
         else:
-            assert "theta_1" in done.stdout
+            assert "load     greatest" in done.stdout
             assert f"clutchid: {said}" in done.stderr.splitlines()

@@ -83,17 +83,16 @@ def sampled(values: FloatArray) -> list[float]:
 
 def of_fit(result: Fit) -> Numbers:
     """The JSON object of a fit, its parameter file (with the covariance) and its simulations."""
-    from clutchid.assess.evidence import evidence
-    from clutchid.report.fit_text import fit_json
+    from clutchid.report.fit_json import fit_json
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "fit.toml"
         clutchid.write_parameters(clutchid.parameter_file(result), path)
         text = path.read_text(encoding="utf-8")
     kept = tomllib.loads(text)
-    del kept["fit"]["versions"]
+    del kept["fit"]["versions"], kept["fit"]["created"]
     return {
-        "json": fit_json(result, evidence(result)),
+        "json": fit_json(result),
         "file": kept,
         "keys of the file": [line.partition(" = ")[0] for line in text.splitlines() if " = " in line],
         "simulated": {name: of_columns(recording.simulated.columns) for name, recording in result.recordings.items()},

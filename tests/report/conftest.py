@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Callable
 
@@ -9,6 +10,8 @@ import pytest
 
 from clutchid.estimate import Fit, fit
 from clutchid.log import Log
+
+PICTURES = ("data:image/png;base64,", "data:image/svg+xml;base64,")
 
 
 @pytest.fixture(scope="session")
@@ -33,8 +36,11 @@ def loads_nothing() -> Callable[[str], bool]:
 
     def check(html: str) -> bool:
         addresses = re.findall(r"(?:src|href|action|data|poster)\s*=\s*[\"']?([^\"'\s>]+)", html)
-        outside = [a for a in addresses if not a.startswith(("data:image/png;base64,", "#"))]
+        outside = [a for a in addresses if not a.startswith((*PICTURES, "#"))]
         text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", html)
-        return not outside and not re.search(r"https?://|url\(|@import|<script|<link|<iframe", text)
+        drawings = [base64.b64decode(d).decode() for d in re.findall(r"svg\+xml;base64,([A-Za-z0-9+/=]+)", html)]
+        inside = [a for drawing in drawings for a in re.findall(r"(?:href=\"|url\()([^\")]+)", drawing)]
+        loaded = re.search(r"https?://|url\(|@import|<script|<link|<iframe", text)
+        return not (outside or loaded or [a for a in inside if not a.startswith("#")])
 
     return check

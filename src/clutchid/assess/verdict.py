@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis, remarks
+from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis
 from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach
 from clutchid.estimate.result import Fit
-from clutchid.signals.residual_colour import CrossCorrelation
 from clutchid.uncertainty.identifiability import collinear, listed
 from clutchid.uncertainty.information import spectrum
 
@@ -77,61 +76,11 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
         return Verdict("none", (f"the fit failed: {fit.message}".rstrip(".") + ".",))
     found = evidence(fit) if found is None else found
     reasons = [
-        *_not_converged(fit), *_at_bounds(fit), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
-        *_motion_fit(found), *_autocorrelated(fit, found), *_wide_interval(fit), *_reach(fit),
+        *_not_converged(fit), *_poor_baseline(fit), *_at_bounds(fit), *_rounding(fit), *_undetermined(fit),
+        *_combinations(fit), *_motion_fit(found), *_autocorrelated(fit, found), *_wide_interval(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"
     return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit))
-
-
-def verdict_json(fit: Fit, found: Evidence | None = None) -> dict[str, Any]:
-    """The verdict on a fit and its evidence as plain values; None for values that are not finite.
-
-    Parameters
-    ----------
-    fit : Fit
-        Of any status and method.
-    found : Evidence, optional
-        ``evidence(fit)``, if it has been computed.
-    """
-    found = evidence(fit) if found is None else found
-    judged = verdict(fit, found)
-    return {
-        "trust": judged.trust,
-        "reasons": list(judged.reasons),
-        "unseen": list(judged.unseen),
-        "diagnostics": {
-            name: {
-                "position_fit_over_1_s_percent": _plain(found.predictions[name]),
-                **{column: _column_json(values) for column, values in diagnosis.columns.items()},
-                "remarks": remarks(diagnosis),
-            }
-            for name, diagnosis in found.diagnoses.items()
-        },
-        "missing": list(found.missing),
-    }
-
-
-def _column_json(column: ColumnDiagnosis) -> dict[str, Any]:
-    lags = max((column.fast, column.slow), key=lambda rate: np.nan_to_num(rate.share_outside))
-    return {
-        "samples": column.samples,
-        "fit_percent": _plain(column.fit_percent),
-        "rms": _plain(column.rms),
-        "mean": _plain(column.mean),
-        "effective_samples": _plain(column.effective_samples),
-        "share_of_lags_outside": _plain(lags.share_outside),
-        "inputs": {name: _strongest_json(rate) for name, rate in column.fast.inputs.items()},
-    }
-
-
-def _strongest_json(found: CrossCorrelation) -> dict[str, float | None]:
-    values = {"lag_s": found.strongest_lag, "correlation": found.strongest, "bound": found.strongest_bound}
-    return {name: _plain(value) for name, value in values.items()}
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _not_converged(fit: Fit) -> list[_Reason]:
@@ -140,6 +89,24 @@ def _not_converged(fit: Fit) -> list[_Reason]:
         if fit.converged
         else [_Reason("the search did not converge; continue from its result, or free fewer parameters.")]
     )
+
+
+def _poor_baseline(fit: Fit) -> list[_Reason]:
+    """A calibration that did not converge, or that is not to be trusted."""
+    known = fit.baseline
+    if known is None:
+        return []
+    name = known.origin.name if known.origin and known.origin.name else "of this fit"
+    if known.origin and known.origin.trust == "none":
+        return [_Reason(f"the calibration {name} has trust 'none'; calibrate again.", True)]
+    if not known.converged:
+        return [
+            _Reason(
+                f"the search of the calibration {name} had not converged, and the load may have errors that its "
+                "interval does not include; continue the calibration, then read again."
+            )
+        ]
+    return []
 
 
 def _at_bounds(fit: Fit) -> list[_Reason]:

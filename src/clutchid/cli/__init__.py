@@ -36,6 +36,7 @@ def app() -> App:
     )
     for command in (fit, simulate, paper, look, cut, friction, drive, prove):
         application.command(command)
+    application.register_install_completion_command()
     return application
 
 

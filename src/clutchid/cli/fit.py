@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,21 +12,17 @@ from cyclopts import Parameter
 
 from clutchid import workflow
 from clutchid.cli.common import (
-    DONE,
-    EMPTY,
-    FAILED,
     bounds,
     check_outputs,
     guarded,
     model_of,
     partition_of,
     pressure,
-    print_json,
-    print_written,
     priors,
     progress_bar,
 )
-from clutchid.errors import ExportError, ParameterError
+from clutchid.cli.fit_output import Writers, answer, answer_json
+from clutchid.errors import ParameterError
 from clutchid.names import listed_names
 
 if TYPE_CHECKING:
@@ -59,6 +54,7 @@ def fit(
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     force: Annotated[bool, Parameter(negative="")] = False,
+    verbose: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -116,6 +112,8 @@ def fit(
         DBC files that decode bus logs; several may follow each other.
     force
         Fit although a check of the recording is bad; the checks are those of `clutchid look`.
+    verbose
+        Print all parameters, the errors of all recordings, all reasons of the verdict and all warnings as well.
     json
         Print one JSON object on standard output.
     debug
@@ -132,7 +130,7 @@ def fit(
         )
 
     files = _Files(logs, tuple(verify or ()), start, save, report)
-    how = _How(ambient, map_, tuple(dbc or ()), force)
+    how = _How(ambient, map_, tuple(dbc or ()), force, verbose)
     return guarded(lambda: _work(files, request, model, how, json), as_json=json, debug=debug)
 
 
@@ -149,12 +147,20 @@ class _Files:
 
 @dataclass(frozen=True, slots=True)
 class _How:
-    """How recordings are read, and whether bad ones are fitted."""
+    """How recordings are read, whether bad ones are fitted, and how much is printed."""
 
     ambient: str | None
     channel_map: Path | None
     dbc: tuple[Path, ...]
     force: bool
+    verbose: bool
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The options of reading as arguments."""
+        ambient = () if self.ambient is None else ("--ambient", self.ambient)
+        channels = () if self.channel_map is None else ("--map", str(self.channel_map))
+        return (*ambient, *channels, *(word for path in self.dbc for word in ("--dbc", str(path))))
 
 
 def _work(
@@ -169,6 +175,8 @@ def _work(
             "no recording given; clutchid fit LOG.csv. Options that take several values (--verify, --bounds, --prior, "
             "--dbc) take all that follows them: put the recordings first."
         )
+    from clutchid.report.next_step import Command
+
     check_outputs({"--save": files.save, "--report": files.report}, _inputs(files))
     if files.save is not None:
         workflow.check_save(files.save)
@@ -176,10 +184,12 @@ def _work(
     reading = workflow.Reading(pressure(how.ambient, actuator.parameters.P_0), how.channel_map, how.dbc)
     read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)
     outcome = _fitted(read[: len(files.logs)], actuator, request, read[len(files.logs) :], how.force)
-    return _answered(outcome, json, {
+    command = Command(tuple(sys.argv[1:]), files.logs, files.start, files.save, files.report, how.options)
+    writers: Writers = {
         files.save: lambda path: workflow.save(outcome, path),
-        files.report: lambda path: workflow.report(outcome, shlex.join(["clutchid", *sys.argv[1:]]), path),
-    })  # fmt: skip
+        files.report: lambda path: workflow.report(outcome, command.with_options(), path),
+    }
+    return answer_json(outcome, writers) if json else answer(outcome, writers, command, how.verbose)
 
 
 def _fitted(
@@ -191,33 +201,6 @@ def _fitted(
             show(f"{stage} search, {count} simulations", -1.0)
 
         return workflow.fit_recordings(logs, actuator, request, verify, shown, force=force)
-
-
-def _answered(outcome: Outcome, json: bool, writers: Mapping[Path | None, Callable[[Path], None]]) -> int:
-    """Print the result, and write the files; the exit code. A file that cannot be written never costs the result."""
-    from clutchid.report.fit_text import fit_json, fit_text
-
-    result = outcome.fit
-    if not json:
-        print(fit_text(result, outcome.evidence), flush=True)
-        for warning in result.warnings:
-            print(f"warning: {warning}", file=sys.stderr)
-    written, failures = [], []
-    for path, write in writers.items():
-        try:
-            if path is not None:
-                write(path)
-                written.append(path)
-        except ExportError as error:
-            failures.append(str(error))
-    if json:
-        lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
-        print_json({**EMPTY, **fit_json(result, outcome.evidence), **lost})
-    else:
-        print_written(*written)
-        for failure in failures:
-            print(f"clutchid: the fit is complete, but {failure}", file=sys.stderr)
-    return FAILED if failures or result.status == "failed" else DONE
 
 
 def _inputs(files: _Files) -> list[tuple[str, Path | None]]:

@@ -105,7 +105,8 @@ def simulate(
 def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path, json: bool) -> None:
     """Print the errors of the simulation against what was measured, and its warnings."""
     from clutchid.estimate.result import errors_over
-    from clutchid.report.fit_text import errors_json, errors_text
+    from clutchid.report.fit_json import errors_json
+    from clutchid.report.fit_text import errors_text
 
     errors = errors_over([(recording, done.log)]) if "position" in recording else None
     distinct = list(dict.fromkeys(warnings))

@@ -12,11 +12,12 @@ from clutchid.estimate.automatic import automatic
 from clutchid.estimate.change import fitted_changes, mean_score, with_changes
 from clutchid.estimate.changes import Change
 from clutchid.estimate.doubt import doubted
-from clutchid.estimate.free import FreeParameters, bounds_of, free_names
+from clutchid.estimate.free import FreeParameters, SearchStart, bounds_of, free_names
 from clutchid.estimate.outcome import failed_fit
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_result import SearchMethod, SearchResult, SolutionT
+from clutchid.estimate.search_state import Continuation
 from clutchid.estimate.verification import on_samples
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -45,6 +46,8 @@ def fit_with_priors(
         As `clutchid.fit`.
     """
     actuator, free = free_parameters(logs, actuator, request)
+    if request.continues and request.continues.applies(free.names, free.measure, data_of(logs)):
+        request, free = continued(request, request.continues, free)
     request = replace(request, profile=actuator.expanded(request.profile))
     check_size(logs, free)
     _check_profiled(request, free)
@@ -59,6 +62,8 @@ def fit_with_priors(
         )
     result = replace(
         result,
+        baseline=request.calibration,
+        search=result.search and replace(result.search, free=free.names),
         recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
         changes=(*fitted_changes(released, actuator, result), *suspected),
     )
@@ -195,8 +200,33 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
     """Covariance of the shared parameters of a fit, without the load weights."""
     at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and base_of(name) == name]
     names = tuple(name for i, name in enumerate(result.parameters) if i in at)
-    data = {name: r.measured.metadata.get("sha256", "unknown") for name, r in result.recordings.items()}
-    return Calibration(names, result.covariance[np.ix_(at, at)], data=data, method=result.method)
+    weights = [i for i, name in enumerate(result.parameters) if name in actuator.load.names]
+    return Calibration(
+        names,
+        result.covariance[np.ix_(at, at)],
+        data=data_of([recording.measured for recording in result.recordings.values()]),
+        method=result.method,
+        theta=result.actuator.load.theta,
+        theta_covariance=result.covariance[np.ix_(weights, weights)],
+        converged=result.converged,
+    )
+
+
+def data_of(logs: Sequence[Log]) -> dict[str, str]:
+    """SHA-256 of the files of recordings by name; "unknown" for one that is not from a file."""
+    return {log.name: log.metadata.get("sha256", "unknown") for log in logs}
+
+
+def continued(request: FitRequest, earlier: Continuation, free: FreeParameters) -> tuple[FitRequest, FreeParameters]:
+    """The request and its free parameters with the priors of an `earlier` search, started from its result.
+
+    The result of the earlier search is no prior: it has been estimated from the same data. If pressure is in use, its
+    calibration is not used either.
+    """
+    if "pressure_a" in free.measure:
+        request = replace(request, calibration=None)
+    start = SearchStart(earlier.values, earlier.scales)
+    return request, replace(free, priors={**earlier.state.priors, **request.priors}, start=start)
 
 
 def with_position_bias(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.uncertainty.calibration import Calibration, Score
+from clutchid.uncertainty.calibration import Calibration, Origin, Score
 
 
 def calibration_section(kept: Calibration) -> dict[str, Any]:
@@ -17,7 +18,12 @@ def calibration_section(kept: Calibration) -> dict[str, Any]:
         "names": list(kept.names),
         "covariance": kept.covariance.tolist(),
         "bias": list(kept.bias),
+        "converged": kept.converged,
     }
+    if kept.theta:
+        section |= {"theta": list(kept.theta), "theta_covariance": kept.theta_covariance.tolist()}
+    if kept.origin is not None:
+        section["origin"] = kept.origin._asdict()
     if kept.score is not None:
         section["score"] = {
             "names": list(kept.score.names),
@@ -27,8 +33,10 @@ def calibration_section(kept: Calibration) -> dict[str, Any]:
     return section
 
 
-def calibration_in(section: Any, weights: int, method: str) -> Calibration:
-    """The calibration in a file by `method`, for a load with `weights` weights; earlier versions have no score.
+def calibration_in(section: Any, weights: int, method: str, file: Origin) -> Calibration:
+    """The calibration in a `file` by `method`, for a load with `weights` weights.
+
+    Earlier versions have no score, no load, and say neither how the search ended nor where the calibration is from.
 
     Raises
     ------
@@ -38,14 +46,25 @@ def calibration_in(section: Any, weights: int, method: str) -> Calibration:
     try:
         names, covariance = _numbers(section)
         bias = tuple(map(float, section["bias"]))
+        theta = tuple(map(float, section.get("theta", ())))
+        spread = np.array(section.get("theta_covariance", []), dtype=np.float64).reshape(len(theta), len(theta))
     except (KeyError, TypeError, ValueError) as error:
         raise ParameterError(
             "[fit.calibration]: names, a square covariance and bias are needed; save the calibration again."
         ) from error
-    if len(bias) not in (0, weights):
-        raise ParameterError(f"[fit.calibration] bias: {len(bias)} numbers for {weights} load weights.")
+    for name, numbers in (("bias", bias), ("theta", theta)):
+        if len(numbers) not in (0, weights):
+            raise ParameterError(f"[fit.calibration] {name}: {len(numbers)} numbers for {weights} load weights.")
     score = _score(section["score"]) if "score" in section else None
-    return Calibration(names, covariance, bias, method=method, score=score)
+    converged = section.get("converged", True) is not False
+    origin = file._replace(**text_entries(section.get("origin"), Origin._fields))
+    return Calibration(names, covariance, bias, None, method, score, theta, spread, converged=converged, origin=origin)
+
+
+def text_entries(section: Any, known: Iterable[str]) -> dict[str, str]:
+    """The `known` entries of a section, those that are text."""
+    entries = section if isinstance(section, Mapping) else {}
+    return {name: entries[name] for name in known if isinstance(entries.get(name), str)}
 
 
 def _score(section: Any) -> Score:

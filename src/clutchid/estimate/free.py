@@ -17,13 +17,25 @@ DEFAULT_RANGE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
+class SearchStart:
+    """Start of a search that continues an earlier one: values of parameters and noise scales of columns, in SI."""
+
+    values: Mapping[str, float]
+    scales: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class FreeParameters:
-    """Free parameters (NAME or NAME@STEM), measured columns in use, and bounds and priors in SI."""
+    """Free parameters (NAME or NAME@STEM), measured columns in use, bounds and priors in SI, and start of the search.
+
+    By default a search starts at the means of the priors.
+    """
 
     names: tuple[str, ...]
     measure: tuple[str, ...]
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     priors: Mapping[str, Prior] = field(default_factory=dict)
+    start: SearchStart | None = None
 
     def free_in(self, recording: str) -> frozenset[str]:
         """Parameters that are free in `recording`, shared or of that recording."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,10 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import base_of
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
+from clutchid.uncertainty.calibration import Calibration
+
+#: Standard deviations of a 95 % interval.
+QUANTILE = 1.96
 
 #: Points of a load curve, from 0 to the full stroke.
 POINTS = 101
@@ -95,6 +100,15 @@ def load_curve(
     half = quantile * np.sqrt(np.maximum(variance, 0.0))
     half[np.any(phi[:, columns][:, unknown] != 0.0, axis=1)] = np.inf
     return LoadCurve(y, force, force - half, force + half)
+
+
+def calibrated_curve(actuator: Actuator, calibration: Calibration) -> LoadCurve | None:
+    """The load of a calibration with its 95 % interval, on the basis of `actuator`; None if it has none."""
+    load = actuator.load
+    if len(calibration.theta) != len(load.theta):
+        return None
+    calibrated = replace(actuator, load=replace(load, theta=calibration.theta))
+    return load_curve(calibrated, load.names, calibration.theta_covariance, QUANTILE)
 
 
 def failed_fit(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from hashlib import sha256
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
@@ -14,26 +16,28 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.estimate.actuator_section import equipment_in, section_of, with_gravity
-from clutchid.estimate.calibration_section import calibration_in, calibration_section
-from clutchid.estimate.model_section import MODEL_KEYS, model_entries, model_in
+from clutchid.estimate.calibration_section import calibration_in, calibration_section, text_entries
+from clutchid.estimate.load_section import load_in
+from clutchid.estimate.model_section import model_entries, model_in
 from clutchid.estimate.older_lags import with_lags
 from clutchid.estimate.recording_sections import Starts, own_values, starts_in
 from clutchid.estimate.result import Fit
+from clutchid.estimate.search_section import search_in, search_section
+from clutchid.estimate.search_state import Continuation
 from clutchid.io.files import atomic_write
 from clutchid.io.toml_file import read_toml
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
-from clutchid.model.weighted_load import BASES, MOST_KNOTS, Load
-from clutchid.names import unknown_name, unknown_names
+from clutchid.model.weighted_load import Load
+from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
-from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.calibration import Calibration, Origin
 
 #: Suffixes of files for MATLAB, which `clutchid.report.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")
 
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
-_LOAD_KEYS = ("load_basis", "knots", "phi2_slope")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 
 
@@ -41,13 +45,15 @@ _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 class ParameterFile:
     """An actuator, the start values of segments by recording, and how it was fitted.
 
-    A start is (position in m, pressure in chamber A in Pa). `own` are parameters of single recordings by stem.
+    A start is (position in m, pressure in chamber A in Pa). `own` are parameters of single recordings by stem, `origin`
+    is the file itself.
     """
 
     actuator: Actuator
     starts: Mapping[str, Starts] = field(default_factory=dict)
     fit: Mapping[str, Any] = field(default_factory=dict)
     own: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    origin: Origin = field(default_factory=Origin, compare=False)
 
     @property
     def calibration(self) -> Calibration | None:
@@ -61,7 +67,26 @@ class ParameterFile:
         entry = self.fit.get("calibration")
         if entry is None:
             return None
-        return calibration_in(entry, len(self.actuator.load.theta), str(self.fit.get("method", "shooting")))
+        weights, method = len(self.actuator.load.theta), str(self.fit.get("method", "shooting"))
+        return calibration_in(entry, weights, method, self.origin)
+
+    @property
+    def continuation(self) -> Continuation | None:
+        """The search whose result is in the file, if it was one with priors.
+
+        Raises
+        ------
+        ParameterError
+            If the entry cannot be understood.
+        """
+        entry, data, scales = self.fit.get("search"), self.fit.get("data"), self.fit.get("noise_scales")
+        if entry is None or not isinstance(data, Mapping) or not isinstance(scales, Mapping):
+            return None
+        state = search_in(entry)
+        single = {f"{name}@{stem}": value for stem, values in self.own.items() for name, value in values.items()}
+        values = {name: self.actuator.value(name) for name in state.priors if name in self.actuator.names} | single
+        numbers = {name: float(value) for name, value in scales.items() if is_number(value)}
+        return Continuation(state, values, numbers, data)
 
     def starts_for(self, log: Log) -> Starts | None:
         """The start values of `log`, if they were estimated from exactly this file, by its hash under [fit] data."""
@@ -86,6 +111,10 @@ def parameter_file(fitted: Fit) -> ParameterFile:
         "versions": {library: version(library) for library in _LIBRARIES},
     }
     about["method"] = fitted.method
+    about["created"] = datetime.now(UTC).isoformat(timespec="seconds")
+    about["trust"] = fitted.verdict.trust
+    if fitted.search is not None:
+        about["search"] = search_section(fitted.search)
     if fitted.calibration is not None:
         about["calibration"] = calibration_section(fitted.calibration)
     starts = {name: recording.starts for name, recording in fitted.recordings.items()}
@@ -182,7 +211,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     equipment, problems = equipment_in(document)
     problems += model_problems
     section, values, gravity_problems = with_gravity(document)
-    load, load_problems = _load(section, values)
+    load, load_problems = load_in(section, values)
     own, own_problems = _own(values, model)
     parameters, parameter_problems = _parameters(values | equipment.fixed, load, tuple(own))
     starts, start_problems = starts_in(document.get("recording", {}), (*Parameters.names(), *own))
@@ -194,64 +223,15 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
         actuator = Actuator(parameters, load, known, equipment, tuple(own.values()))
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
-    return ParameterFile(actuator, starts, document.get("fit", {}), own_values(document.get("recording", {})))
+    section = document.get("fit", {})
+    hashed = sha256(Path(path).read_bytes()).hexdigest()
+    origin = Origin(name=Path(path).name, sha256=hashed)._replace(**text_entries(section, ("created", "trust")))
+    return ParameterFile(actuator, starts, section, own_values(document.get("recording", {})), origin)
 
 
 def _all(path: str | PathLike[str], problems: list[str]) -> str:
     lines = [line for problem in problems for line in problem.splitlines()]
     return f"{path}: {lines[0]}" if len(lines) == 1 else f"{path}: {len(lines)} problems.\n  - " + "\n  - ".join(lines)
-
-
-def _load(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, list[str]]:
-    known = (*MODEL_KEYS, *_LOAD_KEYS)
-    problems = unknown_names(model, known, "entry of [model]")
-    basis = model.get("load_basis", "paper")
-    if basis not in BASES:
-        return None, [*problems, unknown_name(str(basis), BASES, "load basis")]
-    numbers, lacking = _paper_numbers(model, values) if basis == "paper" else _spline_numbers(model, values)
-    problems += lacking
-    for name, value in numbers.items():
-        if not isinstance(value, list) or not all(is_number(v) for v in value):
-            problems.append(f"{name} = {value!r}: numbers are needed.")
-    if problems:
-        return None, problems
-    try:
-        theta, knots = tuple(numbers["theta"]), tuple(numbers["knots"])
-        return Load(theta, knots, float(numbers["phi2_slope"][0]), basis), []
-    except ParameterError as error:
-        return None, str(error).splitlines()
-
-
-def _paper_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Weights, knots and slope of the paper's splines; missing ones are those of the paper."""
-    default = Load()
-    theta = [values.get(name, value) for name, value in zip(default.names, default.theta, strict=True)]
-    knots, slope = model.get("knots", list(default.knots)), model.get("phi2_slope", default.phi2_slope)
-    return {"knots": knots, "phi2_slope": [slope], "theta": theta}, []
-
-
-def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Weights and knots of B-splines; all are required, because they have no defaults."""
-    problems = []
-    if "phi2_slope" in model:
-        problems.append("[model] phi2_slope belongs to load_basis = 'paper'; take it out for 'b-spline'.")
-    knots = model.get("knots")
-    if not isinstance(knots, list):
-        problems.append("[model] knots: load_basis = 'b-spline' needs a list of two or more positions in m.")
-        return {}, problems
-    if len(knots) > MOST_KNOTS:
-        problems.append(f"[model] knots: {len(knots):,} positions; at most {MOST_KNOTS} are allowed.")
-        return {}, problems
-    names = [f"theta_{i + 1}" for i in range(len(knots) + 2)]
-    missing = [name for name in names if name not in values]
-    if missing:
-        shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
-        problems.append(
-            f"[parameters] {shown}: missing; {len(knots)} knots of load_basis = 'b-spline' need the "
-            f"{len(names)} weights {names[0]} to {names[-1]} in N."
-        )
-    theta = [values[name] for name in names if name in values]
-    return {"knots": knots, "phi2_slope": [Load().phi2_slope], "theta": theta}, problems
 
 
 def _own(values: dict[str, Any], model: OwnModel | None) -> tuple[dict[str, float], list[str]]:

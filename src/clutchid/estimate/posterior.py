@@ -7,18 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimate.outcome import Compared, load_curve, plan_warnings
+from clutchid.estimate.outcome import QUANTILE, Compared, load_curve, plan_warnings
 from clutchid.estimate.result import Estimate, Fit, errors_over
 from clutchid.estimate.search_result import SearchResult, SolutionT
+from clutchid.estimate.search_state import SearchState, ended
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.coordinates import Prior
 from clutchid.uncertainty.drift import deviation_factor
 from clutchid.uncertainty.identifiability import listed
-
-#: Standard deviations of a 95 % interval.
-QUANTILE = 1.96
 
 #: A parameter is not identifiable if its standard deviation exceeds this fraction of that of its prior.
 PRIOR_DOMINATES = 0.9
@@ -36,13 +35,14 @@ def posterior(
     theta = problem.actuator.load.theta
     bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(theta))
     fitted = corrected(problem.actuator_of(x, problem.stems[0]), bias)
-    not_converged = _not_converged(solution.status, solution.evaluations)
+    converged = solution.status == "converged"
+    not_converged = [] if converged else [f"the search {ended(solution.status, solution.evaluations)}."]
     warnings = (*plan_warnings(search_result.plans), *_at_bounds(problem, x), *not_converged)
     covariance = matrix * np.outer(problem.slopes(x), problem.slopes(x))
     bases = [c.base for c in problem.coordinates]
     return Fit(
         status="warning" if warnings else "ok",
-        message=f"{solution.status} after {solution.evaluations} evaluations",
+        message=ended(solution.status, solution.evaluations),
         actuator=fitted,
         parameters=_estimates(problem, x, matrix, fitted),
         covariance=covariance,
@@ -55,7 +55,8 @@ def posterior(
         warnings=warnings,
         method=search_result.method,
         notes=_identifiable(problem, matrix),
-        converged=solution.status == "converged",
+        converged=converged,
+        search=search_state(search_result, solution),
     )
 
 
@@ -89,11 +90,11 @@ def _at_bounds(problem: FitProblem, x: FloatArray) -> list[str]:
     return warnings
 
 
-def _not_converged(status: str, evaluations: int) -> list[str]:
-    """A warning if the search has not converged."""
-    if status == "converged":
-        return []
-    return [f"the search stopped after {evaluations} evaluations without convergence."]
+def search_state(search_result: SearchResult[SolutionT], solution: SolutionT) -> SearchState:
+    """How the search ended, with the priors of its free parameters."""
+    coordinates = search_result.problem.coordinates
+    priors = {c.name: Prior(c.mean, c.width * c.mean if c.positive else c.width) for c in coordinates}
+    return SearchState(solution.status, solution.evaluations, tuple(priors), priors)
 
 
 def _identifiable(problem: FitProblem, matrix: FloatArray) -> tuple[str, ...]:

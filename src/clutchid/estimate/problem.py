@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from clutchid.estimate.free import FreeParameters
-from clutchid.log import Log
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, MARGIN, prepare, tracks_with_steps
@@ -40,17 +43,43 @@ def fit_problem(
     plans = tuple(prepare(log, actuator, free.measure) for log in logs)
     first = plans[0].actuator
     added = {**_phases(free, logs, plans), **_wearing(free, logs, actuator, calibration)}
+    priors = {**added, **free.priors}
     problem = FitProblem(
         actuator=first,
-        coordinates=coordinates(first, (*free.names, *added), free.bounds, {**added, **free.priors}),
+        coordinates=coordinates(first, (*free.names, *added), free.bounds, priors),
         tracks=tracks_with_steps(plans, CALIBRATED_MARGIN if calibration else MARGIN),
         stems=tuple(log.name for log in logs),
         measure=free.measure,
-        noise=Noise(states={name: row.noise for name, row in first.state_rows.items()}),
+        noise=_noise(first, free),
         curvature=CURVATURE,
-        reference=actuator.load.theta if calibration else (0.0,) * len(actuator.load.theta),
+        reference=_reference(actuator, free) if calibration else (0.0,) * len(actuator.load.theta),
     )
     return problem, plans
+
+
+def start_point(problem: FitProblem, free: FreeParameters) -> FloatArray:
+    """Where a search starts in x, shape (k,): at the means of the priors, or where an earlier one ended.
+
+    Otherwise it is at the means: bounded steps cannot return from a start far outside a narrow prior.
+    """
+    x = np.zeros(len(problem.coordinates))
+    known = free.start.values if free.start else {}
+    for i, c in enumerate(problem.coordinates):
+        if c.name in known:
+            x[i] = c.of(known[c.name])
+    return np.clip(x, *problem.bounds())
+
+
+def _noise(actuator: Actuator, free: FreeParameters) -> Noise:
+    """Noise of the states, and of the sensors as an earlier search estimated it."""
+    noise = Noise(states={name: row.noise for name, row in actuator.state_rows.items()})
+    return replace(noise, measured={**noise.measured, **free.start.scales}) if free.start else noise
+
+
+def _reference(actuator: Actuator, free: FreeParameters) -> tuple[float, ...]:
+    """Weights of the calibrated load, to whose curvature that of a new load is compared."""
+    values = zip(actuator.load.names, actuator.load.theta, strict=True)
+    return tuple(free.priors[name].mean if free.start and name in free.priors else value for name, value in values)
 
 
 def _phases(free: FreeParameters, logs: Sequence[Log], plans: Sequence[Plan]) -> dict[str, Prior]:

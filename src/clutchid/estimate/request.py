@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from clutchid.errors import ParameterError
+from clutchid.estimate.search_state import Continuation
 from clutchid.measured import MEASURED
 from clutchid.names import ParameterName, unknown_name
 from clutchid.simulation.partition import Partition
@@ -19,6 +20,8 @@ FEWEST_DRAWS = 10
 @dataclass(frozen=True, slots=True)
 class FitRequest:
     """A request of a fit; the fields are the arguments of `clutchid.fit`.
+
+    `continues` is the search of the start file, continued if it is of the same recordings and free parameters.
 
     Raises
     ------
@@ -35,6 +38,7 @@ class FitRequest:
     calibration: Calibration | None = None
     profile: tuple[str, ...] = ()
     bootstrap: int = 0
+    continues: Continuation | None = None
 
     def __post_init__(self) -> None:
         unknown = [unknown_name(name, MEASURED, "measured column") for name in self.measure if name not in MEASURED]

@@ -12,6 +12,7 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.estimate.changes import Change
+from clutchid.estimate.search_state import SearchState
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.uncertainty.calibration import Calibration
@@ -94,8 +95,8 @@ class Fit:
     `recordings` are the fitted ones by name, `verification` those that were only simulated. `scales` are the noise
     scales by which residuals of position (m) and pressure (Pa) were divided, `bounds` the bounds of the free
     parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
-    `converged` says that the search ended within its limits. `changes` are changes, or suspected changes, since the
-    calibration.
+    `converged` says that the search ended within its limits, `search` how, with what a later search needs to continue
+    it. `baseline` is the calibration that the fit started from, `changes` are changes, or suspected changes, since.
     """
 
     status: Status
@@ -116,6 +117,8 @@ class Fit:
     calibration: Calibration | None = None
     converged: bool = True
     changes: tuple[Change, ...] = ()
+    baseline: Calibration | None = None
+    search: SearchState | None = None
 
     def __repr__(self) -> str:
         names = [repr(name) for name in self.recordings]
@@ -135,7 +138,8 @@ class Fit:
         return fit_html(self)
 
     @cached_property
-    def _evidence(self) -> Evidence:
+    def evidence(self) -> Evidence:
+        """Evidence for the verdict, see `clutchid.assess.evidence.evidence`; computed once."""
         from clutchid.assess.evidence import evidence
 
         return evidence(self)
@@ -145,7 +149,7 @@ class Fit:
         """Whether parameters and load can be trusted, see `clutchid.assess.verdict.verdict`; computed once."""
         from clutchid.assess.verdict import verdict
 
-        return verdict(self, self._evidence)
+        return verdict(self, self.evidence)
 
     def to_frame(self) -> pl.DataFrame:
         """Free parameters as rows: name, value, unit, std, low and high, in SI and with 95 % intervals."""
@@ -178,7 +182,7 @@ class Fit:
         """
         from clutchid.report.fit_page import fit_page
 
-        fit_page(self, "clutchid.fit(...) in Python", path, self._evidence)
+        fit_page(self, "clutchid.fit(...) in Python", path)
 
     def raised(self) -> Fit:
         """This fit, unless it failed.

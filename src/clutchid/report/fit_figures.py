@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.assess.evidence import reach
+from clutchid.assess.half_load import half_load_band
 from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
-from clutchid.report.half_load import half_load_band
 from clutchid.report.style import BAR, KN, MM, STYLE, Line
 
 if TYPE_CHECKING:

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.assess.evidence import Evidence, as_recorded, evidence, reach
-from clutchid.assess.verdict import ENGAGING, verdict
+from clutchid.assess.evidence import Evidence, as_recorded, reach
+from clutchid.assess.half_load import half_load_band
+from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Errors, Recording
+from clutchid.report.comparison_page import comparison_sections
 from clutchid.report.diagnosis_page import (
     diagnosis_table,
     information_blocks,
@@ -20,16 +23,18 @@ from clutchid.report.diagnosis_page import (
     verdict_blocks,
     worst_first,
 )
-from clutchid.report.figures import png
+from clutchid.report.figures import png, svg
 from clutchid.report.files import write_text
 from clutchid.report.fit_figures import load_figure, recording_figure
-from clutchid.report.half_load import half_load_band
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.parameter_page import parameter_blocks
 from clutchid.report.pressure_span import reliable
 from clutchid.report.provenance import provenance
 from clutchid.report.style import BAR, KN, MM
 from clutchid.report.tables import Cell, Column, Table
+
+#: No recordings read one by one.
+NONE: Mapping[str, Fit] = MappingProxyType({})
 
 #: Greatest number of fitted, and of verified, recordings with figures; the others are in the tables.
 MAX_DRAWN = 3
@@ -44,7 +49,7 @@ _STATUS = {
 }
 
 
-def fit_page(fit: Fit, command: str, path: str | PathLike[str], found: Evidence | None = None) -> None:
+def fit_page(fit: Fit, command: str, path: str | PathLike[str], single: Mapping[str, Fit] = NONE) -> None:
     """Write the page of `fit` as one self-contained HTML file.
 
     Parameters
@@ -55,23 +60,23 @@ def fit_page(fit: Fit, command: str, path: str | PathLike[str], found: Evidence 
         The command line that repeats the fit, shown on the page.
     path
         The file; an existing one is replaced atomically.
-    found : Evidence, optional
-        ``clutchid.assess.evidence.evidence(fit)``, if it has been computed.
+    single : {recording: Fit}, optional
+        Its recordings read one by one from the same calibration.
 
     Raises
     ------
     ExportError
         If the file cannot be written; an existing file is unchanged.
     """
-    write_text(render(page_of(fit, command, found)), path)
+    write_text(render(page_of(fit, command, single)), path)
 
 
-def page_of(fit: Fit, command: str, found: Evidence | None = None) -> Page:
+def page_of(fit: Fit, command: str, single: Mapping[str, Fit] = NONE) -> Page:
     """The page of `fit` before it is rendered."""
     logs = [r.measured for r in (*fit.recordings.values(), *fit.verification.values())]
     names = ", ".join(fit.recordings) or "no recording"
-    found = evidence(fit) if found is None else found
-    sections = [Section("Result", _result(fit, found))]
+    found = fit.evidence
+    sections = [Section("Result", _result(fit)), *comparison_sections(fit, single)]
     if found.diagnoses:
         sections.append(Section("What the data determine", tuple(information_blocks(fit, found))))
     sections.append(Section("Parameters", parameter_blocks(fit)))
@@ -93,15 +98,15 @@ def _subtitle(fit: Fit) -> str:
     return f"Model {fit.actuator.model}; {basis}; fitted by {how}."
 
 
-def _result(fit: Fit, found: Evidence) -> tuple[Block, ...]:
-    blocks = verdict_blocks(verdict(fit, found), fit.recordings)
+def _result(fit: Fit) -> tuple[Block, ...]:
+    blocks = verdict_blocks(fit.verdict, fit.recordings)
     lead = f"{_STATUS[fit.status]} {fit.message[:1].upper()}{fit.message[1:]}."
     blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in fit.warnings)]
     if fit.status != "failed":
         alt = "Load over position with its 95 % interval and half of its peak"
         blocks += [
             Text(_sentence(fit)),
-            Picture(png(load_figure(fit)), _LOAD_CAPTION["shooting" if fit.follows else "simulation"], alt),
+            Picture(svg(load_figure(fit)), _LOAD_CAPTION["shooting" if fit.follows else "simulation"], alt),
         ]
     return tuple(blocks)
 

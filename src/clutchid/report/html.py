@@ -38,16 +38,17 @@ class Notice:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A PNG figure with a caption in HTML; `alt` is its description in plain text."""
+    """A figure, PNG or an SVG element, with a caption in HTML; `alt` is its description in plain text."""
 
-    png: bytes
+    figure: bytes | str
     caption: str
     alt: str
 
     @property
     def address(self) -> str:
-        """The image as a data URL."""
-        return "data:image/png;base64," + base64.b64encode(self.png).decode("ascii")
+        """The image as a data URL: the names of elements in an SVG cannot clash with those of another on the page."""
+        kind, content = ("svg+xml", self.figure.encode()) if isinstance(self.figure, str) else ("png", self.figure)
+        return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from clutchid.assess.evidence import reach
 from clutchid.estimate import Fit
-from clutchid.report.half_load import load_table
 from clutchid.report.html import Block, Details, Text, escape
+from clutchid.report.load_tables import load_table
 from clutchid.report.tables import Cell, Column, Table, scientific
 
 

@@ -22,7 +22,7 @@ from clutchid.smoother.trial import NO_GAIN, Trial, accept, evaluate_step, with_
 
 #: Most steps of the parameters, most reductions of the radius in a step, and the decrease of the cost by a full step
 #: below which the search has converged.
-MAX_STEPS, MAX_REDUCTIONS, CONVERGED_GAIN = 25, 4, 0.1
+MAX_STEPS, MAX_REDUCTIONS, CONVERGED_GAIN = 100, 4, 0.1
 
 #: Largest trust-region radius in standard deviations of the prior, and the factor of a reduction. The region is a box,
 #: so that one parameter with an excessive step, such as that of a stop, does not shorten those of the others.

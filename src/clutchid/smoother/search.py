@@ -16,7 +16,7 @@ from clutchid.smoother.settling import stepped_states
 from clutchid.smoother.trial import NO_GAIN, accept, evaluate_step
 
 #: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.
-STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0)
+STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION, FINE_STAGE = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0), (1.0,)
 
 #: Most steps of a coarse stage, and the relative decrease of the cost below which it has converged.
 MAX_STEPS, COARSE_TOLERANCE = 5, 1e-2
@@ -28,15 +28,16 @@ def search(
     X: Sequence[FloatArray],
     stages: Sequence[float],
     progress: Progress | None = None,
+    before: int = 0,
 ) -> ShootingSolution | Failure:
-    """Minimise the cost of `problem` from `x` and `X` in stages of decreasing inflation.
+    """Minimise the cost of `problem` from `x` and `X` in stages of decreasing inflation, after `before` evaluations.
 
     Coarse stages step parameters and states simultaneously. With inflated standard deviations the states follow the
     measurement and the parameters change little, so that a poor start does not lead to a distant local minimum. The
     stage without inflation is `project`.
     """
     solution: ShootingSolution | Failure = Failure("no stage to search in")
-    count = 0
+    count = before
     for inflation in stages:
         on_evaluation = _counted(progress, inflation, count)
         if inflation == 1.0:

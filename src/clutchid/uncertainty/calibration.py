@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,6 +36,18 @@ class Score:
         return Score(tuple(names), covariance @ (information @ self.shift)[at], covariance)
 
 
+class Origin(NamedTuple):
+    """Where a calibration is from: name of its file, time of its creation (ISO 8601), SHA-256, and trust in it.
+
+    What an older file does not say is empty.
+    """
+
+    name: str = ""
+    created: str = ""
+    sha256: str = ""
+    trust: str = ""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
     """Uncertainty and corrections of a calibrated actuator.
@@ -53,6 +66,12 @@ class Calibration:
         Method of the calibration; bias and score belong to it.
     score : Score, optional
         Change of fixed parameters in a fit to position alone of the calibration recordings.
+    theta, theta_covariance
+        Calibrated load weights and their covariance in SI, shape (m, m); empty if an older file lacks them.
+    converged
+        Whether the search of the calibration converged.
+    origin : Origin, optional
+        Its file, if it is from one.
     """
 
     names: tuple[str, ...]
@@ -61,6 +80,10 @@ class Calibration:
     data: Mapping[str, str] | None = None
     method: str = "shooting"
     score: Score | None = None
+    theta: tuple[float, ...] = ()
+    theta_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    converged: bool = True
+    origin: Origin | None = None
 
     def inflated(self, names: tuple[str, ...], covariance: FloatArray) -> Calibration:
         """The same with the `covariance` of `names` in SI, shape (k, k), added."""

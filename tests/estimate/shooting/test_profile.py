@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.posterior import QUANTILE
+from clutchid.estimate.outcome import QUANTILE
 from clutchid.estimate.shooting import profile as module
 from clutchid.estimate.shooting.profile import (
     MAX_EVALUATIONS,

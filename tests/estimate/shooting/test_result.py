@@ -160,7 +160,7 @@ def test_a_number_at_its_bound_is_a_warning_that_names_bound_and_value(plant, wo
 
 def test_a_search_that_did_not_converge_is_a_warning(shot, known):
     stopped = result(replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), known)
-    assert stopped.warnings == ("the search stopped after 7 evaluations without convergence.",)
+    assert stopped.warnings == ("the search stopped after 7 evaluations, not converged: its budget is used up.",)
     assert stopped.status == "warning"
     assert not stopped.converged
     assert result(shot, known).converged

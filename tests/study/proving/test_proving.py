@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from clutchid.assess.half_load import half_load
 from clutchid.errors import ExportError, ParameterError
-from clutchid.report.half_load import half_load
 from clutchid.study.proving import answers, workflows
 from clutchid.study.proving import ground as proving
 from clutchid.study.proving.answers import Answer, score

@@ -11,7 +11,7 @@ from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.prediction_error.innovations import noise_scales
 from clutchid.estimate.prediction_error.problem import FilterSolution, Prediction, predict_errors
 from clutchid.estimate.prediction_error.result import result
-from clutchid.estimate.problem import fit_problem
+from clutchid.estimate.problem import fit_problem, start_point
 from clutchid.estimate.search_result import SearchMethod, SearchResult
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -30,7 +30,7 @@ CONVERGED_MOVE, MIN_STEP_SHARE = 0.5, 0.1
 
 #: Most rounds before and after the re-estimation of the sensor noise; most evaluations of a round, and of one in which
 #: all steps of the first evaluations were rejected: within ten the damping grows from 1e-3 beyond its limit of 1e12.
-COARSE_ROUNDS, FINE_ROUNDS, MAX_EVALUATIONS, MAX_REJECTED = 1, 12, 6, 12
+COARSE_ROUNDS, FINE_ROUNDS, MAX_EVALUATIONS, MAX_REJECTED = 1, 40, 6, 12
 
 _METHOD = "prediction-error"
 
@@ -50,7 +50,10 @@ def predict(
         As `clutchid.fit`.
     """
     problem, plans = fit_problem(logs, actuator, free, calibration)
-    coarse = search(problem, np.zeros(len(problem.coordinates)), COARSE_ROUNDS, progress)
+    x = start_point(problem, free)
+    if free.start is not None:
+        return SearchResult(_METHOD, problem, plans, search(problem, x, FINE_ROUNDS, progress, 1))
+    coarse = search(problem, x, COARSE_ROUNDS, progress)
     if isinstance(coarse, Failure):
         return SearchResult(_METHOD, problem, plans, coarse)
     problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))

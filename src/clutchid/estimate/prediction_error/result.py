@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.estimate.outcome import Compared, compare, position_and_pressure
-from clutchid.estimate.posterior import QUANTILE, posterior
+from clutchid.estimate.outcome import QUANTILE, Compared, compare, position_and_pressure
+from clutchid.estimate.posterior import posterior
 from clutchid.estimate.prediction_error.innovations import innovations
 from clutchid.estimate.prediction_error.problem import FilterSolution, predict_errors
 from clutchid.estimate.result import Fit

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from clutchid.estimate.change import score
 from clutchid.estimate.free import FreeParameters
-from clutchid.estimate.problem import fit_problem
+from clutchid.estimate.problem import fit_problem, start_point
 from clutchid.estimate.search_result import SearchMethod, SearchResult
 from clutchid.estimate.shooting.checks import checked
 from clutchid.estimate.shooting.result import result
@@ -18,14 +16,19 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.windows import initial_states
+from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.projection import ShootingSolution
-from clutchid.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
+from clutchid.smoother.search import FINE_STAGE, STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
+from clutchid.smoother.settling import States
 from clutchid.smoother.trajectory import noise_scales
 from clutchid.uncertainty.calibration import Calibration
 
 #: Correlation time in s of the model error in position. A load from position alone was closer to the truth if ten
 #: samples at 1 kHz were weighted as one, see docs/derivations.md.
 MEMORY = 0.01
+
+#: Most restarts of a search that stalls.
+MAX_RESTARTS = 4
 
 _METHOD = "shooting"
 
@@ -49,23 +52,54 @@ def shoot(
     problem, plans = fit_problem(logs, actuator, free, calibration)
     if calibration and free.reads_load(actuator):
         problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
-    X: list[FloatArray] = []
-    for track in problem.tracks:
-        guess = initial_states(track, plans[track.log].actuator, "pressure_a" in free.measure)
-        if isinstance(guess, Failure):
-            return SearchResult(_METHOD, problem, plans, guess)
-        X.append(guess)
-    # start at the prior means: bounded steps cannot return from a start far outside a narrow prior
-    x = np.zeros(len(problem.coordinates))
-    stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
-    coarse = search(problem, x, X, stages[:-1], progress)
-    if isinstance(coarse, Failure):
-        return SearchResult(_METHOD, problem, plans, coarse)
-    problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse)))
-    fine = search(problem, coarse.x, coarse.X, stages[-1:], progress)
-    if isinstance(fine, ShootingSolution):
-        fine = replace(fine, evaluations=fine.evaluations + coarse.evaluations)
+    X = _states(problem, [plan.actuator for plan in plans])
+    if isinstance(X, Failure):
+        return SearchResult(_METHOD, problem, plans, X)
+    x = start_point(problem, free)
+    if free.start is None:
+        stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
+        coarse = search(problem, x, X, stages[:-1], progress)
+        if isinstance(coarse, Failure):
+            return SearchResult(_METHOD, problem, plans, coarse)
+        problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse)))
+        fine = _fine(problem, coarse.x, coarse.X, progress, coarse.evaluations)
+    else:
+        fine = _fine(problem, x, X, progress)
     return SearchResult(_METHOD, problem, plans, fine)
+
+
+def _fine(
+    problem: FitProblem, x: FloatArray, X: States, progress: Progress | None, before: int = 0
+) -> ShootingSolution | Failure:
+    """The fine stage; one that stalls goes on with new states, a few times, from the best parameters so far.
+
+    A search stalls where a few windows with stiction lie in a poor local minimum of their states.
+    """
+    best = search(problem, x, X, FINE_STAGE, progress, before)
+    for _ in range(MAX_RESTARTS):
+        if isinstance(best, Failure) or best.status != "stalled":
+            return best
+        again = _states(problem, [problem.actuator_of(best.x, stem) for stem in problem.stems])
+        further = again if isinstance(again, Failure) else search(
+            problem, best.x, again, FINE_STAGE, progress, best.evaluations
+        )  # fmt: skip
+        if isinstance(further, Failure):
+            return best
+        if further.at.cost >= best.at.cost:
+            return replace(best, evaluations=further.evaluations)
+        best = further
+    return best
+
+
+def _states(problem: FitProblem, actuators: Sequence[Actuator]) -> States | Failure:
+    """Initial values of the states of all windows, with the actuator of every recording."""
+    X = []
+    for track in problem.tracks:
+        guess = initial_states(track, actuators[track.log], "pressure_a" in problem.measure)
+        if isinstance(guess, Failure):
+            return guess
+        X.append(guess)
+    return tuple(X)
 
 
 #: Multiple shooting with soft continuity.

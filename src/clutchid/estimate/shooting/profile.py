@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.posterior import QUANTILE
+from clutchid.estimate.outcome import QUANTILE
 from clutchid.estimate.shooting.uncertainty import ParameterUncertainty
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem, condense

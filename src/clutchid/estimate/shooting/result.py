@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.estimate.outcome import Compared, compare, position_and_pressure
-from clutchid.estimate.posterior import QUANTILE, posterior
+from clutchid.estimate.outcome import QUANTILE, Compared, compare, position_and_pressure
+from clutchid.estimate.posterior import posterior
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_result import SearchResult
 from clutchid.estimate.shooting.uncertainty import ParameterUncertainty, parameter_uncertainty, pressure_deviations

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from clutchid.estimate.outcome import Compared, compare, load_curve, plan_warnings
 from clutchid.estimate.result import Estimate, Fit, Recording, errors_over
+from clutchid.estimate.search_state import ended
 from clutchid.estimate.simulation_error.problem import Problem, residuals, simulated_states
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -37,10 +38,10 @@ def result(problem: Problem, solution: Solution, scales: Mapping[str, float]) ->
     warnings += _at_bounds(problem, x)
     converged = solution.status != "limit"
     if not converged:
-        warnings.append(f"the search stopped after {solution.evaluations} evaluations without convergence.")
+        warnings.append(f"the search {ended(solution.status, solution.evaluations)}.")
     return Fit(
         status="warning" if warnings else "ok",
-        message=f"{solution.status} after {solution.evaluations} evaluations",
+        message=ended("converged" if converged else "limit", solution.evaluations),
         actuator=fitted,
         parameters=_estimates(problem, x, covariance),
         covariance=shared,

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.assess.half_load import half_load
 from clutchid.log import FloatArray, Log
-from clutchid.report.half_load import half_load
 from clutchid.truck import GRID, Truth
 
 #: Range of the grid around the touch point, in m.

@@ -1,4 +1,4 @@
-"""Characteristics of a load curve: position at half its peak, and force on a grid of positions."""
+"""Position at which a load reaches half its peak, and its interval."""
 
 from __future__ import annotations
 
@@ -8,11 +8,6 @@ import numpy as np
 
 from clutchid.estimate import LoadCurve
 from clutchid.log import FloatArray
-from clutchid.report.style import KN, MM
-from clutchid.report.tables import Cell, Column, Table
-
-#: Step of the positions in a table of the load in m.
-STEP = 1e-3
 
 
 class HalfLoad(NamedTuple):
@@ -78,18 +73,3 @@ def _passes(position: FloatArray, force: FloatArray, level: float) -> float:
         return float("nan")
     y0, y1, f0, f1 = position[above - 1], position[above], force[above - 1], force[above]
     return float(y0 + (level - f0) / (f1 - f0) * (y1 - y0))
-
-
-def load_table(curve: LoadCurve, reach: float) -> Table:
-    """The load and its band on a grid of positions up to the reach in m."""
-    columns = (
-        Column("position [m]", "position [mm]", MM, 0), Column("force [N]", "load [kN]", KN, 3),
-        Column("low [N]", "from [kN]", KN, 3, group="95 % band"),
-        Column("high [N]", "to [kN]", KN, 3, group="95 % band"),
-    )  # fmt: skip
-    last = min(reach, float(curve.position[-1])) if np.isfinite(reach) else 0.0
-    rows: list[tuple[Cell, ...]] = []
-    for position in np.arange(0.0, last + 1e-9, STEP):
-        values = (np.interp(position, curve.position, y) for y in (curve.force, curve.low, curve.high))
-        rows.append((float(position), *(float(value) for value in values)))
-    return Table("Load over position", columns, tuple(rows), note="Up to the reach of the recordings.")

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from clutchid.assess.half_load import half_load, half_load_band
 from clutchid.estimate import LoadCurve
-from clutchid.report.half_load import half_load, half_load_band, load_table
+from clutchid.report.load_tables import load_table
 
 Y = np.linspace(0.0, 25e-3, 101)
 #: 500 N/mm up to 10 mm, then 100 N/mm down.

@@ -1,0 +1,101 @@
+"""What ``clutchid fit`` prints: the summary, what was written, warnings, and the next step; or the JSON object."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+from clutchid.cli.common import DONE, EMPTY, FAILED, print_json, print_written
+from clutchid.errors import ExportError
+from clutchid.names import printable
+
+if TYPE_CHECKING:
+    from clutchid.report.next_step import Command
+    from clutchid.report.summary import Row
+    from clutchid.workflow import Outcome
+
+#: Columns of the terminal that are used, and most warnings of a summary.
+WIDTH, MOST_WARNINGS = 80, 3
+
+Writers = Mapping[Path | None, Callable[[Path], None]]
+
+_COLOURS = {"good": "bold green", "with care": "bold yellow", "none": "bold red", "": ""}
+
+
+def answer_json(outcome: Outcome, writers: Writers) -> int:
+    """Write the files, and print the JSON object; the exit code."""
+    from clutchid.report.fit_json import fit_json
+
+    _, failures = _write(writers)
+    lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
+    print_json({**EMPTY, **fit_json(outcome.fit, outcome.single), **lost})
+    return FAILED if failures else DONE
+
+
+def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) -> int:
+    """Print the result, and write the files; the exit code. A file that cannot be written never costs the result."""
+    from clutchid.report.fit_text import fit_text
+    from clutchid.report.next_step import next_step
+    from clutchid.report.summary import Row, other_warnings, summary
+
+    fit = outcome.fit
+    _print_rows(summary(fit, outcome.single))
+    if verbose:
+        print(f"\n{printable_lines(fit_text(fit))}")
+    sys.stdout.flush()
+    _warn(*((fit.warnings, len(fit.warnings)) if verbose else (other_warnings(fit), MOST_WARNINGS)))
+    written, failures = _write(writers)
+    print_written(*written)
+    for failure in failures:
+        print(f"clutchid: the fit is complete, but {failure}", file=sys.stderr)
+    if failures:
+        return FAILED
+    why, what = next_step(fit, command)
+    _print_rows([Row("next", f"{why}:")])
+    print(printable(f"  {what}"))
+    return DONE
+
+
+def printable_lines(text: str) -> str:
+    """Text of several lines without control characters."""
+    return "\n".join(map(printable, text.splitlines()))
+
+
+def _write(writers: Writers) -> tuple[list[Path], list[str]]:
+    """Write the files; those written, and why others could not be."""
+    written, failures = [], []
+    for path, write in writers.items():
+        try:
+            if path is not None:
+                write(path)
+                written.append(path)
+        except ExportError as error:
+            failures.append(str(error))
+    return written, failures
+
+
+def _print_rows(rows: Sequence[Row]) -> None:
+    """Rows with labels, wrapped at words; coloured on a terminal."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+    width = min(WIDTH, console.width) if console.is_terminal else WIDTH
+    for row in rows:
+        text = printable_lines(row.text)
+        lines = text.splitlines() if row.fixed else fill(text, max(width - 9, 20), break_on_hyphens=False).splitlines()
+        for number, line in enumerate(lines):
+            shown = Text(f"{row.label if number == 0 else '':<9}", style="bold")
+            console.print(shown.append(line, style=_COLOURS[row.mood] or "not bold"))
+
+
+def _warn(warnings: Sequence[str], most: int) -> None:
+    """The first warnings on standard error."""
+    shown = [f"warning: {printable_lines(warning)}" for warning in warnings[:most]]
+    if len(warnings) > most:
+        shown.append(f"{len(warnings) - most} more warnings: --verbose")
+    for line in shown:
+        print(fill(line, WIDTH, break_long_words=False, break_on_hyphens=False), file=sys.stderr)

@@ -1,0 +1,145 @@
+"""A fit as a JSON object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from clutchid.assess.comparison import Comparison, comparison
+from clutchid.assess.diagnostics import ColumnDiagnosis, remarks
+from clutchid.estimate import Fit
+from clutchid.estimate.changes import Change
+from clutchid.estimate.result import Errors, LoadCurve
+from clutchid.report.changes import notes_of
+from clutchid.signals.residual_colour import CrossCorrelation
+from clutchid.uncertainty.calibration import Origin
+
+
+def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> dict[str, Any]:
+    """The JSON object of a fit, and of its recordings read one by one, docs/formats.md."""
+    return {
+        "status": result.status,
+        "message": result.message,
+        "parameters": {
+            name: {"value": e.value, "unit": e.unit, "std": e.std, "low": e.low, "high": e.high}
+            for name, e in result.parameters.items()
+        },
+        "load_curve": _curve_json(result.load_curve),
+        "errors": errors_json(result.errors),
+        "logs": {name: errors_json(recording.errors) for name, recording in result.recordings.items()},
+        "verify": {name: errors_json(recording.errors) for name, recording in result.verification.items()},
+        "noise_scales": dict(result.scales),
+        "warnings": list(result.warnings),
+        "method": result.method,
+        "notes": notes_of(result),
+        "changes": [_change_json(change) for change in result.changes],
+        "verdict": verdict_json(result),
+        "trust": result.verdict.trust,
+        "reasons": list(result.verdict.reasons),
+        "calibration": _origin_json(result),
+        **_comparison_json(comparison(result)),
+        "readings": {name: _reading_json(one) for name, one in single.items()},
+    }
+
+
+def _curve_json(curve: LoadCurve) -> dict[str, list[float]]:
+    return {
+        "position_m": curve.position.tolist(),
+        "force_N": curve.force.tolist(),
+        "low_N": curve.low.tolist(),
+        "high_N": curve.high.tolist(),
+    }
+
+
+def _origin_json(result: Fit) -> dict[str, str] | None:
+    """The calibration that a fit started from; empty text where it is not from a file."""
+    if result.baseline is None:
+        return None
+    return (result.baseline.origin or Origin())._asdict()
+
+
+def _comparison_json(found: Comparison | None) -> dict[str, Any]:
+    if found is None:
+        return {"calibrated_load_curve": None, "load_change": None}
+    at = found.difference
+    change = {
+        "position_m": found.present.position.tolist(),
+        "difference_N": at.force.tolist(),
+        "low_N": at.low.tolist(),
+        "high_N": at.high.tolist(),
+        "difference_percent": (100.0 * at.share).tolist(),
+    }
+    halves = (("before", found.half_before), ("now", found.half_now), ("shift", found.shift))
+    half = {name: {"position_m": one.position, "low_m": one.low, "high_m": one.high} for name, one in halves}
+    return {"calibrated_load_curve": _curve_json(found.calibrated), "load_change": {**change, "half_load": half}}
+
+
+def _reading_json(one: Fit) -> dict[str, Any]:
+    """One of several recordings, read alone."""
+    return {
+        "trust": one.verdict.trust,
+        "load_curve": _curve_json(one.load_curve),
+        "load_change": _comparison_json(comparison(one))["load_change"],
+        "changes": [_change_json(change) for change in one.changes],
+    }
+
+
+def _change_json(change: Change) -> dict[str, Any]:
+    return {
+        name: getattr(change, name)
+        for name in ("recording", "name", "before", "after", "std", "unit", "probability", "fitted")
+    }
+
+
+def errors_json(errors: Errors) -> dict[str, float | None]:
+    """Errors of a simulation as a JSON object."""
+    return {
+        "position_rms_m": errors.position_rms,
+        "position_sse_m2": errors.position_sse,
+        "pressure_a_rms_Pa": errors.pressure_a_rms,
+        "pressure_a_sse_Pa2": errors.pressure_a_sse,
+    }
+
+
+def verdict_json(fit: Fit) -> dict[str, Any]:
+    """The verdict on a fit and its evidence as plain values; None for values that are not finite."""
+    found, judged = fit.evidence, fit.verdict
+    return {
+        "trust": judged.trust,
+        "reasons": list(judged.reasons),
+        "unseen": list(judged.unseen),
+        "diagnostics": {
+            name: {
+                "position_fit_over_1_s_percent": _plain(found.predictions[name]),
+                **{column: _column_json(values) for column, values in diagnosis.columns.items()},
+                "remarks": remarks(diagnosis),
+            }
+            for name, diagnosis in found.diagnoses.items()
+        },
+        "missing": list(found.missing),
+    }
+
+
+def _column_json(column: ColumnDiagnosis) -> dict[str, Any]:
+    lags = max((column.fast, column.slow), key=lambda rate: np.nan_to_num(rate.share_outside))
+    return {
+        "samples": column.samples,
+        "fit_percent": _plain(column.fit_percent),
+        "rms": _plain(column.rms),
+        "mean": _plain(column.mean),
+        "effective_samples": _plain(column.effective_samples),
+        "share_of_lags_outside": _plain(lags.share_outside),
+        "inputs": {name: _strongest_json(rate) for name, rate in column.fast.inputs.items()},
+    }
+
+
+def _strongest_json(found: CrossCorrelation) -> dict[str, float | None]:
+    values = {"lag_s": found.strongest_lag, "correlation": found.strongest, "bound": found.strongest_bound}
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

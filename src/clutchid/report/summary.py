@@ -1,0 +1,189 @@
+"""A fit in ten lines, for a terminal: verdict, load, changes, errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import islice
+from math import isfinite
+from types import MappingProxyType
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from clutchid.assess.comparison import Comparison, comparison
+from clutchid.assess.evidence import reach
+from clutchid.assess.half_load import HalfLoad, half_load_band
+from clutchid.estimate import Fit
+from clutchid.estimate.result import Estimate
+from clutchid.report.changes import short_changes
+from clutchid.report.fit_text import errors_text, errors_words
+from clutchid.report.style import MM
+from clutchid.uncertainty.calibration import Calibration
+
+#: Positions in mm at which the load is given: where the clutch engages.
+POSITIONS = (5, 6, 7, 8)
+
+#: Most reasons, other parameters, and verified recordings in a summary; the rest is said to be elsewhere.
+MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
+
+
+class Row(NamedTuple):
+    """A label, its text, whose lines may be wrapped unless `fixed`, and how it is coloured."""
+
+    label: str
+    text: str
+    mood: Literal["", "good", "with care", "none"] = ""
+    fixed: bool = False
+
+
+def summary(fit: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> list[Row]:
+    """The rows of a summary of `fit`, and of its recordings read one by one."""
+    judged, compared = fit.verdict, comparison(fit)
+    more = len(judged.reasons) - MOST_REASONS
+    rows = [Row("trust", judged.trust, judged.trust), *(Row("", reason) for reason in judged.reasons[:MOST_REASONS])]
+    rows += [Row("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more > 0 else []
+    rows += _load(fit, compared)
+    rows += _since(fit, compared)
+    if single:
+        rows += [Row("alone" if i == 0 else "", line) for i, line in enumerate(_readings(single))]
+    rows += _others(fit)
+    return [*rows, Row("errors", _errors(fit))]
+
+
+def other_warnings(fit: Fit) -> list[str]:
+    """Warnings besides those that the verdict has as a reason: estimates at bounds, and the end of the search."""
+    said = tuple(f"{name} lies at its " for name in fit.parameters)
+    return [text for text in fit.warnings if not text.startswith((*said, f"the search {fit.message}"))]
+
+
+def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
+    curve, furthest = fit.load_curve, reach(fit)
+    if not np.isfinite(curve.force).any():
+        return []
+    at = curve.peak(furthest)
+    half = (curve.high[at] - curve.low[at]) / 2
+    text = f"greatest {with_interval(curve.force[at], half)} N at {curve.position[at] / MM:.1f} mm"
+    text += f" of the recorded {furthest / MM:.1f} mm"
+    text += _half(half_load_band(curve, furthest))
+    if not any(name in fit.actuator.load.names for name in fit.parameters):
+        text += "; fixed, not fitted"
+    return [Row("load", text), Row("", _at_positions(fit, compared, furthest), fixed=True)]
+
+
+def _half(at: HalfLoad) -> str:
+    if not isfinite(at.position):
+        return ""
+    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f})" if isfinite(at.low + at.high) else ""
+    return f"; half of it at {at.position / MM:.2f} mm{interval}"
+
+
+def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str:
+    """The load, and its change, at the positions where the clutch engages, as a table."""
+    curve = fit.load_curve
+    force, low, high = (
+        [float(np.interp(mm * MM, curve.position, values)) for mm in POSITIONS]
+        for values in (curve.force, curve.low, curve.high)
+    )
+    lines = [["", *(f"{mm} mm" for mm in POSITIONS)]]
+    lines.append(["N", *(with_interval(f, (b - a) / 2) for f, a, b in zip(force, low, high, strict=True))])
+    if compared:
+        changes = [compared.at(mm * MM) for mm in POSITIONS]
+        lines.append(["change", *(with_interval(c.force, (c.high - c.low) / 2, sign="+") for c in changes)])
+        lines.append(["", *(f"{100 * c.share:+.0f} %" if isfinite(c.share) else "" for c in changes)])
+    lines = [[line[0], *_within(line[1:], furthest)] for line in lines]
+    return "\n".join("".join([line[0].ljust(7), *(cell.rjust(15) for cell in line[1:])]).rstrip() for line in lines)
+
+
+def _within(cells: list[str], furthest: float) -> list[str]:
+    """A dash beyond the reach of the recordings, where no load is determined; headings stay."""
+    if cells[0].endswith(" mm"):
+        return cells
+    return [cell if mm * MM <= furthest else "-" for mm, cell in zip(POSITIONS, cells, strict=True)]
+
+
+def with_interval(value: float, half: float, sign: str = "") -> str:
+    """A value with the half width of its interval, both in N.
+
+    Examples
+    --------
+    >>> with_interval(1520.3, 41.8), with_interval(-110.0, 50.0, "+"), with_interval(1520.3, float("inf"))
+    ('1520 ± 42', '-110 ± 50', 'not determined')
+    """
+    return f"{value:{sign}.0f} ± {half:.0f}" if isfinite(half) and isfinite(value) else "not determined"
+
+
+def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
+    """What has changed since the calibration, or which values are assumed without one."""
+    if fit.baseline is None:
+        if fit.calibration is not None:
+            return []
+        assumed = "what is not fitted is that of the truck in the paper: no --start" if of_the_paper(fit) else ""
+        return [Row("assumed", assumed)] if assumed else []
+    parts = []
+    if compared and isfinite(compared.shift.position):
+        at = compared.shift
+        interval = f" ({at.low / MM:+.2f} to {at.high / MM:+.2f})" if isfinite(at.low + at.high) else ""
+        parts.append(f"half-load position {at.position / MM:+.2f} mm{interval}")
+    parts += short_changes(fit.changes) or ["no other change found"]
+    return [Row("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")]
+
+
+def baseline_name(baseline: Calibration) -> str:
+    """A calibration as its file, date and trust.
+
+    Examples
+    --------
+    >>> from clutchid.uncertainty.calibration import Origin
+    >>> origin = Origin("CAL.toml", "2026-11-22T10:00:00+00:00", "", "good")
+    >>> baseline_name(Calibration((), np.zeros((0, 0)), origin=origin))
+    'CAL.toml (2026-11-22, trust good)'
+    """
+    origin = baseline.origin
+    if origin is None:
+        return "the calibration"
+    known = [origin.created[:10], f"trust {origin.trust}" if origin.trust else ""]
+    brackets = ", ".join(part for part in known if part)
+    return f"{origin.name} ({brackets})" if brackets else origin.name
+
+
+def of_the_paper(fit: Fit) -> bool:
+    """Whether every parameter that was not fitted has its value from Appendix A."""
+    fixed = [name for name in fit.actuator.parameter_names if name not in fit.parameters]
+    return all(fit.actuator.value(name) == fit.actuator.default(name) for name in fixed)
+
+
+def _readings(single: Mapping[str, Fit]) -> list[str]:
+    """A line for each recording read alone: its trust, change at 6 mm, shift, and other changes."""
+    lines = []
+    for name, one in single.items():
+        found = comparison(one)
+        if found is not None:
+            change = found.at(6 * MM)
+            text = f"{change.force:+.0f} N ({100 * change.share:+.0f} %) at 6 mm"
+            text += f", half-load {found.shift.position / MM:+.2f} mm" if isfinite(found.shift.position) else ""
+            lines.append(f"{name}: {text}, trust {one.verdict.trust}")
+    return lines
+
+
+def _others(fit: Fit) -> list[Row]:
+    """Fitted parameters besides the load; many are only counted."""
+    others = {name: e for name, e in fit.parameters.items() if name not in fit.actuator.load.names}
+    own = {name: e for name, e in others.items() if "@" not in name}
+    if not own:
+        return []
+    if len(own) > MOST_OTHERS:
+        return [Row("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report")]
+    return [Row("also", ", ".join(f"{name} = {_estimate(e)}" for name, e in own.items()))]
+
+
+def _estimate(e: Estimate) -> str:
+    unit = "" if e.unit == "1" else f" {e.unit}"
+    return f"{e.value:.4g} ± {(e.high - e.low) / 2:.2g}{unit}" if isfinite(e.high - e.low) else "not determined"
+
+
+def _errors(fit: Fit) -> str:
+    parts = [f"{errors_text(fit.errors)}{errors_words(fit)}"]
+    for name, recording in islice(fit.verification.items(), MOST_VERIFIED):
+        parts.append(f"{name}, verified: {errors_text(recording.errors)}, simulated as a whole")
+    more = len(fit.verification) - MOST_VERIFIED
+    return "; ".join([*parts, *([f"{more} more: --verbose"] if more > 0 else [])])
