@@ -97,16 +97,16 @@ def _poor_baseline(fit: Fit) -> list[_Reason]:
     if known is None:
         return []
     name = known.origin.name if known.origin and known.origin.name else "of this fit"
+    reasons = []
     if known.origin and known.origin.trust == "none":
-        return [_Reason(f"the calibration {name} has trust 'none'; calibrate again.", True)]
+        reasons.append(_Reason(f"the calibration {name} has trust 'none'; calibrate again.", True))
     if not known.converged:
-        return [
-            _Reason(
-                f"the search of the calibration {name} had not converged, and the load may have errors that its "
-                "interval does not include; continue the calibration, then read again."
-            )
-        ]
-    return []
+        text = (
+            f"the search of the calibration {name} had not converged, and the load may have errors that its interval "
+            "does not include; continue the calibration, then read again."
+        )
+        reasons.append(_Reason(text))
+    return reasons
 
 
 def _at_bounds(fit: Fit) -> list[_Reason]:

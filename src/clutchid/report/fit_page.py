@@ -43,9 +43,9 @@ MAX_DRAWN = 3
 LONG_RECORDING, DETAIL_LENGTH = 120.0, 30.0
 
 _STATUS = {
-    "ok": "The fit converged without warnings.",
-    "warning": "Read the warnings before you use the result.",
-    "failed": "The fit failed; there is no load to show.",
+    "ok": "The search {}, without warnings.",
+    "warning": "The search {}. Read the warnings before you use the result.",
+    "failed": "The fit failed, and there is no load to show: {}.",
 }
 
 
@@ -100,7 +100,7 @@ def _subtitle(fit: Fit) -> str:
 
 def _result(fit: Fit) -> tuple[Block, ...]:
     blocks = verdict_blocks(fit.verdict, fit.recordings)
-    lead = f"{_STATUS[fit.status]} {fit.message[:1].upper()}{fit.message[1:]}."
+    lead = _STATUS[fit.status].format(fit.message.rstrip("."))
     blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in fit.warnings)]
     if fit.status != "failed":
         alt = "Load over position with its 95 % interval and half of its peak"

@@ -11,6 +11,7 @@ import numpy as np
 from clutchid.assess.diagnostics import fit_percent
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimate.result import Estimate
+from clutchid.estimate.search_state import ended
 from clutchid.log import FloatArray, Log
 from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import Solution, minimise
@@ -205,12 +206,12 @@ def _result(problem: LugreProblem, solution: Solution, shift: FloatArray) -> Lug
     if "K_z" in undetermined:
         undetermined.add("D_zdot")
     if solution.status == "limit":
-        warnings.append(f"the search stopped after {solution.evaluations} evaluations without converging.")
+        warnings.append(f"the search {ended(solution.status, solution.evaluations)}.")
     block = max(1, round(WINDOW / float(np.median(np.diff(problem.log.time)))))
     return LugreFit(
         name=problem.log.name,
         status="warning" if warnings else "ok",
-        message=f"{solution.status} after {solution.evaluations} evaluations",
+        message=ended(solution.status, solution.evaluations),
         parameters=_estimates(values, covariance, problem, dict(zip(names, shift, strict=False)), undetermined),
         values=values,
         starts=tuple(parameters[len(FREE) :].tolist()),
