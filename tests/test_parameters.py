@@ -14,7 +14,9 @@ from clutchid.parameters import Parameters
 def test_a_negative_conductance_is_refused_in_the_words_of_the_design():
     with pytest.raises(ParameterError) as caught:
         Parameters(C_vs=-1.9e-8)
-    assert str(caught.value) == "C_vs = -1.9e-08 m³/(Pa·s): a conductance is at least 0. Appendix A has 1.9e-08."
+    assert str(caught.value) == (
+        "C_vs = -1.9e-08 m³/(Pa·s): a conductance is at least 0 and at most 1e-05. Appendix A has 1.9e-08."
+    )
 
 
 @pytest.mark.parametrize(
@@ -42,6 +44,39 @@ def test_a_number_outside_its_range_is_refused_by_name(name, wrong):
 )  # fmt: skip
 def test_an_edge_that_belongs_to_the_range_is_taken(name, edge):
     assert getattr(Parameters(**{name: edge}), name) == edge
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "allowed"),
+    [
+        ("F_C", 1e300, "at least 0.0001 and at most 1e+06. Appendix A has 200."),
+        ("M", 1e12, "at least 1e-05 and at most 100000. Appendix A has 10."),
+        ("V_0A", 1e300, "at least 1e-09 and at most 1. Appendix A has 0.000148."),
+        ("T_0", 1e-3, "at least 50 and at most 1000. Appendix A has 293."),
+        ("tau_G", 1e9, "at least 0.0001 and at most 100000. The default is 10."),
+    ],
+)
+def test_what_no_actuator_has_is_refused_and_the_range_is_named(name, wrong, allowed):
+    with pytest.raises(ParameterError) as caught:
+        Parameters(**{name: wrong})
+    unit = Parameters.row(name).unit
+    assert str(caught.value) == f"{name} = {wrong:g} {unit}: it is {allowed}"
+
+
+#: Symbol, and the smallest and the largest value of real actuators: the miniature cylinders and the heaviest clutch
+#: actuators and valves of catalogues, and the lengths, pressures and temperatures that these are made for.
+REAL = {
+    "A_A": (5e-6, 0.03), "V_0A": (1e-8, 1e-3), "M": (1e-3, 100.0),
+    "P_S": (1.5e5, 4e6), "D_v": (0.1, 2e4), "K_z": (1e3, 1e8), "F_C": (0.05, 2e3), "C_vs": (1e-10, 6e-7),
+    "y_max": (2e-3, 1.0), "K_stop": (1e4, 1e9), "V_S": (1e-5, 1.0), "tau_G": (0.1, 1e3),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sorted(REAL))
+def test_the_range_of_a_magnitude_is_ten_times_wider_than_what_actuators_have(name):
+    row, (low, high) = Parameters.row(name), REAL[name]
+    assert row.admits(low / 10)
+    assert row.admits(high * 10)
 
 
 @pytest.mark.parametrize("wrong", ["9e5", None, True, [9e5]])
@@ -101,12 +136,12 @@ def test_every_row_has_unit_meaning_range_and_source():
         assert row.source
         assert row.low < row.high
         assert row.admits(getattr(Parameters(), name))
-        assert row.allowed != "any finite number"
+        assert np.isfinite([row.low, row.high]).all()
 
 
 def test_the_range_in_words():
-    assert Parameters.row("C_vs").allowed == "at least 0"
-    assert Parameters.row("M").allowed == "above 0"
+    assert Parameters.row("C_vs").allowed == "at least 0 and at most 1e-05"
+    assert Parameters.row("M").allowed == "at least 1e-05 and at most 100000"
     assert Parameters.row("B_ve").allowed == "at least -1 and at most 1"
 
 

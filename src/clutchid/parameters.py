@@ -36,6 +36,7 @@ class Row:
     high: float
     low_included: bool
     source: str
+    magnitude: bool = False  #: whether actuators differ in it by orders of magnitude, see `_magnitude`
 
     def admits(self, value: float) -> bool:
         """Whether `value` lies in the admissible range."""
@@ -44,8 +45,8 @@ class Row:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The smallest and the largest admissible value, or infinity."""
-        return self.low, self.high
+        """What a search with a prior may try: a magnitude is limited by its prior, and by 0."""
+        return (0, math.inf) if self.magnitude else (self.low, self.high)
 
     @property
     def allowed(self) -> str:
@@ -56,17 +57,22 @@ class Row:
 
 
 def _row(
-    value: float,
-    unit: str,
-    meaning: str,
-    *,
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float = math.inf,
-    source: str = _APPENDIX,
+    value: float, unit: str, meaning: str, low: float, high: float, *, above: bool = False, source: str = _APPENDIX
 ) -> Any:
-    low = above if above is not None else at_least if at_least is not None else -math.inf
-    return field(default=value, metadata={"row": Row(unit, meaning, low, at_most, above is None, source)})
+    """A parameter that its definition limits, such as a fraction or a flow shape; `above`: `low` itself is excluded."""
+    return field(default=value, metadata={"row": Row(unit, meaning, low, high, not above, source)})
+
+
+def _magnitude(value: float, unit: str, meaning: str, low: float, high: float, *, source: str = _APPENDIX) -> Any:
+    """A parameter that differs between actuators by orders of magnitude.
+
+    Its range reaches from at least ten times below a miniature pneumatic cylinder (bore 2.5 mm, moving parts of a gram)
+    to at least ten times above the clutch actuator of a heavy truck, and further where a tiny or huge value switches an
+    effect off; 0 belongs to it where the model is valid without the effect. Temperatures and the gas constant cover
+    what stays a gas. A range is so wide because only slips shall be refused: a wrong power of ten, a wrong unit. What
+    keeps a search near its start are its bounds and priors.
+    """
+    return field(default=value, metadata={"row": Row(unit, meaning, low, high, True, source, magnitude=True)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,108 +93,86 @@ class Parameters:
     '9723 N'
     """
 
-    A_A: float = _row(12.3e-3, "m²", "area of the piston in chamber A", above=0)
-    A_B: float = _row(11.848e-3, "m²", "area of the piston in chamber B", above=0)
-    V_0A: float = _row(0.148e-3, "m³", "volume of chamber A at y = 0", above=0)
-    V_0B: float = _row(1.2e-4, "m³", "dead volume of chamber B at y = y_max", above=0)
-    P_0: float = _row(1.095e5, "Pa", "ambient pressure", above=0)
-    T_0: float = _row(293.0, "K", "temperature", above=0)
-    R: float = _row(288.0, "J/(kg·K)", "gas constant of air", above=0)
-    M: float = _row(10.0, "kg", "mass of the piston", above=0)
-    P_S: float = _row(9e5, "Pa", "supply pressure, absolute", above=0)
-    D_v: float = _row(5000.0, "N·s/m", "viscous friction", at_least=0)
-    K_z: float = _row(1e6, "N/m", "stiffness of the seal deflection", above=0)
-    D_zdot: float = _row(5000.0, "N·s/m", "damping of the seal deflection", at_least=0)
-    F_C: float = _row(200.0, "N", "Coulomb friction", above=0)
-    R_0vs: float = _row(0.07, "1", "duty cycle where the supply valve starts to open", at_least=0, at_most=1)
-    R_0ve: float = _row(0.07, "1", "duty cycle where the exhaust valve starts to open", at_least=0, at_most=1)
-    R_1vs: float = _row(0.93, "1", "duty cycle where the supply valve is fully open", above=0, at_most=2)
-    R_1ve: float = _row(0.93, "1", "duty cycle where the exhaust valve is fully open", above=0, at_most=2)
-    B_vs: float = _row(0.1, "1", "flow shape of the supply valve", at_least=-1, at_most=1)
-    B_ve: float = _row(-0.7, "1", "flow shape of the exhaust valve", at_least=-1, at_most=1)
-    C_vs: float = _row(19e-9, "m³/(Pa·s)", "conductance of the supply valve", at_least=0)
-    C_ve: float = _row(21.4e-9, "m³/(Pa·s)", "conductance of the exhaust valve", at_least=0)
-    C_r: float = _row(5e-8, "m³/(Pa·s)", "conductance of the orifice of chamber B", at_least=0)
-    B_0: float = _row(0.582, "1", "critical pressure ratio of air", above=0, at_most=0.99)
-    B_in: float = _row(0.5, "1", "flow shape of the orifice of chamber B, inwards", at_least=-1, at_most=1)
-    B_out: float = _row(0.5, "1", "flow shape of the orifice of chamber B, outwards", at_least=-1, at_most=1)
-    rho_0: float = _row(1.185, "kg/m³", "reference density of air", above=0, source=f"ISO 6358; {_ERRATA}")
-    y_max: float = _row(0.025, "m", "stroke of the piston", above=0, source="Section 3.1, operation range [0, 25] mm")
+    A_A: float = _magnitude(12.3e-3, "m²", "area of the piston in chamber A", 1e-8, 1)
+    A_B: float = _magnitude(11.848e-3, "m²", "area of the piston in chamber B", 1e-9, 1)
+    V_0A: float = _magnitude(0.148e-3, "m³", "volume of chamber A at y = 0", 1e-9, 1)
+    V_0B: float = _magnitude(1.2e-4, "m³", "dead volume of chamber B at y = y_max", 1e-9, 1)
+    P_0: float = _magnitude(1.095e5, "Pa", "ambient pressure", 1e3, 1e6)
+    T_0: float = _magnitude(293.0, "K", "temperature", 50, 1000)
+    R: float = _magnitude(288.0, "J/(kg·K)", "gas constant of air", 50, 5000)
+    M: float = _magnitude(10.0, "kg", "mass of the piston", 1e-5, 1e5)
+    P_S: float = _magnitude(9e5, "Pa", "supply pressure, absolute", 1e3, 1e8)
+    D_v: float = _magnitude(5000.0, "N·s/m", "viscous friction", 0, 1e7)
+    K_z: float = _magnitude(1e6, "N/m", "stiffness of the seal deflection", 10, 1e10)
+    D_zdot: float = _magnitude(5000.0, "N·s/m", "damping of the seal deflection", 0, 1e7)
+    F_C: float = _magnitude(200.0, "N", "Coulomb friction", 1e-4, 1e6)
+    R_0vs: float = _row(0.07, "1", "duty cycle where the supply valve starts to open", 0, 1)
+    R_0ve: float = _row(0.07, "1", "duty cycle where the exhaust valve starts to open", 0, 1)
+    R_1vs: float = _row(0.93, "1", "duty cycle where the supply valve is fully open", 0, 2, above=True)
+    R_1ve: float = _row(0.93, "1", "duty cycle where the exhaust valve is fully open", 0, 2, above=True)
+    B_vs: float = _row(0.1, "1", "flow shape of the supply valve", -1, 1)
+    B_ve: float = _row(-0.7, "1", "flow shape of the exhaust valve", -1, 1)
+    C_vs: float = _magnitude(19e-9, "m³/(Pa·s)", "conductance of the supply valve", 0, 1e-5)
+    C_ve: float = _magnitude(21.4e-9, "m³/(Pa·s)", "conductance of the exhaust valve", 0, 1e-5)
+    C_r: float = _magnitude(5e-8, "m³/(Pa·s)", "conductance of the orifice of chamber B", 0, 1e-5)
+    B_0: float = _row(0.582, "1", "critical pressure ratio of air", 0, 0.99, above=True)
+    B_in: float = _row(0.5, "1", "flow shape of the orifice of chamber B, inwards", -1, 1)
+    B_out: float = _row(0.5, "1", "flow shape of the orifice of chamber B, outwards", -1, 1)
+    rho_0: float = _magnitude(1.185, "kg/m³", "reference density of air", 0.05, 50, source=f"ISO 6358; {_ERRATA}")
+    y_max: float = _magnitude(
+        0.025, "m", "stroke of the piston", 1e-4, 10, source="Section 3.1, operation range [0, 25] mm"
+    )
     r_lam: float = _row(
-        0.999, "1", "pressure ratio above which the flow is laminar", above=0.5, at_most=0.99999, source=_ERRATA
+        0.999, "1", "pressure ratio above which the flow is laminar", 0.5, 0.99999, above=True, source=_ERRATA
     )
-    K_stop: float = _row(3e7, "N/m", "stiffness of the end stops", above=0, source=_ERRATA)
-    D_stop: float = _row(1e4, "N·s/m", "damping of the end stops", at_least=0, source=_ERRATA)
-    d_stop: float = _row(1e-4, "m", "penetration over which the end stop force builds up", above=0, source=_ERRATA)
-    b_vs: float = _row(
-        0.3, "1", "critical pressure ratio of the supply valve", at_least=0, at_most=0.9, source=_BALANCE
+    K_stop: float = _magnitude(3e7, "N/m", "stiffness of the end stops", 1e2, 1e11, source=_ERRATA)
+    D_stop: float = _magnitude(1e4, "N·s/m", "damping of the end stops", 0, 1e8, source=_ERRATA)
+    d_stop: float = _magnitude(
+        1e-4, "m", "penetration over which the end stop force builds up", 1e-8, 1e-2, source=_ERRATA
     )
-    m_vs: float = _row(0.5, "1", "subsonic index of the supply valve", above=0, at_most=3, source=_BALANCE)
-    b_ve: float = _row(
-        0.3, "1", "critical pressure ratio of the exhaust valve", at_least=0, at_most=0.9, source=_BALANCE
+    b_vs: float = _row(0.3, "1", "critical pressure ratio of the supply valve", 0, 0.9, source=_BALANCE)
+    m_vs: float = _row(0.5, "1", "subsonic index of the supply valve", 0, 3, above=True, source=_BALANCE)
+    b_ve: float = _row(0.3, "1", "critical pressure ratio of the exhaust valve", 0, 0.9, source=_BALANCE)
+    m_ve: float = _row(0.5, "1", "subsonic index of the exhaust valve", 0, 3, above=True, source=_BALANCE)
+    gamma: float = _row(1.4, "1", "ratio of specific heats of air", 1, 2, above=True, source=_BALANCE)
+    T_w: float = _magnitude(293.0, "K", "temperature of the chamber walls", 50, 1000, source=_BALANCE)
+    h_A: float = _magnitude(
+        50.0, "W/(m²·K)", "heat transfer to the wall of chamber A at 1 bar", 0, 1e5, source=_BALANCE
     )
-    m_ve: float = _row(0.5, "1", "subsonic index of the exhaust valve", above=0, at_most=3, source=_BALANCE)
-    gamma: float = _row(1.4, "1", "ratio of specific heats of air", above=1, at_most=2, source=_BALANCE)
-    T_w: float = _row(293.0, "K", "temperature of the chamber walls", above=0, source=_BALANCE)
-    h_A: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber A at 1 bar", at_least=0, source=_BALANCE)
-    h_B: float = _row(50.0, "W/(m²·K)", "heat transfer to the wall of chamber B at 1 bar", at_least=0, source=_BALANCE)
-    V_S: float = _row(10e-3, "m³", "volume of the supply reservoir", above=0, source=_BALANCE)
-    tau_S: float = _row(0.6, "s", "time in which the reservoir recovers", above=0, source=_BALANCE)
-    tau_G: float = _row(10.0, "s", "time in which the compressor's governor returns to P_S", above=0, source=_BALANCE)
-    F_h: float = _row(25.0, "N", "release bearing: friction without load", above=0, source=_BALANCE)
-    mu_h: float = _row(
-        0.03, "1", "half the hysteresis of the load, as a fraction of it", at_least=0, at_most=0.3, source=_BALANCE
+    h_B: float = _magnitude(
+        50.0, "W/(m²·K)", "heat transfer to the wall of chamber B at 1 bar", 0, 1e5, source=_BALANCE
     )
-    K_h: float = _row(5e5, "N/m", "stiffness of bearing and fork before they slip", above=0, source=_BALANCE)
-    R_S: float = _row(1.3, "1", "ratio of static to Coulomb friction", at_least=1, at_most=5, source=_STRIBECK)
-    v_S: float = _row(0.01, "m/s", "Stribeck velocity, at which static friction decays", above=0, source=_STRIBECK)
-    c_F: float = _row(1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", at_least=0, source=_STRIBECK)
-    T_pwm: float = _row(0.0, "s", "period of the valves' carrier; 0: averaged valves", at_least=0, source=_BALANCE)
-    s_pwm: float = _row(
-        0.0, "1", "phase at which a period starts in a recording", at_least=-0.5, at_most=0.5, source=_BALANCE
+    V_S: float = _magnitude(10e-3, "m³", "volume of the supply reservoir", 1e-7, 1e4, source=_BALANCE)
+    tau_S: float = _magnitude(0.6, "s", "time in which the reservoir recovers", 1e-4, 1e5, source=_BALANCE)
+    tau_G: float = _magnitude(
+        10.0, "s", "time in which the compressor's governor returns to P_S", 1e-4, 1e5, source=_BALANCE
     )
-    s_vs: float = _row(
-        0.0, "1", "supply valve: phase of its opening in the period", at_least=-0.5, at_most=0.5, source=_BALANCE
+    F_h: float = _magnitude(25.0, "N", "release bearing: friction without load", 1e-6, 1e6, source=_BALANCE)
+    mu_h: float = _row(0.03, "1", "half the hysteresis of the load, as a fraction of it", 0, 0.3, source=_BALANCE)
+    K_h: float = _magnitude(5e5, "N/m", "stiffness of bearing and fork before they slip", 1e-3, 1e10, source=_BALANCE)
+    R_S: float = _row(1.3, "1", "ratio of static to Coulomb friction", 1, 5, source=_STRIBECK)
+    v_S: float = _magnitude(
+        0.01, "m/s", "Stribeck velocity, at which static friction decays", 1e-6, 10, source=_STRIBECK
     )
-    s_ve: float = _row(
-        0.0, "1", "exhaust valve: phase of its opening in the period", at_least=-0.5, at_most=0.5, source=_BALANCE
-    )
+    c_F: float = _magnitude(1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", 0, 1, source=_STRIBECK)
+    T_pwm: float = _magnitude(0.0, "s", "period of the valves' carrier; 0: averaged valves", 0, 1, source=_BALANCE)
+    s_pwm: float = _row(0.0, "1", "phase at which a period starts in a recording", -0.5, 0.5, source=_BALANCE)
+    s_vs: float = _row(0.0, "1", "supply valve: phase of its opening in the period", -0.5, 0.5, source=_BALANCE)
+    s_ve: float = _row(0.0, "1", "exhaust valve: phase of its opening in the period", -0.5, 0.5, source=_BALANCE)
     t_vs: float = _row(
-        0.0,
-        "1",
-        "supply valve: travel of its armature, as a fraction of a period",
-        at_least=0,
-        at_most=1,
-        source=_BALANCE,
+        0.0, "1", "supply valve: travel of its armature, as a fraction of a period", 0, 1, source=_BALANCE
     )
     t_ve: float = _row(
-        0.0,
-        "1",
-        "exhaust valve: travel of its armature, as a fraction of a period",
-        at_least=0,
-        at_most=1,
-        source=_BALANCE,
+        0.0, "1", "exhaust valve: travel of its armature, as a fraction of a period", 0, 1, source=_BALANCE
     )
-    a_0vs: float = _row(
-        0.0,
-        "1",
-        "supply valve: relative opening of its full pulses at R_0vs",
-        at_least=0,
-        at_most=0.9,
-        source=_BALANCE,
-    )
+    a_0vs: float = _row(0.0, "1", "supply valve: relative opening of its full pulses at R_0vs", 0, 0.9, source=_BALANCE)
     a_0ve: float = _row(
-        0.0,
-        "1",
-        "exhaust valve: relative opening of its full pulses at R_0ve",
-        at_least=0,
-        at_most=0.9,
-        source=_BALANCE,
+        0.0, "1", "exhaust valve: relative opening of its full pulses at R_0ve", 0, 0.9, source=_BALANCE
     )
-    tau_y: float = _row(0.0, "s", "lag of the recorded position", at_least=0, at_most=0.05, source=_SENSORS)
-    tau_p: float = _row(0.0, "s", "lag of the recorded pressure", at_least=0, at_most=0.05, source=_SENSORS)
-    e_y: float = _row(0.0, "m", "offset of the recorded position", at_least=-2e-3, at_most=2e-3, source=_SENSORS)
-    e_p: float = _row(0.0, "Pa", "offset of the recorded pressure", at_least=-5e4, at_most=5e4, source=_SENSORS)
+    tau_y: float = _row(0.0, "s", "lag of the recorded position", 0, 0.05, source=_SENSORS)
+    tau_p: float = _row(0.0, "s", "lag of the recorded pressure", 0, 0.05, source=_SENSORS)
+    e_y: float = _row(0.0, "m", "offset of the recorded position", -2e-3, 2e-3, source=_SENSORS)
+    e_p: float = _row(0.0, "Pa", "offset of the recorded pressure", -5e4, 5e4, source=_SENSORS)
 
     def __post_init__(self) -> None:
         problems = []

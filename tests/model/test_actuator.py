@@ -91,7 +91,7 @@ def test_an_actuator_knows_its_numbers_and_units_by_name():
 def test_an_actuator_is_replaced_in_parameters_and_weights_at_once_and_checked():
     changed = Actuator().replace({"M": 12.0, "theta_3": 5e4})
     assert (changed.parameters.M, changed.load.theta) == (12.0, (9e5, 0.0, 5e4))
-    with pytest.raises(ParameterError, match="above 0"):
+    with pytest.raises(ParameterError, match="at least 1e-05"):
         Actuator().replace({"M": -1.0})
     with pytest.raises(ParameterError, match="finite"):
         Actuator().replace({"theta_1": float("nan")})

@@ -58,7 +58,7 @@ def test_the_misjudged_air_is_a_share_of_what_a_simulated_chamber_of_half_the_st
     silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
     total = np.sqrt(np.sum(process_noise(still(1.0, 0.0), plant, silent) ** 2, axis=0))
     # the paper's chamber at 293 K, as large at rest as the plant's at half the stroke; its piston is too heavy to move
-    chamber = Actuator(Parameters(V_0A=301.75e-6, M=1e6, P_0=1e3))
+    chamber = Actuator(Parameters(V_0A=301.75e-6, M=1e5, P_0=1e3))
     t = np.arange(0.0, 1.05e-3, 1e-4)
     open_ = Log(t, {"position": 0.0 * t, "duty_supply": np.ones_like(t), "duty_exhaust": 0.0 * t})
     pressure = simulate(chamber, open_).log["pressure_a"]

@@ -12,7 +12,8 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import EVERY_RECORDING, ParameterName, base_of, unknown_name
 from clutchid.uncertainty.coordinates import Prior
 
-#: Default bounds of a parameter: this factor below and above its start value.
+#: Default bounds of a magnitude and of an own parameter: this factor below and above the start value. The others have
+#: their whole range; where its lower end does not belong to it, the distance to that end may shrink by this factor.
 DEFAULT_RANGE = 3.0
 
 
@@ -115,8 +116,7 @@ def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
     row, value = actuator.row(base), actuator.value(base)
     if value <= 0.0:
         return row.low, row.high
-    if actuator.own_row(base) is not None:
+    if row.magnitude or actuator.own_row(base) is not None:
         return max(row.low, value / DEFAULT_RANGE), min(row.high, value * DEFAULT_RANGE)
-    if not np.isfinite(row.high):
-        return value / DEFAULT_RANGE, value * DEFAULT_RANGE
-    return row.low if row.low_included else value / DEFAULT_RANGE, row.high
+    low = row.low if row.low_included else row.low + (value - row.low) / DEFAULT_RANGE
+    return low, row.high
