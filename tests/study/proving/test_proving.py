@@ -1,6 +1,9 @@
 """The proving ground: the same result for any number of workers, kept, resumed, scored by hand-made answers."""
 
 import json
+import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -109,6 +112,37 @@ def test_a_workflow_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch):
     assert table.column("failed") == (1,)
     assert every_recording(found).column("failed") == ("ValueError: no idea",)
     assert coverage([result]) == (None, None)
+
+
+#: A workflow that computes nothing, so that runs at the same time meet in the folder and not at the processor.
+QUICK = """
+import numpy as np
+from clutchid.study.proving.answers import Answer
+
+def run(calibration, worn):
+    grid = np.linspace(0.0, 0.025, 501)
+    return [Answer(grid, 4e3 + 0 * grid, 3e3 + 0 * grid, 5e3 + 0 * grid, np.full(len(log), 2e5)) for log in worn]
+"""
+
+
+def test_two_runs_at_the_same_time_in_one_folder_end_with_the_same_whole_results(tmp_path):
+    (tmp_path / "quick_workflow.py").write_text(QUICK)
+    command = [sys.executable, "-m", "clutchid", "prove", "--out", "both", "--workflow", "quick_workflow:run"]
+    paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
+    runs = [
+        subprocess.Popen(
+            [*command, "--trucks", count], cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths},
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )
+        for count in ("2", "3")
+    ]  # fmt: skip
+    ended = [(*run.communicate(timeout=120), run.returncode) for run in runs]
+    assert [(errors, code) for _, errors, code in ended] == [("", 0), ("", 0)]
+    names = {path.name for path in (tmp_path / "both").rglob("*") if path.is_file()}
+    trucks = {f"truck_{n:05d}.json" for n in range(3)}
+    assert names == trucks | {"settings.json", "standings.csv", "recordings.csv"}
+    (results,) = proving.kept(tmp_path / "both", range(3)).values()
+    assert [(r["truck"], r["failed"], len(r["logs"])) for r in results] == [(n, None, 2) for n in range(3)]
 
 
 def test_unknown_workflows_and_foreign_folders_are_refused(tmp_path):
