@@ -4,9 +4,11 @@ Binary files and gzip are opened in the guarded reader process; what ended it is
 
     python benchmarks/fuzz.py [FORMAT ...] [--cases 10000] [--seed 0]
 
-Formats are csv, gz, parquet, mf4, mat, mat73, blf, asc and trc. A good file of each is truncated, gets flipped bits,
-bytes that are missing, repeated or put in, and numbers that claim to be huge; each case is then looked at and read in a
-process of its own that may be stopped. Printed are the cases with a traceback, those that hung, and the largest memory.
+Formats are csv, gz, parquet, mf4, mat, mat73, blf, asc, trc and dbc. A good file of each is truncated, gets flipped
+bits, bytes that are missing, repeated or put in, and numbers that claim to be huge; each case is then looked at and
+read in a process of its own that may be stopped. With dbc the database is broken, its numbers and words too, and every
+other time the BLF file that it decodes. Printed are the cases with a traceback, those that hung, and the largest
+memory.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import argparse
 import gzip
 import multiprocessing
 import os
+import re
 import resource
 import sys
 import tempfile
@@ -46,7 +49,7 @@ ENDS = {
     "memory": "needs more than",
 }
 
-FORMATS = ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc", "trc"]
+FORMATS = ["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc", "trc", "dbc"]
 
 DBC = """VERSION ""
 BU_: ECU
@@ -55,7 +58,25 @@ BO_ 256 Clutch: 8 ECU
  SG_ DutySupply : 16|8@1+ (0.5,0) [0|100] "%" ECU
  SG_ DutyExhaust : 24|8@1+ (0.5,0) [0|100] "%" ECU
  SG_ ClutchPressure : 39|16@0+ (1,0) [0|2000] "kPa" ECU
+BO_ 2566844926 Other: 8 ECU
+ SG_ Selector M : 0|4@1+ (1,0) [0|15] "" ECU
+ SG_ Gear m0 : 4|4@1- (1,-3) [-4|12] "" ECU
+ SG_ Torque m1 : 8|16@1- (1,0) [0|0] "N·m" ECU
+SIG_VALTYPE_ 2566844926 Torque : 0;
+CM_ SG_ 256 ClutchPos "piston; <position>";
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_ "ProtocolType" STRING ;
+BA_DEF_DEF_ "ProtocolType" "CAN";
+BA_ "GenMsgCycleTime" BO_ 256 1;
+VAL_ 2566844926 Gear 1 "first" 2 "second" ;
+SG_MUL_VAL_ 2566844926 Torque Selector 1-2;
 """
+
+#: What is put in place of a number or a word of a database.
+WORDS = (
+    "0", "-1", "64", "65535", "4294967296", "1e308", "nan", "1e999", "9" * 40, "", '"', "@", "m0", "M", ";", "SG_",
+    "BO_", "é", "\0", "\x1b[31m", "\u202e", "<b>", "(" * 30, "x" * 5000,
+)  # fmt: skip
 
 
 def example(samples: int = 200) -> Log:
@@ -90,13 +111,14 @@ def good_file(kind: str, folder: Path) -> tuple[Path, ChannelMap | None]:
         units = {"time": "s", **COLUMNS}
         named = {name: Channel(name, unit=units[name]) for name in ("time", *example().columns)}
         return _mat73(folder / "good73.mat"), ChannelMap(named)
-    if kind in ("blf", "asc", "trc"):
+    if kind in ("blf", "asc", "trc", "dbc"):
         dbc = folder / "clutch.dbc"
         dbc.write_text(DBC)
         signals = dict(
             zip(example().columns, ("ClutchPos", "DutySupply", "DutyExhaust", "ClutchPressure"), strict=True)
         )
-        return _frames(folder / f"good.{kind}"), ChannelMap({n: Channel(s) for n, s in signals.items()}, (dbc,))
+        recorded = "blf" if kind == "dbc" else kind
+        return _frames(folder / f"good.{recorded}"), ChannelMap({n: Channel(s) for n, s in signals.items()}, (dbc,))
     raise ValueError(kind)
 
 
@@ -152,6 +174,16 @@ def spoiled(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(raw)
 
 
+def reworded(text: str, rng: np.random.Generator) -> str:
+    """A database in which numbers and words were replaced by others, or by each other."""
+    words = re.findall(r"\w+|\W", text)
+    for _ in range(int(rng.integers(1, 4))):
+        where = int(rng.integers(len(words)))
+        other = words[int(rng.integers(len(words)))]
+        words[where] = WORDS[int(rng.integers(len(WORDS)))] if rng.random() < 0.7 else other
+    return "".join(words)
+
+
 def answered(path: Path, channels: ChannelMap | None) -> str:
     """What the readers say of a file: 'read', 'refused', how it ended the reader process, or a traceback: a finding."""
     try:
@@ -173,7 +205,14 @@ def cases(kind: str, seeds: range, folder: Path) -> Iterator[tuple[int, Path, Ch
     data = good.read_bytes()
     path = folder / f"case{''.join(good.suffixes)}"
     for seed in seeds:
-        path.write_bytes(b"" if seed == 0 else spoiled(data, np.random.default_rng(seed)))
+        rng = np.random.default_rng(seed)
+        if kind != "dbc" or seed % 2:
+            path.write_bytes(b"" if seed == 0 else spoiled(data, rng))
+        else:
+            path.write_bytes(data)
+        if kind == "dbc" and channels:
+            broken = spoiled(DBC.encode(), rng) if seed % 3 else reworded(DBC, rng).encode()
+            channels.dbc[0].write_bytes(broken if seed else b"")
         yield seed, path, channels
 
 
@@ -232,9 +271,7 @@ def fuzz(kind: str, count: int, first: int, show: Callable[[str], None]) -> bool
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "formats", nargs="*", default=["csv", "gz", "parquet", "mf4", "mat", "mat73", "blf", "asc", "trc"]
-    )
+    parser.add_argument("formats", nargs="*", default=FORMATS)
     parser.add_argument("--cases", type=int, default=10000)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()

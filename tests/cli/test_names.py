@@ -3,15 +3,21 @@
 import os
 import sys
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import pytest
 
 from clutchid.cli import main
+from clutchid.estimate.parameter_file import read_parameters
 from clutchid.io import read, write
 from clutchid.io.look.look import look
+from clutchid.parameters import Parameters
 from clutchid.truck import drive, truck
 
 ESCAPE, TURN = "\x1b[31m", "\u202e"
+
+#: What a file with [actuator] must have.
+OF_DRAWING = ("A_A", "A_B", "V_0A", "V_0B", "M", "y_max")
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +64,58 @@ def test_control_characters_of_headings_units_and_file_names_are_not_printed(tmp
     code, said = ran(capsys, "fit", tmp_path / f"no{ESCAPE}such.csv")
     assert code == 2
     assert "\x1b" not in said
+
+
+HOSTILE = f'<script>alert(1)</script> & "x" {TURN}gpj'
+
+
+def assert_plain(text):
+    assert not {"\x1b", "\x07", TURN} & set(text)
+
+
+def test_comments_of_an_mdf_file_reach_neither_terminal_nor_page_as_markup(log, tmp_path, capsys):
+    asammdf = pytest.importorskip("asammdf")
+    heading = f"<HDcomment><TX>{escape(HOSTILE)}</TX></HDcomment>"
+    units = {"position": "m", "duty_supply": "1", "duty_exhaust": "1", f"gear{ESCAPE}": f"<b>{TURN}"}
+    with asammdf.MDF(version="4.10") as mdf:
+        signals = [
+            asammdf.Signal(log.columns.get(name, log.time), log.time, name=name, unit=unit, comment=HOSTILE + ESCAPE)
+            for name, unit in units.items()
+        ]
+        mdf.append(signals, comment=HOSTILE + ESCAPE, acq_name=f"<b>{ESCAPE}")
+        mdf.header.comment = heading
+        mdf.save(tmp_path / "run.mf4")
+    assert HOSTILE in read(tmp_path / "run.mf4").metadata["comment"]  # the comment is read, so the page could have it
+    assert_plain(ran(capsys, "look", tmp_path / "run.mf4")[1])
+    code, said = ran(capsys, "fit", tmp_path / "run.mf4", "--report", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert code == 0
+    assert_plain(said + page)
+    assert "<script>alert" not in page
+
+
+def test_comments_and_texts_of_a_start_file_reach_neither_terminal_nor_page_as_markup(log, tmp_path, capsys):
+    write(log, tmp_path / "run.csv")
+    drawing = "\n".join(f"{name} = {getattr(Parameters(), name)}" for name in OF_DRAWING)
+    texts = f"name = '<script>alert(2)</script>'\ndescription = '''{HOSTILE}'''\n"
+    other = f"[recording.'{HOSTILE}']\nP_S = 8e5\n"
+    (tmp_path / "start.toml").write_text(
+        f"# {HOSTILE}\n[actuator]\n{texts}[parameters]\n{drawing}  # {HOSTILE}\n{other}", encoding="utf-8"
+    )
+    files = tmp_path / "page.html", tmp_path / "fit.toml"
+    code, said = ran(
+        capsys,
+        "fit",
+        tmp_path / "run.csv",
+        "--start",
+        tmp_path / "start.toml",
+        "--report",
+        files[0],
+        "--save",
+        files[1],
+    )
+    page = files[0].read_text(encoding="utf-8")
+    assert code == 0
+    assert_plain(said + page)
+    assert "<script>alert" not in page
+    assert read_parameters(files[1]).actuator.equipment.description == HOSTILE  # what is saved is what was read

@@ -4,6 +4,7 @@ import errno
 import hashlib
 import os
 import pickle
+import subprocess
 import sys
 import tempfile
 import threading
@@ -308,6 +309,82 @@ def test_machine_code_that_a_full_disk_cannot_keep_is_named_and_used(source, mon
         assert kernel(21.0) == 42.0
     assert kernel(21) == 42.0  # nor does it try again
     assert list((source.parent / "cache").rglob("*.nb*")) == []
+
+
+@pytest.fixture
+def read_only(source, tmp_path, monkeypatch):
+    """Makes the cache folder read-only, for root too; returns the folder for temporary files."""
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    opened, made = tempfile.TemporaryFile, tempfile.mkstemp
+
+    def refusing(function):
+        def called(*arguments, **options):
+            if Path(options.get("dir") or "/").is_relative_to(tmp_path / "cache"):
+                raise OSError(errno.EROFS, "Read-only file system")
+            return function(*arguments, **options)
+
+        return called
+
+    def turn():
+        monkeypatch.setattr(tempfile, "TemporaryFile", refusing(opened))
+        monkeypatch.setattr(tempfile, "mkstemp", refusing(made))
+        return tmp_path / "temporary"
+
+    return turn
+
+
+def test_a_warm_cache_that_is_read_only_is_used(source, read_only):
+    assert _twice(source)
+    temporary = read_only()
+    assert not _twice(source)
+    source.write_text("x = 1  # a comment")  # found by what the source means, which cannot be noted
+    assert not _twice(source)
+    assert list(temporary.iterdir()) == []
+
+
+def test_what_a_read_only_cache_lacks_is_built_in_the_temporary_folder(source, read_only):
+    load_module("numbers", [source], lambda: "value = 1\n")
+    temporary = read_only()
+    assert [_twice(source), _twice(source)] == [True, False]
+    assert list(temporary.rglob("doubling.py"))
+
+
+def test_machine_code_stays_in_the_cache_folder_whatever_numba_is_set_to(source, tmp_path, monkeypatch):
+    import numba
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "elsewhere"))
+    assert [_twice(source), _twice(source)] == [True, False]
+    assert _machine_code(source, "nbi").is_file()
+    assert not (tmp_path / "elsewhere").exists()
+
+
+HOSTILE = """
+import os, sys, tempfile, warnings
+from pathlib import Path
+from clutchid.codegen.cache import load_module
+
+warnings.simplefilter("ignore")
+source = Path(sys.argv[1])
+for name in ("one", "two"):
+    print(load_module(name, [source], lambda: "value = 1\\n").__file__)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="this system knows no owners of folders")
+def test_where_others_can_write_to_every_folder_a_process_has_one_of_its_own_and_takes_it_away(source, tmp_path):
+    planted = [tmp_path / "cache", tmp_path / "temporary" / f"clutchid-{os.getuid()}"]
+    for folder in planted:
+        folder.mkdir(parents=True)
+        folder.chmod(0o777)
+    done = subprocess.run(
+        [sys.executable, "-c", HOSTILE, source], capture_output=True, text=True, check=True,
+        env={**os.environ, "TMPDIR": str(tmp_path / "temporary")},
+    )  # fmt: skip
+    one, two = (Path(line).parents[1] for line in done.stdout.split())
+    assert one == two
+    assert one.parent == tmp_path / "temporary"
+    assert list((tmp_path / "temporary").iterdir()) == planted[1:]
 
 
 def test_compiling_is_announced_once(source, monkeypatch):

@@ -39,6 +39,14 @@ def test_the_file_before_it_was_broken_is_read(kind, tmp_path):
             assert np.array_equal(made[name], values, equal_nan=True)
 
 
+def test_a_log_of_can_with_a_broken_database_is_answered_in_words(tmp_path):
+    fuzz = driver()
+    answers = {seed: fuzz.answered(path, channels) for seed, path, channels in fuzz.cases("dbc", range(120), tmp_path)}
+    assert {seed: answer for seed, answer in answers.items() if answer not in ("read", "refused", *fuzz.ENDS)} == {}
+    assert answers[0] == "refused"  # the empty database
+    assert {"read", "refused"} <= set(answers.values())
+
+
 def test_a_parquet_file_that_promises_samples_and_has_none_is_refused(tmp_path):
     fuzz = driver()
     for _, path, channels in fuzz.cases("parquet", [7167, 7428], tmp_path):

@@ -7,10 +7,12 @@ folder that it lies in with its machine code. So an edit that leaves the text as
 from __future__ import annotations
 
 import ast
+import atexit
 import hashlib
 import importlib.util
 import os
 import platform
+import shutil
 import stat
 import sys
 import tempfile
@@ -48,8 +50,9 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
     Keys hold the versions of the libraries and the processor type; Numba keeps the machine code beside the module and
     checks the processor's features itself. A file appears under a temporary name and is renamed, so processes that
     build at the same time do not disturb each other. The first line of a module holds the hash of the rest: a truncated
-    or damaged file is built again. The cache is a folder of the user's own, which nobody else can write to; where there
-    is none, a temporary folder serves, and where nothing can be written, the module goes without a file.
+    or damaged file is built again. The cache is a folder of the user's own, which nobody else can write to; if it is
+    read-only, what it holds is used. Else a temporary folder serves, and where nothing can be written, the module goes
+    without a file.
 
     Raises
     ------
@@ -57,7 +60,12 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
         As `build` and the module itself do.
     """
     paths = sorted(sources)
-    for folder in _folders():
+    for folder, writable in _folders():
+        if not writable:
+            path, _ = _found(folder, name, paths)
+            if path is not None:
+                return _executed(name, path)
+            continue
         try:
             return _executed(name, _cached(folder, name, paths, build))
         except OSError as problem:  # a full disk
@@ -65,16 +73,22 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
     return _unwritten(name, build())
 
 
-def _cached(folder: Path, name: str, sources: Sequence[Path], build: Callable[[], str]) -> Path:
-    """The module's file, found by the files as they are, else by what they mean, else built."""
+def _found(folder: Path, name: str, sources: Sequence[Path]) -> tuple[Path | None, list[Path]]:
+    """The module's file, found by the files as they are or else by what they mean, and the signs that were missing."""
     signs: list[Path] = []
     for key in _keys(sources):
         sign = folder / "texts" / f"{name}-{key}"
         path = folder / _read(sign) / f"{name}.py"
         if _whole(path):
-            break
+            return path, signs
         signs.append(sign)
-    else:
+    return None, signs
+
+
+def _cached(folder: Path, name: str, sources: Sequence[Path], build: Callable[[], str]) -> Path:
+    """The module's file, built where it is not there."""
+    path, signs = _found(folder, name, sources)
+    if path is None:
         announce()
         text = build().encode()
         path = folder / _digest([text, *_versions()]) / f"{name}.py"
@@ -160,8 +174,8 @@ def _digest(parts: Iterable[bytes]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _folders() -> Iterator[Path]:
-    """Folders of the user's own that files can be written to, the chosen or usual one first."""
+def _folders() -> Iterator[tuple[Path, bool]]:
+    """Folders of the user's own, the chosen or usual one first, and whether files can be written to them."""
     from platformdirs import user_cache_path
 
     chosen = os.environ.get("CLUTCHID_CACHE")
@@ -169,12 +183,11 @@ def _folders() -> Iterator[Path]:
     for folder in (preferred, Path(tempfile.gettempdir()) / f"clutchid-{_user()}"):
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                pass
+            private = _own(folder)
         except OSError:
             continue
-        if _own(folder):
-            yield folder
+        if private:
+            yield folder, _writable(folder)
         else:  # what lies there is executed
             warnings.warn(
                 f"{folder} is not used for compiled models, because others may write to it; chmod 700 it, or choose "
@@ -183,9 +196,25 @@ def _folders() -> Iterator[Path]:
                 stacklevel=2,
             )
     try:
-        yield Path(tempfile.mkdtemp(prefix="clutchid-"))
+        yield _of_this_process(), True
     except OSError:
         return
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+@cache
+def _of_this_process() -> Path:
+    """A temporary folder that goes with this process."""
+    folder = tempfile.mkdtemp(prefix="clutchid-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 def _user() -> str:

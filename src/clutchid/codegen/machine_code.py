@@ -8,17 +8,31 @@ import hashlib
 import pickle
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator
 
 from clutchid.codegen.cache import announce
 
 _SIZE = hashlib.sha256().digest_size
 
 
+class _Beside(InTreeCacheLocator):
+    """The folder beside the module, whatever NUMBA_CACHE_DIR is, for what lies there is run; also a read-only one."""
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> Any:
+        return cls(function, file)
+
+
+class _KeptBeside(CompileResultCacheImpl):
+    _locator_classes: ClassVar = [_Beside]
+
+
 class MachineCode(FunctionCache):
     """The kept machine code of one kernel; a disk that is full keeps nothing, and is named once."""
+
+    _impl_class = _KeptBeside
 
     def __init__(self, function: Any) -> None:
         super().__init__(function)
