@@ -8,7 +8,7 @@ import hashlib
 import pickle
 import warnings
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator
 
@@ -26,7 +26,9 @@ class _Beside(InTreeCacheLocator):
 
 
 class _KeptBeside(CompileResultCacheImpl):
-    _locator_classes: ClassVar = [_Beside]
+    def __init__(self, function: Any) -> None:
+        self._locator_classes = [_Beside]
+        super().__init__(function)
 
 
 class MachineCode(FunctionCache):

@@ -66,7 +66,7 @@ def fit(
         parameters that a recording with pressure can determine. Empty: only unknown start values are estimated.
     bounds : {name: (low, high)}, optional
         In SI. By default theta_1 and theta_3 are at least 0, theta_2 is free (it changes sign on a worn clutch), and
-        every other parameter stays within a factor of three of its start, or within its range if that is finite.
+        every other magnitude stays within a factor of three of its start; fractions, shapes and offsets have their range.
     partition : Partition, optional
         Partitioned ballistic simulation; ballistic by default.
     verify : Log or path, or several
