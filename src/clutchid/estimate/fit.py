@@ -65,8 +65,8 @@ def fit(
         Free parameters; 'load' means all load weights, NAME@EACH a parameter of its own for every recording, 'auto' all
         parameters that a recording with pressure can determine. Empty: only unknown start values are estimated.
     bounds : {name: (low, high)}, optional
-        In SI. By default theta_1 and theta_3 are at least 0, theta_2 is free (it changes sign on a worn clutch), and
-        every other magnitude stays within a factor of three of its start; fractions, shapes and offsets have their range.
+        In SI. By default theta_1 and theta_3 are at least 0, theta_2 is free (it changes sign on a worn clutch), every
+        other magnitude stays within a factor of three of its start, and fractions and shapes within their range.
     partition : Partition, optional
         Partitioned ballistic simulation; ballistic by default.
     verify : Log or path, or several
