@@ -61,13 +61,10 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
     """
     paths = sorted(sources)
     for folder, writable in _folders():
-        if not writable:
-            path, _ = _found(folder, name, paths)
+        try:
+            path = _cached(folder, name, paths, build) if writable else _found(folder, name, paths)[0]
             if path is not None:
                 return _executed(name, path)
-            continue
-        try:
-            return _executed(name, _cached(folder, name, paths, build))
         except OSError as problem:  # a full disk
             warnings.warn(f"{folder} cannot keep compiled models: {problem}.", RuntimeWarning, stacklevel=2)
     return _unwritten(name, build())
