@@ -99,7 +99,7 @@ def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
     )  # fmt: skip
     html = render(page_of(failed, COMMAND))
     assert "The fit failed" in html
-    assert "The simulation diverged at 1.200 s in y." in html
+    assert "there is no load to show: the simulation diverged at 1.200 s in y." in html
     assert "<img " not in html
     assert loads_nothing(html)
 
@@ -122,7 +122,7 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
 
 
 def test_the_verdict_stands_above_everything_else(fitted, html):
-    assert html.index("Verdict: ") < html.index("The fit converged") < html.index("<img ")
+    assert html.index("Verdict: ") < html.index("The search converged") < html.index("<img ")
     bad = replace(fitted, converged=False)
     assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in render(
         page_of(bad, COMMAND)

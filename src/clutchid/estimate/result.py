@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
 
+    from clutchid.assess.comparison import Comparison
     from clutchid.assess.evidence import Evidence
     from clutchid.assess.verdict import Verdict
 
@@ -150,6 +151,13 @@ class Fit:
         from clutchid.assess.verdict import verdict
 
         return verdict(self, self.evidence)
+
+    @cached_property
+    def comparison(self) -> Comparison | None:
+        """The load against that of the baseline, see `clutchid.assess.comparison`; None without one. Computed once."""
+        from clutchid.assess.comparison import comparison
+
+        return comparison(self)
 
     def to_frame(self) -> pl.DataFrame:
         """Free parameters as rows: name, value, unit, std, low and high, in SI and with 95 % intervals."""

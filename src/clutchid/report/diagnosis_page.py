@@ -10,7 +10,6 @@ from clutchid.assess.evidence import HORIZON, Evidence, information
 from clutchid.assess.verdict import Verdict
 from clutchid.errors import ClutchidError
 from clutchid.estimate import Fit
-from clutchid.report.changes import notes_of
 from clutchid.report.diagnosis_figures import SHOWN, colour_figure, region_figure
 from clutchid.report.figures import png
 from clutchid.report.html import Block, Bullets, Details, Notice, Picture, Text, escape
@@ -34,7 +33,7 @@ def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
 
 def information_blocks(fit: Fit, found: Evidence) -> list[Block]:
     """What the data determine, missing excitation, and the recommended recording."""
-    sentences = [*notes_of(fit), *found.missing]
+    sentences = [*fit.notes, *found.missing]
     blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in sentences))] if sentences else []
     if not found.missing:
         return [*blocks, Text("The excitation is sufficient: reach, directions and vented rests.")]
