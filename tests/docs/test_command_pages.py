@@ -1,0 +1,60 @@
+"""A page a command: it names every option of the command, and no other."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from clutchid.cli import app
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "docs" / "commands"
+COMMANDS = [name for name in app() if not name.startswith("-")]
+
+#: Options of the command line itself.
+GENERAL = {"--help", "--version"}
+
+
+def options(command: str) -> set[str]:
+    """The options of a command, without the negation of a list, which is of no use."""
+    names = {name for argument in app()[command].assemble_argument_collection() for name in argument.names}
+    return {name for name in names if name.startswith("--") and not name.startswith("--empty-")}
+
+
+def text(command: str) -> str:
+    return (FOLDER / f"{command}.md").read_text(encoding="utf-8")
+
+
+def named(page: str) -> set[str]:
+    return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*", page))
+
+
+def test_every_command_has_a_page_and_every_page_is_of_a_command():
+    assert {path.stem for path in FOLDER.glob("*.md")} == set(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_page_of_a_command_names_all_of_its_options(command):
+    assert options(command) - named(text(command)) == set()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_tables_of_a_page_have_only_options_of_its_command(command):
+    rows = re.findall(r"^\| `(--[a-z-]+)", text(command), re.MULTILINE)
+    assert rows
+    assert set(rows) - options(command) == set()
+    assert len(rows) == len(set(rows))
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda path: path.stem)
+def test_every_example_of_a_command_uses_its_options_only(page):
+    calls = re.findall(r"clutchid ((?:\w|-)+)((?:[^`#\n\\]|\\\n)*)", page.read_text(encoding="utf-8"))
+    unknown = {(verb, *sorted(named(rest) - options(verb) - GENERAL)) for verb, rest in calls if verb in COMMANDS}
+    assert {found for found in unknown if len(found) > 1} == set()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_page_of_a_command_has_an_example_and_its_exit_codes(command):
+    page = text(command)
+    assert f"$ clutchid {command} " in page
+    assert "## Exit codes\n\n0: done" in page or "## Exit codes\n\n0: the file" in page

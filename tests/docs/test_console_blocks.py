@@ -1,0 +1,105 @@
+"""The commands of the documentation print what its pages show, but for those that take long."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _console():
+    spec = importlib.util.spec_from_file_location("console", ROOT / "benchmarks" / "docs.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+console = _console()
+PAGES = {page.relative_to(ROOT).as_posix(): page for page in console.pages()}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_commands_of_a_page_print_what_it_shows(page):
+    found = console.differences(PAGES[page].read_text(encoding="utf-8"), long=False)
+    assert not found, "\n".join([*map(str, found), f"if that is right: python benchmarks/docs.py {page} --write"])
+
+
+def test_most_pages_of_commands_have_an_example_that_runs():
+    text = {name: page.read_text(encoding="utf-8") for name, page in PAGES.items()}
+    short = {name for name, page in text.items() if any(b.steps and not b.long for b in console.blocks(page))}
+    assert len([name for name in short if "commands" in name]) >= 5
+
+
+PAGE = """
+<!-- file note.txt -->
+```text
+two 22
+```
+
+```console
+$ cat \\
+  note.txt  # a comment
+two 22.3
+$ ls missing; false
+...
+$ echo $?
+1
+$ false
+[exit code 1]
+```
+
+<!-- long -->
+```console
+$ cat note.txt
+three
+```
+"""
+
+
+def test_a_page_whose_outputs_agree_to_two_digits_has_no_differences():
+    assert console.differences(PAGE, long=False) == []
+
+
+def test_a_long_block_runs_only_where_it_is_wanted_and_can_be_rewritten():
+    found = console.differences(PAGE, long=True)
+    assert [(one.step.command, one.printed) for one in found] == [("cat note.txt", "two 22\n")]
+    assert console.rewritten(PAGE, found) == PAGE.replace("three\n", "two 22\n")
+
+
+@pytest.mark.parametrize(
+    ("expected", "printed"),
+    [
+        ("peak 4528 N at 11.03 mm", "peak 4544 N at 11.1 mm"),
+        ("one\n...\nfour", "one\ntwo\nthree\nfour"),
+        ("one\n...\nthree\n...\n", "one\ntwo\nthree\nfour"),
+        ("made 2026-01-31 12:00 by 0123456789abcdef", "made 2027-02-01 13:10 by fedcba9876543210"),
+        ("took ... s", "took 0.8 s"),
+        ("wrapped at a\nword", "wrapped at\na word"),
+    ],
+)
+def test_texts_that_mean_the_same_are_the_same(expected, printed):
+    assert console.same(expected, printed)
+
+
+@pytest.mark.parametrize(
+    ("expected", "printed"),
+    [
+        ("peak 4528 N", "peak 4700 N"),
+        ("peak 4528 N", "peak 4528 kN"),
+        ("0 missing", "1 missing"),
+        ("1e-09", "1e-08"),
+        ("theta_1", "theta_2"),
+        ("one\n...\nfour", "one\ntwo"),
+        ("one\n...\nfour\n...\n", "one\ntwo\nthree"),
+        ("one", "one\ntwo"),
+    ],
+)
+def test_texts_that_differ_are_not_the_same(expected, printed):
+    assert not console.same(expected, printed)
+
+
+def test_an_output_is_shortened_as_it_was_before():
+    old = "```console\n$ seq 9\n0\n...\n8\n9\n```\n"
+    found = console.differences(old, long=False)
+    assert console.rewritten(old, found) == "```console\n$ seq 9\n1\n...\n8\n9\n```\n"
