@@ -1,10 +1,10 @@
 """Run the commands of the documentation: ``python benchmarks/docs.py [PAGE...] [--write]``.
 
 A block that is fenced as ``console`` has commands behind ``$``, each followed by what it prints; an exit code other
-than 0 is printed as ``[exit code 2]``, or by ``$ echo $?``. The blocks of a page run in order, in one temporary folder.
-Words must be equal and numbers to two significant digits; ``...`` stands for any lines, and in a line for a word.
-Blocks below ``<!-- long -->`` run only here; the others run in ``tests/docs`` too. A fenced block below
-``<!-- file NAME -->`` is written to the folder.
+than 0 is printed as ``[exit code 2]``, or by ``$ echo $?``. The blocks of a page run in order, in one temporary
+folder. Words must be equal and numbers to two digits, or to the last decimal that is printed; ``...`` stands for any
+lines, and in a line for a word. Blocks below ``<!-- long -->`` run only here; the others run in ``tests/docs`` too. A
+fenced block below ``<!-- file NAME -->`` is written to the folder.
 
 With ``--write`` the pages get what is printed now: of an output with a line ``...`` as many lines before and behind it
 as there were.
@@ -194,13 +194,17 @@ def _alike(one: str, other: str) -> bool:
     if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
         return False
     pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
-    return all(_close(float(a.replace(",", "")), float(b.replace(",", ""))) for a, b in pairs)
+    return all(_close(a.replace(",", ""), b.replace(",", "")) for a, b in pairs)
 
 
-def _close(a: float, b: float) -> bool:
-    """Whether two numbers differ by at most one unit of the second digit."""
+def _close(one: str, other: str) -> bool:
+    """Whether two numbers differ by at most one unit of the second digit, or of the last decimal that is printed."""
+    a, b = float(one), float(other)
     largest = max(abs(a), abs(b))
-    return largest == 0 or abs(a - b) <= 1.001 * 10.0 ** (math.floor(math.log10(largest)) - 1)
+    second = 10.0 ** (math.floor(math.log10(largest)) - 1) if largest else 0.0
+    decimals = re.search(r"\.(\d+)$", one)
+    last = 10.0 ** -len(decimals[1]) if decimals else 0.0
+    return abs(a - b) <= 1.001 * max(second, last)
 
 
 def rewritten(page: str, found: Sequence[Difference]) -> str:

@@ -75,6 +75,7 @@ def test_a_long_block_runs_only_where_it_is_wanted_and_can_be_rewritten():
         ("one\n...\nthree\n...\n", "one\ntwo\nthree\nfour"),
         ("made 2026-01-31 12:00 by 0123456789abcdef", "made 2027-02-01 13:10 by fedcba9876543210"),
         ("took ... s", "took 0.8 s"),
+        ("moved +0.00 mm (-0.06 to +0.05)", "moved -0.01 mm (-0.07 to +0.05)"),
         ("wrapped at a\nword", "wrapped at\na word"),
     ],
 )
@@ -89,6 +90,7 @@ def test_texts_that_mean_the_same_are_the_same(expected, printed):
         ("peak 4528 N", "peak 4528 kN"),
         ("0 missing", "1 missing"),
         ("1e-09", "1e-08"),
+        ("moved +0.00 mm", "moved +0.02 mm"),
         ("theta_1", "theta_2"),
         ("one\n...\nfour", "one\ntwo"),
         ("one\n...\nfour\n...\n", "one\ntwo\nthree"),

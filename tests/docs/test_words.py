@@ -1,0 +1,110 @@
+"""The pages explain what the program says: reasons of the verdict, checks, messages; and in its words."""
+
+import ast
+import re
+from pathlib import Path
+
+import clutchid
+from clutchid.inspection import inspect
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "src" / "clutchid"
+PAGES = {path.stem: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
+
+
+def texts(node: ast.AST) -> list[str]:
+    """Constant texts in the source below a node; a place of an f-string ends one."""
+    return [n.value for n in ast.walk(node) if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+
+
+def source_texts() -> str:
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in SOURCE.rglob("*.py")]
+    return "\n".join(text for tree in trees for text in texts(tree))
+
+
+def section(page: str, heading: str) -> str:
+    return re.search(rf"^#+ {heading}\n(.*?)(?=^#|\Z)", page, re.MULTILINE | re.DOTALL)[1]
+
+
+def messages(text: str) -> list[str]:
+    """What the first column of a table quotes."""
+    return [
+        quoted for cell in re.findall(r"^\| (`.*?) \|", text, re.MULTILINE) for quoted in re.findall(r"`([^`]+)`", cell)
+    ]
+
+
+def first_arguments(file: str, function: str) -> list[str]:
+    """Constant texts that are the first argument of calls of a function."""
+    tree = ast.parse((SOURCE / file).read_text(encoding="utf-8"))
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == function]
+    return [call.args[0].value for call in calls if isinstance(call.args[0], ast.Constant)]
+
+
+def pieces(message: str) -> list[str]:
+    """Parts of a message between the places of names and figures."""
+    return [piece.strip() for piece in message.split("…") if len(piece.strip()) > 3]
+
+
+def made_by(function: ast.FunctionDef) -> list[str]:
+    """The texts of the reasons that a function makes, also of those that it makes of a variable."""
+    nodes = list(ast.walk(function))
+    assigned = {
+        n.targets[0].id: texts(n) for n in nodes if isinstance(n, ast.Assign) and isinstance(n.targets[0], ast.Name)
+    }
+    calls = [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "_Reason"]
+    names = [[n.id for n in ast.walk(call) if isinstance(n, ast.Name) and n.id in assigned] for call in calls]
+    return [
+        "\n".join([*texts(call), *(text for name in used for text in assigned[name])])
+        for call, used in zip(calls, names, strict=True)
+    ]
+
+
+def test_every_message_that_the_pages_quote_is_one_of_the_program():
+    known = source_texts()
+    tables = PAGES["trouble"].partition("## Files that are not read")[2] + section(PAGES["result"], "Reasons")
+    quoted = messages(tables)
+    assert len(quoted) > 30
+    assert [message for message in quoted for piece in pieces(message) if piece not in known] == []
+
+
+def test_every_reason_that_a_verdict_can_give_is_explained():
+    tree = ast.parse((SOURCE / "assess" / "verdict.py").read_text(encoding="utf-8"))
+    explained = {piece for message in messages(section(PAGES["result"], "Reasons")) for piece in pieces(message)}
+    reasons = [
+        reason for function in tree.body if isinstance(function, ast.FunctionDef) for reason in made_by(function)
+    ]
+    assert len(reasons) >= 9
+    assert [reason for reason in reasons if not any(piece in reason for piece in explained)] == []
+
+
+def test_every_check_of_a_recording_is_explained():
+    names = {check.name for check in inspect(clutchid.bundled_recording(), clutchid.Actuator()).checks}
+    assert names == set(messages(section(PAGES["trouble"], "What look checks")))
+
+
+def test_every_section_of_the_page_of_a_fit_is_explained():
+    files = ("report/fit_page.py", "report/comparison_page.py")
+    headings = [heading for file in files for heading in first_arguments(file, "Section")]
+    explained = section(PAGES["result"], "The page")
+    assert len(headings) >= 6
+    assert [heading for heading in headings if f"| {heading} |" not in explained] == []
+
+
+def test_every_line_that_a_fit_prints_is_explained():
+    labels = {label for file in ("report/summary.py", "cli/fit_output.py") for label in first_arguments(file, "Row")}
+    assert labels >= {"trust", "load", "errors", "next"}
+    assert labels - {""} - set(messages(section(PAGES["result"], "The lines"))) == set()
+
+
+def test_the_terms_of_the_glossary_are_in_order_and_explained_briefly():
+    entries = re.findall(r"^### (.+)\n\n(.*?)(?=^###|\Z)", PAGES["glossary"], re.MULTILINE | re.DOTALL)
+    terms = [term.lower() for term, _ in entries]
+    assert terms == sorted(set(terms))
+    assert [term for term, text in entries if not 1 <= len(text.strip().splitlines()) <= 3] == []
+
+
+def test_the_glossary_has_the_words_of_the_first_hour():
+    terms = re.findall(r"^### (.+)$", PAGES["glossary"], re.MULTILINE)
+    words = {word for term in terms for word in term.split(", ")}
+    needed = {"ballistic", "partitioned", "theta", "half-load position", "touch point", "calibration", "reading"}
+    assert needed | {"baseline", "trust", "carrier", "duty cycle", "innovation", "prior", "vented rest"} <= words
