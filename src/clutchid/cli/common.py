@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from clutchid.cli.terminal import sentences
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
 from clutchid.log import Log
 from clutchid.names import printable
@@ -63,7 +64,8 @@ def complain(message: str, *, as_json: bool, status: str) -> int:
     if as_json:
         print_json({**EMPTY, "status": status, "message": message})
     else:
-        print(f"clutchid: {chr(10).join(map(printable, message.splitlines()))}", file=sys.stderr)
+        text = "\n".join(map(printable, message.splitlines()))
+        print(sentences(f"clutchid: {text}", sys.stderr), file=sys.stderr)
     return BAD_INPUT if status == "bad_input" else FAILED
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure, print_written
+from clutchid.cli.terminal import sentences
 from clutchid.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -52,8 +54,8 @@ def look(
         at = pressure(ambient, Parameters().P_0)
         given = None if map_ is None else read_map(map_)
         contents = look_at(file, at, tuple(dbc or ()), given)
-        print(contents.table())
-        print(_checks(file, contents, given, at))
+        print(sentences(contents.table(), sys.stdout))
+        print(sentences(_checks(file, contents, given, at), sys.stdout))
         if save is not None:
             proposed = contents.proposal.channels
             write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)

@@ -1,0 +1,40 @@
+"""Sentences are wrapped at words on a terminal, and nowhere else; tables keep their lines."""
+
+import io
+import os
+
+from clutchid.cli.terminal import columns, sentences
+
+LONG = "cal.csv: " + "word " * 30
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_sentences_are_wrapped_at_words_on_a_terminal(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    lines = sentences(LONG, Terminal()).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert " ".join(lines).split() == LONG.split()
+
+
+def test_a_narrow_terminal_has_narrow_lines(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    assert columns() == 40
+    assert max(map(len, sentences(LONG, Terminal()).splitlines())) <= 40
+
+
+def test_files_and_pipes_get_the_text_as_it_is():
+    assert sentences(LONG, io.StringIO()) == LONG
+
+
+def test_lists_hang_and_tables_and_paths_stay_whole(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    table = "  column  " + "x" * 100
+    first, second, *_ = sentences(f"  - {LONG}", Terminal()).splitlines()
+    assert (first[:4], second[:4]) == ("  - ", "    ")
+    assert sentences(f"{table}\n\nend", Terminal()) == f"{table}\n\nend"
+    path = os.sep + "folder" * 20
+    assert path in sentences(f"written to {path} now", Terminal()).splitlines()
