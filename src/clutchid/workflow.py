@@ -151,8 +151,9 @@ def fit_recordings(
     fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
     if len(logs) < 2 or comparison(fit) is None:
         return Outcome(fit)
-    alone = replace(request, profile=(), bootstrap=0)
-    single = {log.name: fit_request([log], actuator, alone, (), progress) for log in checked[: len(logs)]}
+    single = {
+        log.name: fit_request([log], actuator, request.alone(log.name), (), progress) for log in checked[: len(logs)]
+    }
     return Outcome(fit, {name: one for name, one in single.items() if one.status != "failed"})
 
 

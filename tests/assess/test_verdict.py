@@ -12,6 +12,8 @@ from clutchid.estimate import Estimate, LoadCurve, fit
 from clutchid.log import Log
 from clutchid.report.fit_json import verdict_json
 from clutchid.simulation.sensors import lagged
+from clutchid.uncertainty.calibration import Origin
+from fixtures.baselines import ORIGIN, with_baseline
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,25 @@ def test_a_search_that_did_not_converge_is_a_reason(fitted):
     judged = replace(fitted, converged=False)
     assert verdict(judged).trust == "with care"
     assert "did not converge" in reasons(judged)
+
+
+@pytest.mark.parametrize(
+    ("origin", "converged", "trust", "said"),
+    [
+        (ORIGIN, True, "good", ""),
+        (None, True, "good", ""),
+        (Origin(), False, "with care", "the search of the calibration of this fit had not converged"),
+        (None, False, "with care", "the search of the calibration of this fit had not converged"),
+        (ORIGIN, False, "with care", "the search of the calibration CAL.toml had not converged"),
+        (ORIGIN._replace(trust="with care"), True, "good", ""),
+        (ORIGIN._replace(trust="none"), True, "none", "the calibration CAL.toml has trust 'none'; calibrate again"),
+        (ORIGIN._replace(trust="none"), False, "none", "the calibration CAL.toml has trust 'none'; calibrate again"),
+    ],
+)
+def test_a_reading_is_no_better_than_its_calibration(fitted, origin, converged, trust, said):
+    judged = verdict(with_baseline(fitted, origin=origin, converged=converged))
+    assert judged.trust == trust
+    assert [reason.startswith(said) for reason in judged.reasons] == [True] * bool(said)
 
 
 def test_a_bound_that_is_hit_is_a_reason_and_an_infinite_one_is_none(fitted):

@@ -33,6 +33,7 @@ def test_the_readme_names_every_verb_of_the_command_line():
         "common",
         "fit_output",
         "terminal",
+        "completion",
     }
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert {verb for verb in verbs if f"clutchid {verb}" not in readme} == set()

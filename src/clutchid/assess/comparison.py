@@ -77,7 +77,7 @@ def comparison(fit: Fit) -> Comparison | None:
 def _difference(calibrated: LoadCurve, present: LoadCurve) -> Difference:
     force = present.force - calibrated.force
     half = np.hypot(*((curve.high - curve.low) / 2 for curve in (calibrated, present)))
-    smallest = SMALLEST_SHARE * float(np.nanmax(calibrated.force))
+    smallest = SMALLEST_SHARE * max(float(np.nanmax(calibrated.force)), 0.0)
     known = calibrated.force > smallest
     share = np.where(known, force / np.where(known, calibrated.force, 1.0), np.nan)
     return Difference(force, force - half, force + half, share)

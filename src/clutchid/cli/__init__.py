@@ -15,6 +15,7 @@ from cyclopts import App
 from cyclopts.exceptions import CycloptsError
 
 from clutchid.cli.common import DONE, FAILED, complain
+from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
 from clutchid.cli.fit import fit
@@ -36,7 +37,7 @@ def app() -> App:
     )
     for command in (fit, simulate, paper, look, cut, friction, drive, prove):
         application.command(command)
-    application.register_install_completion_command()
+    register_completion(application)
     return application
 
 

@@ -184,12 +184,20 @@ def _work(
     reading = workflow.Reading(pressure(how.ambient, actuator.parameters.P_0), how.channel_map, how.dbc)
     read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)
     outcome = _fitted(read[: len(files.logs)], actuator, request, read[len(files.logs) :], how.force)
-    command = Command(tuple(sys.argv[1:]), files.logs, files.start, files.save, files.report, how.options)
+    reading_options = (*how.options, *_own_model(model))
+    command = Command(
+        tuple(sys.argv[1:]), files.logs, files.start, files.save, files.report, reading_options, how.force
+    )
     writers: Writers = {
         files.save: lambda path: workflow.save(outcome, path),
         files.report: lambda path: workflow.report(outcome, command.with_options(), path),
     }
     return answer_json(outcome, writers) if json else answer(outcome, writers, command, how.verbose)
+
+
+def _own_model(model: str | None) -> tuple[str, ...]:
+    """The option --model of a model of the user's own, which every command needs again."""
+    return ("--model", model) if model and ".py:" in model else ()
 
 
 def _fitted(

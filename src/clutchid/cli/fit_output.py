@@ -42,15 +42,16 @@ def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) 
     from clutchid.report.summary import Row, other_warnings, summary
 
     fit = outcome.fit
-    _print_rows(summary(fit, outcome.single))
+    _print_rows(summary(fit, outcome.single, in_full=verbose))
     if verbose:
-        print(f"\n{printable_lines(fit_text(fit))}")
+        print(f"\n{printable_lines(fit_text(fit, WIDTH))}")
     sys.stdout.flush()
-    _warn(*((fit.warnings, len(fit.warnings)) if verbose else (other_warnings(fit), MOST_WARNINGS)))
+    warnings = other_warnings(fit)
+    _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
     written, failures = _write(writers)
     print_written(*written)
     for failure in failures:
-        print(f"clutchid: the fit is complete, but {failure}", file=sys.stderr)
+        print(f"clutchid: the fit is complete, but {printable_lines(failure)}", file=sys.stderr)
     if failures:
         return FAILED
     why, what = next_step(fit, command)

@@ -200,7 +200,7 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
     """Covariance of the shared parameters of a fit, without the load weights."""
     at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and base_of(name) == name]
     names = tuple(name for i, name in enumerate(result.parameters) if i in at)
-    weights = [i for i, name in enumerate(result.parameters) if name in actuator.load.names]
+    weights = [list(result.parameters).index(name) for name in actuator.load.names]
     return Calibration(
         names,
         result.covariance[np.ix_(at, at)],

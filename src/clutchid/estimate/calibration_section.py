@@ -12,8 +12,11 @@ from clutchid.log import FloatArray
 from clutchid.uncertainty.calibration import Calibration, Origin, Score
 
 
-def calibration_section(kept: Calibration) -> dict[str, Any]:
-    """Entries of a calibration."""
+def calibration_section(kept: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
+    """Entries of a calibration in the file of a fit that started from `baseline`.
+
+    If it is that one, the new file is not its origin.
+    """
     section: dict[str, Any] = {
         "names": list(kept.names),
         "covariance": kept.covariance.tolist(),
@@ -22,8 +25,9 @@ def calibration_section(kept: Calibration) -> dict[str, Any]:
     }
     if kept.theta:
         section |= {"theta": list(kept.theta), "theta_covariance": kept.theta_covariance.tolist()}
-    if kept.origin is not None:
-        section["origin"] = kept.origin._asdict()
+    origin = Origin() if kept.origin is None and kept is baseline else kept.origin
+    if origin is not None:
+        section["origin"] = origin._asdict()
     if kept.score is not None:
         section["score"] = {
             "names": list(kept.score.names),
@@ -46,12 +50,11 @@ def calibration_in(section: Any, weights: int, method: str, file: Origin) -> Cal
     try:
         names, covariance = _numbers(section)
         bias = tuple(map(float, section["bias"]))
-        theta = tuple(map(float, section.get("theta", ())))
-        spread = np.array(section.get("theta_covariance", []), dtype=np.float64).reshape(len(theta), len(theta))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ParameterError(
             "[fit.calibration]: names, a square covariance and bias are needed; save the calibration again."
         ) from error
+    theta, spread = _load(section)
     for name, numbers in (("bias", bias), ("theta", theta)):
         if len(numbers) not in (0, weights):
             raise ParameterError(f"[fit.calibration] {name}: {len(numbers)} numbers for {weights} load weights.")
@@ -65,6 +68,22 @@ def text_entries(section: Any, known: Iterable[str]) -> dict[str, str]:
     """The `known` entries of a section, those that are text."""
     entries = section if isinstance(section, Mapping) else {}
     return {name: entries[name] for name in known if isinstance(entries.get(name), str)}
+
+
+def _load(section: Any) -> tuple[tuple[float, ...], FloatArray]:
+    """Calibrated load weights and their covariance."""
+    try:
+        theta = tuple(map(float, section.get("theta", ())))
+        covariance = np.array(section.get("theta_covariance", []), dtype=np.float64).reshape(len(theta), len(theta))
+        known = bool(np.isfinite(theta).all()) and not np.isnan(covariance).any()
+    except (AttributeError, TypeError, ValueError, OverflowError):
+        known = False
+    if not known:
+        raise ParameterError(
+            "[fit.calibration] theta: finite load weights and their square theta_covariance are needed; save the "
+            "calibration again."
+        )
+    return theta, covariance
 
 
 def _score(section: Any) -> Score:

@@ -116,7 +116,7 @@ def parameter_file(fitted: Fit) -> ParameterFile:
     if fitted.search is not None:
         about["search"] = search_section(fitted.search)
     if fitted.calibration is not None:
-        about["calibration"] = calibration_section(fitted.calibration)
+        about["calibration"] = calibration_section(fitted.calibration, fitted.baseline)
     starts = {name: recording.starts for name, recording in fitted.recordings.items()}
     own: dict[str, dict[str, float]] = {}
     for name, estimate in fitted.parameters.items():

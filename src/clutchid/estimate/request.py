@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from clutchid.errors import ParameterError
 from clutchid.estimate.search_state import Continuation
 from clutchid.measured import MEASURED
-from clutchid.names import ParameterName, unknown_name
+from clutchid.names import EVERY_RECORDING, ParameterName, unknown_name
 from clutchid.simulation.partition import Partition
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior
@@ -60,6 +60,17 @@ class FitRequest:
     def checks(self) -> bool:
         """Whether profile likelihood or a bootstrap is requested."""
         return bool(self.profile or self.bootstrap)
+
+    def alone(self, recording: str) -> FitRequest:
+        """The request for one of several recordings alone: without parameters of the others, profiles and bootstrap."""
+
+        def applies(name: str) -> bool:
+            return ParameterName.parse(name).applies_to(recording) or name.endswith(f"@{EVERY_RECORDING}")
+
+        free = tuple(filter(applies, self.free))
+        bounds = {name: limits for name, limits in self.bounds.items() if applies(name)}
+        priors = {name: prior for name, prior in self.priors.items() if applies(name)}
+        return replace(self, free=free, bounds=bounds, priors=priors, profile=(), bootstrap=0)
 
     @property
     def has_priors(self) -> bool:

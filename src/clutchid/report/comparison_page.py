@@ -61,11 +61,11 @@ def comparison_sections(fit: Fit, single: Mapping[str, Fit]) -> list[Section]:
 def _baseline(baseline: Calibration) -> str:
     """Name, date, hash and verdict of the calibration."""
     origin = baseline.origin
-    if origin is None:
-        return "Compared with a calibration that is not from a file."
+    state = "" if baseline.converged else "; its search had not converged"
+    if origin is None or not origin.name:
+        return f"Compared with a calibration that is not from a file{state}."
     made = f" of {escape(origin.created.replace('T', ' ').removesuffix('+00:00'))} UTC" if origin.created else ""
     trust = f"; its trust is “{escape(origin.trust)}”" if origin.trust else ""
-    state = "" if baseline.converged else "; its search had not converged"
     name = f"Compared with the calibration <b>{escape(origin.name)}</b>{made}{trust}{state}."
     return f"{name} SHA-256: <code>{escape(origin.sha256)}</code>"
 
@@ -76,13 +76,13 @@ def _shift(found: Comparison) -> str:
     if not np.isfinite(shift.position):
         return "One of the loads does not reach half of its peak, so that its position cannot be compared."
     now, before = (f"{at.position / MM:.2f} mm{_interval(at)}" for at in (found.half_now, found.half_before))
-    moved = f"<b>{shift.position / MM:+.2f} mm</b>{_interval(shift, '+')}"
+    moved = f"<b>{shift.position / MM:+z.2f} mm</b>{_interval(shift, '+')}"
     return f"The load reaches half of its peak at {now}, at the calibration at {before}: {moved}."
 
 
 def _interval(at: HalfLoad, sign: str = "") -> str:
     known = np.isfinite(at.low + at.high)
-    return f" ({at.low / MM:{sign}.2f} to {at.high / MM:{sign}.2f} mm at 95 %)" if known else ""
+    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f} mm at 95 %)" if known else ""
 
 
 def comparison_figure(found: Comparison) -> Figure:

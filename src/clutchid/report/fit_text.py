@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -28,18 +29,21 @@ def errors_words(fit: Fit) -> str:
     return words.get(fit.method, ", simulated")
 
 
-def fit_text(fit: Fit) -> str:
-    """A fit as text for a terminal: how the search ended, all parameters, errors of all recordings, and notes."""
+def fit_text(fit: Fit, columns: int = 80) -> str:
+    """What a summary leaves out: how the search ended, all parameters, errors of all recordings, and notes.
+
+    Sentences are wrapped at a width in columns.
+    """
     from clutchid.report.changes import notes_of
 
     width = max([9, *(len(name) for name in fit.parameters)])
-    lines = [f"The search {fit.message}."]
-    lines.append(f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit")
+    lines = [f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit"]
     for name, e in fit.parameters.items():
         lines.append(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
-    fitted = errors_words(fit)
+    sentences, fitted = [f"The search {fit.message}."], errors_words(fit)
     for title, recordings in (("fitted", fit.recordings), ("verified", fit.verification)):
         for name, recording in recordings.items():
             how = ", simulated from its duty cycles" if title == "verified" else fitted
-            lines.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
-    return "\n".join([*lines, *notes_of(fit), *(f"trust: {reason}" for reason in fit.verdict.reasons)])
+            sentences.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
+    wrapped = (fill(text, columns, subsequent_indent="  ") for text in [*sentences, *notes_of(fit)])
+    return "\n".join([*lines, *wrapped])

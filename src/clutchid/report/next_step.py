@@ -5,16 +5,20 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 from clutchid.estimate import Fit
+from clutchid.model import Actuator
+from clutchid.report.summary import of_the_paper
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
     """The command of a fit: its arguments behind ``clutchid``, the recordings, and the files of its options.
 
-    `reading` are the arguments that say how the recordings are read.
+    `reading` are the arguments that say how any recording is read, `forced` that these recordings are fitted although
+    a check of them is bad.
     """
 
     arguments: tuple[str, ...]
@@ -23,6 +27,7 @@ class Command:
     save: Path | None = None
     report: Path | None = None
     reading: tuple[str, ...] = ()
+    forced: bool = False
 
     def with_options(self, *options: str, without: Sequence[str] = ()) -> str:
         """The command with `options` added, and `without` options that have one value."""
@@ -32,8 +37,26 @@ class Command:
             name = argument.partition("=")[0]
             if not skip and name not in without:
                 kept.append(argument)
-            skip = argument in without  # its value follows
-        return shlex.join(["clutchid", *kept, *options])
+            skip = not skip and argument in without  # its value follows
+        at = kept.index("--") if "--" in kept else len(kept)  # what follows is no option
+        return shlex.join(["clutchid", *kept[:at], *options, *kept[at:]])
+
+    @property
+    def names(self) -> list[str]:
+        """The recordings as arguments."""
+        return [_argument(path) for path in self.logs]
+
+    @property
+    def again(self) -> tuple[str, ...]:
+        """The arguments that say how these recordings are read."""
+        return (*self.reading, *(("--force",) if self.forced else ()))
+
+    def new_file(self, name: str) -> str:
+        """`name`, with a number if the command reads or writes a file of that name."""
+        path = Path(name)
+        taken = {one.absolute() for one in (*self.logs, self.start, self.save, self.report) if one is not None}
+        numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
+        return _argument(next(one for one in chain([path], numbered) if one.absolute() not in taken))
 
 
 def next_step(fit: Fit, command: Command) -> tuple[str, str]:
@@ -52,30 +75,45 @@ def next_step(fit: Fit, command: Command) -> tuple[str, str]:
     if fit.baseline is not None:
         return _after_reading(command, saved)
     if fit.calibration is not None:
-        if saved is None:
-            return "keep the calibration", command.with_options("--save", "CAL.toml", without=("--save",))
-        words = ["clutchid", "fit", "WORN.csv", *command.reading, "--start", str(saved), "--free", "load"]
-        return "read a worn clutch, from position alone", shlex.join(words)
+        return _after_calibration(fit, command, saved)
     measured = any("pressure_a" in recording.measured for recording in fit.recordings.values())
-    logs = [str(path) for path in command.logs] if measured else ["CAL.csv"]
-    words = ["clutchid", "fit", *logs, *command.reading, "--measure", "position,pressure_a", "--free", "auto"]
+    logs = [*command.names, *command.again] if measured else ["CAL.csv", *command.reading]
+    own = command.start is not None and not (of_the_paper(fit) and fit.actuator.equipment == Actuator().equipment)
+    words = ["clutchid", "fit", *logs, *(("--start", _argument(command.start)) if own and command.start else ())]
     why = "calibrate, because this recording has pressure" if measured else "record once with pressure, and calibrate"
-    return why, shlex.join([*words, "--save", "CAL.toml"])
+    words += ["--measure", "position,pressure_a", "--free", "auto", "--save", command.new_file("CAL.toml")]
+    return why, shlex.join(words)
 
 
 def _continue(command: Command, saved: Path | None) -> tuple[str, str]:
     if saved is None:
-        return "save the result, to continue the search from it", command.with_options("--save", "FIT.toml")
+        kept = command.with_options("--save", command.new_file("FIT.toml"), without=("--save",))
+        return "save the result, to continue the search from it", kept
     further = saved.with_name(f"{saved.stem}-continued{saved.suffix}")
-    options = ("--start", str(saved), "--save", str(further))
+    options = ("--start", _argument(saved), "--save", _argument(further))
     return "continue the search", command.with_options(*options, without=("--start", "--save", "--report"))
+
+
+def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> tuple[str, str]:
+    if fit.verdict.trust == "none":
+        return "correct what the reasons say, and calibrate again", command.with_options()
+    if saved is None:
+        return "keep the calibration", command.with_options("--save", command.new_file("CAL.toml"), without=("--save",))
+    words = ["clutchid", "fit", "WORN.csv", *command.reading, "--start", _argument(saved), "--free", "load"]
+    return "read a worn clutch, from position alone", shlex.join(words)
 
 
 def _after_reading(command: Command, saved: Path | None) -> tuple[str, str]:
     log = command.logs[0]
     if command.report is None:
-        return "see both loads on a page", command.with_options("--report", f"{log.stem}.html")
+        return "see both loads on a page", command.with_options("--report", command.new_file(f"{log.stem}.html"))
     if saved is None:
-        return "keep the result", command.with_options("--save", f"{log.stem}.toml", without=("--save",))
-    words = ["clutchid", "simulate", str(log), *command.reading, "--parameters", str(saved)]
-    return "the pressure over time", shlex.join([*words, "--out", f"{log.stem}-pressure.csv"])
+        options = ("--save", command.new_file(f"{log.stem}.toml"))
+        return "keep the result", command.with_options(*options, without=("--save",))
+    words = ["clutchid", "simulate", command.names[0], *command.again, "--parameters", _argument(saved)]
+    return "the pressure over time", shlex.join([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
+
+
+def _argument(path: Path) -> str:
+    """A path as an argument; one that begins with a dash is no option."""
+    return f"./{path}" if str(path).startswith("-") else str(path)

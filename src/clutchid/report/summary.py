@@ -26,6 +26,9 @@ POSITIONS = (5, 6, 7, 8)
 #: Most reasons, other parameters, and verified recordings in a summary; the rest is said to be elsewhere.
 MOST_REASONS, MOST_OTHERS, MOST_VERIFIED = 2, 4, 2
 
+#: Half width in N from which an interval is not shown, and what stands there.
+LARGEST_HALF, UNKNOWN = 1e5, "not determined"
+
 
 class Row(NamedTuple):
     """A label, its text, whose lines may be wrapped unless `fixed`, and how it is coloured."""
@@ -36,18 +39,23 @@ class Row(NamedTuple):
     fixed: bool = False
 
 
-def summary(fit: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> list[Row]:
-    """The rows of a summary of `fit`, and of its recordings read one by one."""
-    judged, compared = fit.verdict, comparison(fit)
-    more = len(judged.reasons) - MOST_REASONS
-    rows = [Row("trust", judged.trust, judged.trust), *(Row("", reason) for reason in judged.reasons[:MOST_REASONS])]
-    rows += [Row("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more > 0 else []
-    rows += _load(fit, compared)
-    rows += _since(fit, compared)
-    if single:
-        rows += [Row("alone" if i == 0 else "", line) for i, line in enumerate(_readings(single))]
-    rows += _others(fit)
-    return [*rows, Row("errors", _errors(fit))]
+def summary(fit: Fit, single: Mapping[str, Fit] = MappingProxyType({}), *, in_full: bool = False) -> list[Row]:
+    """The rows of a summary of `fit`, and of its recordings read one by one.
+
+    `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
+    """
+    compared = comparison(fit)
+    rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
+    rows += [Row("alone" if i == 0 else "", line) for i, line in enumerate(_readings(single))]
+    return rows if in_full else [*rows, *_others(fit), Row("errors", _errors(fit))]
+
+
+def _trust(fit: Fit, in_full: bool) -> list[Row]:
+    judged = fit.verdict
+    shown = judged.reasons if in_full else judged.reasons[:MOST_REASONS]
+    more = len(judged.reasons) - len(shown)
+    rows = [Row("trust", judged.trust, judged.trust), *(Row("", reason) for reason in shown)]
+    return [*rows, Row("", f"{more} more reason{'s' if more > 1 else ''}: --verbose")] if more else rows
 
 
 def other_warnings(fit: Fit) -> list[str]:
@@ -61,19 +69,31 @@ def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
     if not np.isfinite(curve.force).any():
         return []
     at = curve.peak(furthest)
-    half = (curve.high[at] - curve.low[at]) / 2
-    text = f"greatest {with_interval(curve.force[at], half)} N at {curve.position[at] / MM:.1f} mm"
+    text = f"greatest {_force(fit, at)} at {curve.position[at] / MM:.1f} mm"
     text += f" of the recorded {furthest / MM:.1f} mm"
-    text += _half(half_load_band(curve, furthest))
-    if not any(name in fit.actuator.load.names for name in fit.parameters):
-        text += "; fixed, not fitted"
+    text += _half(half_load_band(curve, furthest), _is_fitted(fit))
+    text += "" if _is_fitted(fit) else "; fixed, not fitted"
     return [Row("load", text), Row("", _at_positions(fit, compared, furthest), fixed=True)]
 
 
-def _half(at: HalfLoad) -> str:
+def _is_fitted(fit: Fit) -> bool:
+    """Whether the load was fitted; a fixed one has no interval."""
+    return any(name in fit.actuator.load.names for name in fit.parameters)
+
+
+def _force(fit: Fit, at: int) -> str:
+    """The load at one of its points; without an interval, the value alone."""
+    curve = fit.load_curve
+    shown = with_interval(curve.force[at], (curve.high[at] - curve.low[at]) / 2)
+    if shown != UNKNOWN and _is_fitted(fit):
+        return f"{shown} N"
+    return f"{curve.force[at]:.0f} N{' (interval not determined)' if _is_fitted(fit) else ''}"
+
+
+def _half(at: HalfLoad, fitted: bool) -> str:
     if not isfinite(at.position):
         return ""
-    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f})" if isfinite(at.low + at.high) else ""
+    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f})" if fitted and isfinite(at.low + at.high) else ""
     return f"; half of it at {at.position / MM:.2f} mm{interval}"
 
 
@@ -85,11 +105,12 @@ def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str
         for values in (curve.force, curve.low, curve.high)
     )
     lines = [["", *(f"{mm} mm" for mm in POSITIONS)]]
-    lines.append(["N", *(with_interval(f, (b - a) / 2) for f, a, b in zip(force, low, high, strict=True))])
+    loads = (with_interval(f, (b - a) / 2) for f, a, b in zip(force, low, high, strict=True))
+    lines.append(["N", *(loads if _is_fitted(fit) else (f"{f:.0f}" for f in force))])
     if compared:
         changes = [compared.at(mm * MM) for mm in POSITIONS]
         lines.append(["change", *(with_interval(c.force, (c.high - c.low) / 2, sign="+") for c in changes)])
-        lines.append(["", *(f"{100 * c.share:+.0f} %" if isfinite(c.share) else "" for c in changes)])
+        lines.append(["", *(f"{100 * c.share:+z.0f} %" if isfinite(c.share) else "" for c in changes)])
     lines = [[line[0], *_within(line[1:], furthest)] for line in lines]
     return "\n".join("".join([line[0].ljust(7), *(cell.rjust(15) for cell in line[1:])]).rstrip() for line in lines)
 
@@ -102,17 +123,17 @@ def _within(cells: list[str], furthest: float) -> list[str]:
 
 
 def with_interval(value: float, half: float, sign: str = "") -> str:
-    """A value with the half width of its interval, both in N.
+    """A value with the half width of its interval, both in N; an interval of 100 kN says nothing.
 
     Examples
     --------
     >>> with_interval(1520.3, 41.8), with_interval(-110.0, 50.0, "+"), with_interval(1520.3, float("inf"))
     ('1520 ± 42', '-110 ± 50', 'not determined')
     """
-    return f"{value:{sign}.0f} ± {half:.0f}" if isfinite(half) and isfinite(value) else "not determined"
+    return f"{value:{sign}z.0f} ± {half:.0f}" if isfinite(value) and half < LARGEST_HALF else UNKNOWN
 
 
-def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
+def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
     """What has changed since the calibration, or which values are assumed without one."""
     if fit.baseline is None:
         if fit.calibration is not None:
@@ -122,9 +143,14 @@ def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
     parts = []
     if compared and isfinite(compared.shift.position):
         at = compared.shift
-        interval = f" ({at.low / MM:+.2f} to {at.high / MM:+.2f})" if isfinite(at.low + at.high) else ""
-        parts.append(f"half-load position {at.position / MM:+.2f} mm{interval}")
-    parts += short_changes(fit.changes) or ["no other change found"]
+        interval = f" ({at.low / MM:+z.2f} to {at.high / MM:+z.2f})" if isfinite(at.low + at.high) else ""
+        parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval}")
+    if compared is None and _is_fitted(fit):
+        parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
+    if not (fit.changes and in_full):
+        parts += short_changes(fit.changes) or [f"no {'other ' if _is_fitted(fit) else ''}change found"]
+    if not parts:
+        return []
     return [Row("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")]
 
 
@@ -139,7 +165,7 @@ def baseline_name(baseline: Calibration) -> str:
     'CAL.toml (2026-11-22, trust good)'
     """
     origin = baseline.origin
-    if origin is None:
+    if origin is None or not origin.name:
         return "the calibration"
     known = [origin.created[:10], f"trust {origin.trust}" if origin.trust else ""]
     brackets = ", ".join(part for part in known if part)
@@ -158,11 +184,19 @@ def _readings(single: Mapping[str, Fit]) -> list[str]:
     for name, one in single.items():
         found = comparison(one)
         if found is not None:
-            change = found.at(6 * MM)
-            text = f"{change.force:+.0f} N ({100 * change.share:+.0f} %) at 6 mm"
-            text += f", half-load {found.shift.position / MM:+.2f} mm" if isfinite(found.shift.position) else ""
+            text = _change_at(found, 6)
+            text += f", half-load {found.shift.position / MM:+z.2f} mm" if isfinite(found.shift.position) else ""
             lines.append(f"{name}: {text}, trust {one.verdict.trust}")
     return lines
+
+
+def _change_at(found: Comparison, mm: int) -> str:
+    """The change of the load at a position in mm."""
+    change = found.at(mm * MM)
+    if not (mm * MM <= found.reach and isfinite(change.force)):
+        return f"no load at {mm} mm"
+    share = f" ({100 * change.share:+z.0f} %)" if isfinite(change.share) else ""
+    return f"{change.force:+z.0f} N{share} at {mm} mm"
 
 
 def _others(fit: Fit) -> list[Row]:
