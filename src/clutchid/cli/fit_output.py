@@ -97,6 +97,7 @@ def _warn(warnings: Sequence[str], most: int) -> None:
     """The first warnings on standard error."""
     shown = [f"warning: {printable_lines(warning)}" for warning in warnings[:most]]
     if len(warnings) > most:
-        shown.append(f"{len(warnings) - most} more warnings: --verbose")
+        more = len(warnings) - most
+        shown.append(f"{more} more warning{'s' if more > 1 else ''}: --verbose")
     for line in shown:
         print(fill(line, WIDTH, break_long_words=False, break_on_hyphens=False), file=sys.stderr)

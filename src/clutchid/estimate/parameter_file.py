@@ -68,7 +68,10 @@ class ParameterFile:
         if entry is None:
             return None
         weights, method = len(self.actuator.load.theta), str(self.fit.get("method", "shooting"))
-        return calibration_in(entry, weights, method, self.origin)
+        try:
+            return calibration_in(entry, weights, method, self.origin)
+        except ParameterError as error:
+            raise ParameterError(f"{self.origin.name or 'parameter file'}: {error}") from error
 
     @property
     def continuation(self) -> Continuation | None:

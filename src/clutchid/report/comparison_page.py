@@ -152,6 +152,7 @@ def readings_table(single: Mapping[str, Fit]) -> Table:
             changes = (found.at(mm * MM).force if mm * MM <= found.reach else None for mm in POSITIONS)
             others = ", ".join(dict.fromkeys(change.group for change in one.changes)) or "none found"
             halves = (found.half_now.position, found.shift.position)
-            rows.append((name, one.verdict.trust, *halves, *changes, found.at(6 * MM).share, others))
+            share = found.at(6 * MM).share if found.reach >= 6 * MM else None
+            rows.append((name, one.verdict.trust, *halves, *changes, share, others))
     note = "Each recording alone against the calibration; the result above has one load for all of them."
     return Table("The recordings one by one", columns, tuple(rows), note=note)

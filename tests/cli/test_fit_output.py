@@ -1,0 +1,221 @@
+"""What ``clutchid fit`` prints: ten lines of 80 columns, coloured on a terminal only, nothing twice, a next command."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clutchid import write
+from clutchid.cli.fit_output import MOST_WARNINGS, answer, answer_json
+from clutchid.errors import ExportError
+from clutchid.estimate import fit
+from clutchid.report.next_step import Command
+from clutchid.truck import Truck, drive
+from clutchid.uncertainty.calibration import Origin
+from clutchid.workflow import Outcome
+from fixtures.baselines import with_baseline
+
+COMMAND = Command(("fit", "worn.csv", "--start", "CAL.toml"), (Path("worn.csv"),), Path("CAL.toml"))
+ESCAPE = "\x1b"
+
+
+def call(*arguments: str | Path, cwd: Path, **env: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "clutchid", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, cwd=cwd, env={**os.environ, **env}, timeout=300, check=False
+    )
+
+
+@pytest.fixture
+def on_a_terminal(monkeypatch):
+    """What is printed for a fit on a terminal of some width and with some environment."""
+    pty = pytest.importorskip("pty")
+    for name in ("NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm-256color")
+
+    def show(fitted, columns=100, **env):
+        parent, child = pty.openpty()
+        with monkeypatch.context() as patched, os.fdopen(child, "w", encoding="utf-8") as terminal:
+            for name, value in {"COLUMNS": str(columns), **env}.items():
+                patched.setenv(name, value)
+            patched.setattr(sys, "stdout", terminal)
+            assert answer(Outcome(fitted), {}, COMMAND, verbose=False) == 0
+            terminal.flush()
+            text = os.read(parent, 65536).decode()  # some 1,500 of the 4,096 bytes that a terminal buffers
+        os.close(parent)
+        return text.replace("\r\n", "\n")
+
+    return show
+
+
+def rows(text: str) -> list[str]:
+    """The lines but for the command to paste and the files, which may be long."""
+    return [line for line in text.splitlines() if not line.startswith(("  clutchid ", "written: "))]
+
+
+@pytest.fixture(scope="module")
+def fitted(drive, with_noise):
+    """A fit of 4 s by the model that made them, as if read from a calibration."""
+    return with_baseline(fit(with_noise(drive, 1).slice(0, 4000)))
+
+
+@pytest.fixture(scope="module")
+def truck(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder where a virtual truck has been calibrated from 10 s, CAL.toml, and has a worn recording."""
+    folder = tmp_path_factory.mktemp("my truck")
+    made = drive_log(1)
+    write(made, folder / "my cal.csv")
+    write(drive_log(2).without("pressure_a"), folder / "my worn.csv")
+    measure = ("--measure", "position,pressure_a", "--free", "auto")
+    done = call("fit", "my cal.csv", *measure, "--save", "my CAL.toml", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (folder / "calibrated.txt").write_text(done.stdout, encoding="utf-8")
+    return folder
+
+
+def drive_log(seed: int):
+    return drive(Truck(), seconds=10.0, seed=seed).log
+
+
+def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None, single=None):
+    """Exit code, and what is printed on standard output and standard error."""
+    code = answer(Outcome(fitted, single or {}), writers or {}, command, verbose)
+    return code, *capsys.readouterr()
+
+
+def test_a_summary_has_few_lines_of_at_most_80_columns_and_a_command(fitted, capsys):
+    code, out, err = shown(fitted, capsys)
+    assert (code, err) == (0, "")
+    assert ESCAPE not in out
+    lines = out.splitlines()
+    assert len(lines) <= 14
+    assert max(map(len, lines)) <= 80
+    assert [line[:9].strip() for line in lines if line[:9].strip()] == [
+        "trust", "load", "since", "errors", "next", "clutchi"
+    ]  # fmt: skip
+    assert shlex.split(lines[-1])[:2] == ["clutchid", "fit"]
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+def test_long_names_and_sentences_are_wrapped_and_their_marks_are_text(fitted, capsys, verbose):
+    (one,) = fitted.recordings.values()
+    name = "[red]a[/red] :smile: \x1b[31m\n" + "long" * 40
+    named = replace(
+        fitted,
+        recordings={name: one},
+        baseline=replace(fitted.baseline, origin=Origin(name, name, name, name), converged=False),
+        verification={name: one},
+        notes=(f"{name} has a note",),
+    )
+    _, out, err = shown(named, capsys, verbose=verbose, single={name: named})
+    assert ESCAPE not in out + err
+    assert "[red]a[/red] :smile: ?[31m" in out.replace("\n", " ")
+    assert max(map(len, rows(out))) <= 80
+
+
+def test_verbose_says_nothing_twice(fitted, capsys):
+    named = replace(fitted, converged=False, warnings=(f"the search {fitted.message}.", "2 s are missing"))
+    _, out, err = shown(named, capsys, verbose=True)
+    lines = [line for line in (*out.splitlines(), *err.splitlines()) if line.strip()]
+    assert len(lines) == len(set(lines))
+    together = " ".join((out + err).split())
+    for once in (*named.verdict.reasons, named.message, "2 s are missing", f"{named.errors.position_rms * 1e3:.3f} mm"):
+        assert together.count(once) == 1, once
+
+
+def test_few_warnings_are_shown_and_all_in_verbose(fitted, capsys):
+    warned = replace(fitted, warnings=tuple(f"warning number {i} " + "is long " * 12 for i in range(7)))
+    _, _, err = shown(warned, capsys)
+    assert err.count("warning: ") == MOST_WARNINGS
+    assert err.splitlines()[-1] == f"{7 - MOST_WARNINGS} more warnings: --verbose"
+    assert max(map(len, err.splitlines())) <= 80
+    _, _, err = shown(warned, capsys, verbose=True)
+    assert err.count("warning: ") == 7
+    assert "more" not in err
+
+
+def test_one_warning_more_is_one_warning(fitted, capsys):
+    warned = replace(fitted, warnings=tuple(f"number {i}" for i in range(MOST_WARNINGS + 1)))
+    assert shown(warned, capsys)[2].splitlines()[-1] == "1 more warning: --verbose"
+
+
+def test_a_file_that_cannot_be_written_does_not_cost_the_result(fitted, capsys, tmp_path):
+    def full(path):
+        raise ExportError(f"{path}: no space left\x1b[31m")
+
+    good = tmp_path / "page.html"
+    writers = {Path("F.toml"): full, good: lambda path: path.write_text("done"), None: full}
+    code, out, err = shown(fitted, capsys, writers=writers)
+    assert code == 1
+    assert "trust" in out
+    assert f"written: {good}" in out
+    assert err == "clutchid: the fit is complete, but F.toml: no space left?[31m\n"
+    assert "next" not in out
+    assert answer_json(Outcome(fitted), writers) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["status"] == "failed"
+    assert found["message"].startswith("the fit is complete, but F.toml")
+    assert found["load_curve"]["force_N"]
+
+
+def without_colour(text):
+    return re.sub(r"\x1b\[[\d;]*m", "", text)
+
+
+def test_only_the_trust_is_coloured_and_only_on_a_terminal(fitted, capsys, on_a_terminal):
+    colour = re.compile(r"\x1b\[(?:\d+;)*3([0-7])m")
+    _, piped, _ = shown(fitted, capsys)
+    assert ESCAPE not in piped
+    coloured = on_a_terminal(fitted)
+    assert colour.findall(coloured) == ["2"]  # green
+    assert without_colour(coloured) == piped
+    assert colour.findall(on_a_terminal(replace(fitted, converged=False))) == ["3"]  # yellow
+    assert colour.findall(on_a_terminal(fitted, NO_COLOR="1")) == []
+    assert ESCAPE not in on_a_terminal(fitted, TERM="dumb")
+
+
+def test_rows_are_as_wide_as_a_narrow_terminal(fitted, on_a_terminal):
+    doubtful = replace(fitted, converged=False, baseline=replace(fitted.baseline, converged=False))
+    lines = without_colour(on_a_terminal(doubtful, columns=50)).splitlines()
+    assert max(len(line) for line in lines if line.startswith(("trust", "load", "since", "errors"))) <= 50
+
+
+def test_each_next_command_runs_as_it_is_printed(truck):
+    calibrated = (truck / "calibrated.txt").read_text(encoding="utf-8")
+    assert max(map(len, rows(calibrated))) <= 80
+    assert len(rows(calibrated)) <= 14
+    words = shlex.split(calibrated.splitlines()[-1])
+    assert words == ["clutchid", "fit", "WORN.csv", "--start", "my CAL.toml", "--free", "load"]
+    read = call(*words[1:2], "my worn.csv", *words[3:], "--save=my worn.toml", "--report=my worn.html", cwd=truck)
+    assert read.returncode == 0, read.stderr
+    assert "half-load position" in read.stdout
+    assert max(map(len, rows(read.stdout))) <= 80
+    assert "New against worn" in (truck / "my worn.html").read_text(encoding="utf-8")
+    words = shlex.split(read.stdout.splitlines()[-1])
+    assert words[:3] == ["clutchid", "simulate", "my worn.csv"]
+    done = call(*words[1:], cwd=truck)
+    assert done.returncode == 0, done.stderr
+    assert (truck / "my worn-pressure.csv").exists()
+
+
+def test_recordings_read_together_are_read_alone_too_without_parameters_of_the_others(truck):
+    (truck / "other.csv").write_bytes((truck / "my worn.csv").read_bytes())
+    own = ("--free", "load,P_S@other", "--prior", "P_S@other=9e5±1e4")
+    done = call("fit", "my worn.csv", "other.csv", "--start", "my CAL.toml", *own, "--json", cwd=truck)
+    assert done.returncode == 0, done.stdout
+    found = json.loads(done.stdout)
+    assert set(found["readings"]) == {"my worn", "other"}
+    assert "P_S@other" in found["parameters"]
+    assert found["calibration"]["name"] == "my CAL.toml"
+    assert len(found["calibration"]["sha256"]) == 64
+    assert np.isfinite(found["load_change"]["difference_N"]).all()
