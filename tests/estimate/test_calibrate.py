@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.calibrate import fit_with_priors
+from clutchid.estimate.calibrate import calibration_of, fit_with_priors
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.shooting import fit as module
 from clutchid.estimate.shooting.fit import SHOOTING
@@ -45,6 +45,15 @@ def test_a_calibration_leaves_the_covariance_of_its_numbers_without_the_load(cal
     assert kept.covariance_of(("C_vs", "nothing"))[0, 0] == pytest.approx(calibrated.parameters["C_vs"].std ** 2)
     assert kept.covariance_of(("C_vs", "nothing"))[1, 1] == 0.0
     assert set(kept.data) == {"log"}
+
+
+def test_the_covariance_of_the_load_is_in_the_order_of_its_weights_whatever_was_asked_first(calibrated):
+    backwards = dict(reversed(calibrated.parameters.items()))
+    asked = replace(calibrated, parameters=backwards, covariance=calibrated.covariance[::-1, ::-1])
+    kept = calibration_of(asked, asked.actuator)
+    assert kept.theta == calibrated.actuator.load.theta
+    np.testing.assert_array_equal(kept.theta_covariance, calibrated.calibration.theta_covariance)
+    assert kept.converged
 
 
 def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log):

@@ -244,7 +244,7 @@ def test_a_load_of_a_calibration_that_is_wrong_is_one_sentence(text, words, tmp_
     with pytest.raises(ParameterError) as caught:
         read_parameters(path).calibration  # noqa: B018, read on use
     message = str(caught.value)
-    assert message.startswith("[fit.calibration]")
+    assert message.startswith("CAL.toml: [fit.calibration]")
     assert len(message.splitlines()) == 1
     for word in words:
         assert word in message
@@ -252,8 +252,7 @@ def test_a_load_of_a_calibration_that_is_wrong_is_one_sentence(text, words, tmp_
 
 def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
     path = tmp_path / "CAL.toml"
-    path.write_text(
-        f"[fit]\ntrust = 5\ncreated = 2026-11-22\n{SECTION}[fit.calibration.origin]\nname = 7\ntrust = 'good'\n"
-    )
+    about, origin = "[fit]\ntrust = 5\ncreated = 2026-11-22\n", "[fit.calibration.origin]\nname = 7\ntrust = 'good'\n"
+    path.write_text(about + SECTION + origin)
     origin = read_parameters(path).calibration.origin
     assert (origin.name, origin.created, origin.trust) == ("CAL.toml", "", "good")
