@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -137,7 +138,8 @@ def fit_recordings(
     """Inspect recordings, and fit them as requested.
 
     With `force` a recording that a check finds bad is fitted as well. Several recordings whose load is read from a
-    calibration are also read one by one, because a load that they share is meant for one state of wear.
+    calibration are also read one by one, because a load that they share is meant for one state of wear; one that cannot
+    be read alone is left out.
 
     Raises
     ------
@@ -151,9 +153,10 @@ def fit_recordings(
     fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
     if len(logs) < 2 or comparison(fit) is None:
         return Outcome(fit)
-    single = {
-        log.name: fit_request([log], actuator, request.alone(log.name), (), progress) for log in checked[: len(logs)]
-    }
+    single = {}
+    for log in checked[: len(logs)]:
+        with suppress(DataError):  # too short to be read alone
+            single[log.name] = fit_request([log], actuator, request.alone(log.name), (), progress)
     return Outcome(fit, {name: one for name, one in single.items() if one.status != "failed"})
 
 

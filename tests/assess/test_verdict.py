@@ -111,6 +111,10 @@ def test_a_residual_that_follows_a_valve_and_is_more_than_the_band_is_a_reason(f
         shifted(fitted, "pressure_a", slow * 3 * width / area / rms)
     )
     assert "pressure_a" not in reasons(shifted(fitted, "pressure_a", slow * 0.3 * width / area / rms))
+    # a load that was not freed has no interval that could be too narrow
+    own = {"C_vs": Estimate(1.9e-8, "m³/(Pa·s)", 1e-11, 1.89e-8, 1.91e-8)}
+    fixed = replace(fitted, parameters=own, covariance=np.array([[1e-22]]))
+    assert "interval" not in reasons(shifted(fixed, "pressure_a", slow * 3 * width / area / rms))
 
 
 def test_a_band_broader_than_a_tenth_of_the_peak_is_a_reason(fitted):

@@ -188,7 +188,7 @@ def _autocorrelated(fit: Fit, found: Evidence) -> list[_Reason]:
     """Residuals that are autocorrelated, correlate with a valve, and correspond to a load larger than the interval."""
     curve = fit.load_curve
     inside = np.isfinite(curve.high - curve.low) & (curve.position <= reach(fit))
-    if inside.sum() < 2:
+    if inside.sum() < 2 or not set(fit.parameters) & set(fit.actuator.load.names):
         return []
     width = float(np.median((curve.high - curve.low)[inside]))
     slope = float(np.median(np.abs(np.gradient(curve.force, curve.position)[inside])))
