@@ -8,6 +8,8 @@ import re
 import shlex
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +37,15 @@ def call(*arguments: str | Path, cwd: Path, **env: str) -> subprocess.CompletedP
     )
 
 
+def _all_from(parent: int) -> str:
+    """What is written to a terminal until it is closed."""
+    pieces = []
+    with suppress(OSError):  # Linux: the other end is closed
+        while piece := os.read(parent, 65536):
+            pieces.append(piece)
+    return b"".join(pieces).decode()
+
+
 @pytest.fixture
 def on_a_terminal(monkeypatch):
     """What is printed for a fit on a terminal of some width and with some environment."""
@@ -45,13 +56,14 @@ def on_a_terminal(monkeypatch):
 
     def show(fitted, columns=100, **env):
         parent, child = pty.openpty()
-        with monkeypatch.context() as patched, os.fdopen(child, "w", encoding="utf-8") as terminal:
-            for name, value in {"COLUMNS": str(columns), **env}.items():
-                patched.setenv(name, value)
-            patched.setattr(sys, "stdout", terminal)
-            assert answer(Outcome(fitted), {}, COMMAND, verbose=False) == 0
-            terminal.flush()
-            text = os.read(parent, 65536).decode()  # some 1,500 of the 4,096 bytes that a terminal buffers
+        with ThreadPoolExecutor(1) as reader:
+            everything = reader.submit(_all_from, parent)
+            with monkeypatch.context() as patched, os.fdopen(child, "w", encoding="utf-8") as terminal:
+                for name, value in {"COLUMNS": str(columns), **env}.items():
+                    patched.setenv(name, value)
+                patched.setattr(sys, "stdout", terminal)
+                assert answer(Outcome(fitted), {}, COMMAND, verbose=False) == 0
+            text = everything.result(timeout=60)
         os.close(parent)
         return text.replace("\r\n", "\n")
 
