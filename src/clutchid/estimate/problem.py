@@ -12,6 +12,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, MARGIN, prepare, tracks_with_steps
+from clutchid.preparation.pulses import FindPhase, find_phase
 from clutchid.simulation.plan import Plan
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
@@ -28,9 +29,13 @@ WEARING = ("F_C", "V_0A")
 
 
 def fit_problem(
-    logs: Sequence[Log], actuator: Actuator, free: FreeParameters, calibration: Calibration | None = None
+    logs: Sequence[Log],
+    actuator: Actuator,
+    free: FreeParameters,
+    calibration: Calibration | None = None,
+    find: FindPhase = find_phase,
 ) -> tuple[FitProblem, tuple[Plan, ...]]:
-    """The problem of a fit, and the plans of its recordings.
+    """The problem of a fit, and the plans of its recordings; `find` is that of `prepare`.
 
     Besides `free`, the phase of the carrier is free in each recording where it is unknown; for a load from position
     alone so are the parameters that wear.
@@ -40,7 +45,7 @@ def fit_problem(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    plans = tuple(prepare(log, actuator, free.measure) for log in logs)
+    plans = tuple(prepare(log, actuator, free.measure, find) for log in logs)
     first = plans[0].actuator
     added = {**_phases(free, logs, plans), **_wearing(free, logs, actuator, calibration)}
     priors = {**added, **free.priors}

@@ -12,7 +12,7 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
-from clutchid.preparation.pulses import pulsed
+from clutchid.preparation.pulses import FindPhase, find_phase, pulsed
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import Plan, Segment, outside_stroke, plan
 from clutchid.simulation.stiffness import TOP_SPEED, local_stiffness, stiffness, substeps
@@ -74,7 +74,7 @@ def _uniquely_named(logs: list[Log]) -> list[Log]:
     return named
 
 
-def prepare(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
+def prepare(log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhase = find_phase) -> Plan:
     """Plan of a recording for `actuator`: time grid that resolves the pulses, carrier phase, and integration steps.
 
     The plan has resets at short intervals, for the initial values of the states.
@@ -87,6 +87,8 @@ def prepare(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
         Its carrier is identified; the actuator of the plan has the identified phase.
     measure : 'position', 'pressure_a'
         Measured columns in use.
+    find : function
+        Estimates the phase of the carrier where only the position shows it.
 
     Raises
     ------
@@ -94,7 +96,7 @@ def prepare(log: Log, actuator: Actuator, measure: Sequence[str]) -> Plan:
         If the recording lacks a duty cycle, or a column that the phase is estimated from.
     """
     with_pressure = "pressure_a" in measure
-    pulsed_log = pulsed(log, actuator, with_pressure)
+    pulsed_log = pulsed(log, actuator, with_pressure, find)
     step = float(np.median(np.diff(pulsed_log.log.time))) if len(pulsed_log.log) > 1 else RESET_INTERVAL
     resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
     prepared = plan(pulsed_log.log, pulsed_log.actuator, MARGIN * stiffness(pulsed_log.actuator), resets, with_pressure)

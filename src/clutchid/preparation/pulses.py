@@ -7,6 +7,7 @@ on which the duty cycles change at the start of a period and the position is mis
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +34,10 @@ STAMP_STD = 1e-3
 RESET_INTERVAL = 0.02
 
 
+#: Estimates the phase of the carrier of an actuator in a recording with position alone.
+FindPhase = Callable[[Log, Actuator], float]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Pulsed:
     """A recording on a time grid that resolves the pulses, if possible, and the actuator with the phase in it.
@@ -47,8 +52,43 @@ class Pulsed:
     warning: str | None = None
 
 
-def pulsed(log: Log, actuator: Actuator, with_pressure: bool) -> Pulsed:
+def find_phase(log: Log, actuator: Actuator) -> float:
+    """Phase of a carrier of known period in a recording with position alone: the one that predicts the motion best.
+
+    Each phase is tried in a simulation of the calibrated actuator with a reset to the measured position every 20 ms.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    p, step = actuator.parameters, float(np.median(np.diff(log.time)))
+    part, rate = log.slice(0, min(len(log), round(MAX_DURATION / step))), stiffness(actuator)
+    slow = not resolves_carrier(log, p.T_pwm)
+    part = part.with_columns(position=part["position"] - p.e_y) if slow else without_sensors(part, p)
+    every = Partition(every=max(2, round(RESET_INTERVAL / (FINE_STEP if slow else step))))
+
+    def misfit(phase: float) -> float:
+        # compensate the lag of the sensor, which acts like another phase
+        compared = resampled(part, p.T_pwm, phase, p.tau_y) if slow else part
+        candidate = actuator.replace({"s_pwm": centred(phase + p.tau_y / p.T_pwm if slow else phase)})
+        total = 0.0
+        for segment in plan(compared, candidate, rate, every).segments:
+            states, _ = run(segment, KernelArrays.of(candidate), start_state(segment, candidate))
+            error = states[:, 0] - compared["position"][segment.start : segment.stop]
+            total += float(np.nansum(np.minimum(np.abs(error), 1e-3) ** 2))
+        return total
+
+    coarse = np.arange(10) / 10
+    best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
+    fine = best + np.arange(-4, 5) / 50
+    return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
+
+
+def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = find_phase) -> Pulsed:
     """The recording with the pulses of the valves of a calibrated `actuator`.
+
+    `find` estimates the phase where neither the duty cycles nor the pressure show it.
 
     Raises
     ------
@@ -59,18 +99,18 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool) -> Pulsed:
     if period == 0.0 or len(log) < 2:
         return Pulsed(log, actuator)
     if not resolves_carrier(log, period):
-        return _resampled_pulses(log, actuator)
+        return _resampled_pulses(log, actuator, find)
     if (grid := grid_phase(log, period)) is not None:
         return Pulsed(log, actuator.replace({"s_pwm": centred(grid)}))
     if with_pressure:
         _, phase = find_carrier(log, actuator, (period,))
         phase = centred(phase - actuator.parameters.tau_p / period)
     else:
-        phase = find_phase(log, actuator)
+        phase = find(log, actuator)
     return Pulsed(log, actuator.replace({"s_pwm": phase}), WIDTHS["s_pwm"])
 
 
-def _resampled_pulses(log: Log, actuator: Actuator) -> Pulsed:
+def _resampled_pulses(log: Log, actuator: Actuator, find: FindPhase) -> Pulsed:
     """A recording slower than the pulses, resampled if the duty cycle of each period is known."""
     period, step = actuator.parameters.T_pwm, float(np.median(np.diff(log.time)))
     if period < MIN_PERIOD * step or on_off(log):
@@ -80,7 +120,7 @@ def _resampled_pulses(log: Log, actuator: Actuator) -> Pulsed:
         )
         warning += "Record at 1 kHz."
         return Pulsed(log, actuator, warning=warning)
-    phase = find_phase(log, actuator)
+    phase = find(log, actuator)
     return Pulsed(
         resampled(log, period, phase), actuator.replace({"s_pwm": phase}), max(WIDTHS["s_pwm"], STAMP_STD / period)
     )
@@ -138,36 +178,3 @@ def _period_number(time: FloatArray, period: float, phase: float) -> FloatArray:
     """Number of the carrier period at each time stamp."""
     number: FloatArray = np.floor(time / period - phase + 1e-9)
     return number
-
-
-def find_phase(log: Log, actuator: Actuator) -> float:
-    """Phase of a carrier of known period in a recording with position alone: the one that predicts the motion best.
-
-    Each phase is tried in a simulation of the calibrated actuator with a reset to the measured position every 20 ms.
-
-    Raises
-    ------
-    DataError
-        If the recording lacks a duty cycle.
-    """
-    p, step = actuator.parameters, float(np.median(np.diff(log.time)))
-    part, rate = log.slice(0, min(len(log), round(MAX_DURATION / step))), stiffness(actuator)
-    slow = not resolves_carrier(log, p.T_pwm)
-    part = part.with_columns(position=part["position"] - p.e_y) if slow else without_sensors(part, p)
-    every = Partition(every=max(2, round(RESET_INTERVAL / (FINE_STEP if slow else step))))
-
-    def misfit(phase: float) -> float:
-        # compensate the lag of the sensor, which acts like another phase
-        compared = resampled(part, p.T_pwm, phase, p.tau_y) if slow else part
-        candidate = actuator.replace({"s_pwm": centred(phase + p.tau_y / p.T_pwm if slow else phase)})
-        total = 0.0
-        for segment in plan(compared, candidate, rate, every).segments:
-            states, _ = run(segment, KernelArrays.of(candidate), start_state(segment, candidate))
-            error = states[:, 0] - compared["position"][segment.start : segment.stop]
-            total += float(np.nansum(np.minimum(np.abs(error), 1e-3) ** 2))
-        return total
-
-    coarse = np.arange(10) / 10
-    best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
-    fine = best + np.arange(-4, 5) / 50
-    return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))

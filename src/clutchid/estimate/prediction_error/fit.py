@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.estimate.free import FreeParameters
+from clutchid.estimate.phase import phase_finder
 from clutchid.estimate.prediction_error.innovations import noise_scales
 from clutchid.estimate.prediction_error.problem import FilterSolution, Prediction, predict_errors
 from clutchid.estimate.prediction_error.result import result
@@ -49,7 +50,7 @@ def predict(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    problem, plans = fit_problem(logs, actuator, free, calibration)
+    problem, plans = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
     x = start_point(problem, free)
     if free.start is not None:
         return SearchResult(_METHOD, problem, plans, search(problem, x, FINE_ROUNDS, progress, 1))

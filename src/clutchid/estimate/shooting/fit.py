@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from clutchid.estimate.change import score
 from clutchid.estimate.free import FreeParameters
+from clutchid.estimate.phase import phase_finder
 from clutchid.estimate.problem import fit_problem, start_point
 from clutchid.estimate.search_result import SearchMethod, SearchResult
 from clutchid.estimate.shooting.checks import checked
@@ -49,7 +50,7 @@ def shoot(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    problem, plans = fit_problem(logs, actuator, free, calibration)
+    problem, plans = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
     if calibration and free.reads_load(actuator):
         problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
     X = _states(problem, [plan.actuator for plan in plans])
