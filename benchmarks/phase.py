@@ -1,10 +1,10 @@
 """Phase of the carrier from position alone: ``python benchmarks/phase.py --trucks 6 --seed 0``.
 
 Every truck of the proving ground is calibrated once with pressure; then its worn clutch is recorded under one change at
-a time. The duty cycles of these trucks change on the grid of the carrier, which gives the true phase; here it is hidden,
-as on a control unit whose duty cycles are not latched. Compared are `find_phase`, which simulates the calibrated
-actuator, and `filtered_phase`, which adapts load and friction: error of the phase in periods, and of the load read with
-it, rms over 0.5 to 20 mm in % of the peak.
+a time. The duty cycles of these trucks change on the grid of the carrier, which gives the true phase; here it is
+hidden, as on a control unit whose duty cycles are not latched. Compared are `find_phase`, which simulates the
+calibrated actuator, and `filtered_phase`, which adapts load and friction: error of the phase in periods, and of the
+load read with it, rms over 0.5 to 20 mm in % of the peak.
 """
 
 from __future__ import annotations
