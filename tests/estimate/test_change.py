@@ -105,7 +105,7 @@ def test_a_calibration_is_read_from_its_file_as_it_was(calibrated, tmp_path):
 def test_a_spoiled_score_is_one_sentence(calibrated, spoil):
     content = parameter_file(calibrated)
     spoil(content.fit["calibration"]["score"])
-    with pytest.raises(ParameterError, match=r"^\[fit\.calibration\.score\]: names, a shift for each and their square"):
+    with pytest.raises(ParameterError, match=r"\[fit\.calibration\.score\]: names, a shift for each and their square"):
         _ = content.calibration
 
 
