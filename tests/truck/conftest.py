@@ -9,7 +9,7 @@ import pytest
 
 from clutchid.truck import Truck
 from clutchid.truck.compiled import loop
-from clutchid.truck.load import LoadCurve
+from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.order import STATES
 from clutchid.truck.running import Course, run
 

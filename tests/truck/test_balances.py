@@ -8,11 +8,12 @@ from hypothesis import strategies as st
 
 from clutchid.truck import Truck, aged
 from clutchid.truck.compiled import loop
+from clutchid.truck.first import at_rest
 from clutchid.truck.flow import flow_function, line_flow, orifice_flow, slit_flow, valve_flow
-from clutchid.truck.load import LoadCurve, load_curve
+from clutchid.truck.load import load_curve
+from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.motion import stop_force
 from clutchid.truck.order import LEDGER, STATES
-from clutchid.truck.running import at_rest
 
 LEAKY = Truck(C_AB=2e-11, C_A0=1e-11)
 

@@ -7,12 +7,13 @@ import pytest
 
 from clutchid.truck import Truck, drive, truck
 from clutchid.truck.air import energy_rate, heat_flow, pressure, temperature, wall_area
+from clutchid.truck.first import at_rest
 from clutchid.truck.flow import orifice_flow, slit_flow, valve_flow
 from clutchid.truck.friction import bearing_force, coulomb_force, seal_force, stribeck_force, viscous_friction
 from clutchid.truck.load import load_curve
 from clutchid.truck.motion import acceleration, stop_force
 from clutchid.truck.order import STATES
-from clutchid.truck.running import Course, at_rest, run
+from clutchid.truck.running import Course, run
 
 
 def test_air_holds_the_energy_and_temperature_of_an_ideal_gas():

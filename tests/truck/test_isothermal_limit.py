@@ -7,8 +7,8 @@ import pytest
 
 import clutchid
 from clutchid.truck import Truck
-from clutchid.truck.load import LoadCurve
-from clutchid.truck.running import at_rest
+from clutchid.truck.first import at_rest
+from clutchid.truck.load_table import LoadCurve
 
 B_0, N = 0.4, 250
 #: A pulse of the supply, then one of the exhaust, each with a valve that opens within one tick of 0.1 ms.

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from clutchid.truck import Truck
+from clutchid.truck.first import at_rest
 from clutchid.truck.load import load_curve
 from clutchid.truck.order import STATES
-from clutchid.truck.running import at_rest
 
 #: A stretch without kinks but those of the valve: chamber B sealed, no choking, always forwards, a smooth load.
 SMOOTH = Truck(

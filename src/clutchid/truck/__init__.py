@@ -7,20 +7,28 @@ True
 """
 
 from clutchid.truck.ageing import aged
+from clutchid.truck.changes import CHANGES
 from clutchid.truck.driving import Drive, drive, life, respond
+from clutchid.truck.family import changed
 from clutchid.truck.fleet import RANGES, truck
 from clutchid.truck.manoeuvres import MANOEUVRES
 from clutchid.truck.parameters import Truck
+from clutchid.truck.second.parameters import SpoolTruck
 from clutchid.truck.truth import GRID, Truth, write_truth
+from clutchid.truck.vehicle import Vehicle
 
 __all__ = [
+    "CHANGES",
     "GRID",
     "MANOEUVRES",
     "RANGES",
     "Drive",
+    "SpoolTruck",
     "Truck",
     "Truth",
+    "Vehicle",
     "aged",
+    "changed",
     "drive",
     "life",
     "respond",

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 from clutchid.truck.parameters import Truck
+from clutchid.truck.vehicle import Vehicle
+
+Kind = TypeVar("Kind", bound=Vehicle)
 
 #: Numbers of strokes that scale the wear of rubber and seats, and the relaxation of the springs.
 LIFE, RELAXATION = 1e6, 2e5
 
 
-def aged(truck: Truck, wear: float = 0.0, cycles: float = 0.0) -> Truck:
+def aged(truck: Kind, wear: float = 0.0, cycles: float = 0.0) -> Kind:
     """`truck` after additional wear and strokes.
 
     Wear moves the working point of the diaphragm, the touch point of the clutch and the engaged rest of the piston;

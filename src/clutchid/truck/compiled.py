@@ -1,23 +1,38 @@
-"""The compiled closed loop, from the cache or generated from the equations."""
+"""The compiled closed loop of a family, from the cache or generated from the equations."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 from clutchid.codegen.cache import load_module
+from clutchid.codegen.system import System
 from clutchid.truck.order import SETTINGS
-
-#: Functions and constants of `clutchid.truck.law` that the loop uses.
-_FUNCTIONS = ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")
-_CONSTANTS = ("TICK", "SAMPLE", "TICKS", "FILTER_Y", "FILTER_V", "SLOW", "ENGAGED", "VENTING")
 
 _HERE = Path(__file__).parent
 
 
-@cache
-def loop(ledger: bool = False) -> ModuleType:
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """What a family's loop is made of: its equations, the functions of its discrete-time parts, and its template.
+
+    `plant` gives the system, with or without a ledger, and is called only where nothing is cached. `laws` are functions
+    and constants by the module of `clutchid.truck` that has them; `files` all sources, relative to this folder.
+    """
+
+    name: str
+    plant: Callable[[bool], System]
+    laws: tuple[tuple[str, tuple[str, ...]], ...]
+    constants: tuple[tuple[str, str], ...]
+    settings: tuple[str, ...]
+    template: str
+    files: tuple[str, ...]
+
+
+def compiled(parts: Loop, ledger: bool) -> ModuleType:
     """Module with ``drive``; with `ledger`, for the plant with balances of mass and energy across its boundary.
 
     With a filled cache, neither SymPy is imported nor anything compiled.
@@ -27,39 +42,67 @@ def loop(ledger: bool = False) -> ModuleType:
     OSError
         If neither the cache folder nor a temporary folder can be written.
     """
-    equations = [
-        _HERE / f"{name}.py" for name in ("air", "flow", "friction", "motion", "plant", "law", "compiled", "order")
-    ]
     codegen = [path for path in (_HERE.parent / "codegen").rglob("*.py") if path.is_file()]
-    sources = [*equations, *codegen, _HERE / "templates" / "loop.py.j2"]
-    name = "truck_ledger" if ledger else "truck"
-    return load_module(name, sources, lambda: loop_source(ledger))
+    sources = [*(_HERE / file for file in (*parts.files, *SHARED)), *codegen]
+    name = f"{parts.name}_ledger" if ledger else parts.name
+    return load_module(name, sources, lambda: loop_source(parts, ledger))
 
 
-def loop_source(ledger: bool) -> str:
+def loop_source(parts: Loop, ledger: bool) -> str:
     """Source of the module: the plant's equations inside the loop of valves, sensor and controller.
 
     The plant is inlined in the loop rather than called, so that its states stay in registers.
     """
     import inspect
+    from importlib import import_module
 
     from clutchid.codegen.numba_source import block
     from clutchid.codegen.program import right_hand_side
     from clutchid.codegen.staging import staged
     from clutchid.codegen.templates import template
     from clutchid.truck import law
-    from clutchid.truck.plant import plant
 
-    system = plant(ledger)
+    system = parts.plant(ledger)
     statements, _ = right_hand_side(system)
-    parts = staged(statements, system.parameters, system.inputs)
-    text: str = template("loop.py.j2", "clutchid.truck").render(
+    split = staged(statements, system.parameters, system.inputs)
+    modules = [(import_module(f"clutchid.truck.{module}"), names) for module, names in parts.laws]
+    constants = {key: repr(getattr(law, key)) for key in CONSTANTS}
+    constants |= {key: repr(getattr(import_module(f"clutchid.truck.{module}"), key)) for module, key in parts.constants}
+    text: str = template(parts.template, "clutchid.truck").render(
         name=system.name,
-        constants={key: repr(getattr(law, key)) for key in _CONSTANTS},
-        functions=[inspect.getsource(getattr(law, key)) for key in _FUNCTIONS],
+        constants=constants,
+        functions=[inspect.getsource(getattr(module, key)) for module, names in modules for key in names],
         parameters=system.parameter_names(),
-        settings=SETTINGS,
+        settings=parts.settings,
         states=[str(state) for state in system.states],
-        program={part: block(getattr(parts, part)) for part in ("constants", "held", "stage")},
+        program={part: block(getattr(split, part)) for part in ("constants", "held", "stage")},
     )
     return text
+
+
+#: Constants of `clutchid.truck.law` that every loop uses, and the sources that all loops share.
+CONSTANTS = ("TICK", "SAMPLE", "TICKS", "FILTER_Y", "FILTER_V", "SLOW", "ENGAGED", "VENTING")
+SHARED = ("flow.py", "motion.py", "law.py", "definitions.py", "compiled.py", "order.py", "templates/loop.py.j2")
+
+
+def _plant(ledger: bool) -> System:
+    from clutchid.truck.plant import plant
+
+    return plant(ledger)
+
+
+_FIRST = Loop(
+    name="truck",
+    plant=_plant,
+    laws=(("law", ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")),),
+    constants=(),
+    settings=SETTINGS,
+    template="first.py.j2",
+    files=("air.py", "friction.py", "plant.py", "templates/first.py.j2"),
+)
+
+
+@cache
+def loop(ledger: bool = False) -> ModuleType:
+    """The loop of family A, see `compiled`."""
+    return compiled(_FIRST, ledger)

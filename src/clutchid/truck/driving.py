@@ -13,12 +13,12 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, Log
 from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
+from clutchid.truck.family import changed, family_of
 from clutchid.truck.law import SAMPLE
-from clutchid.truck.load import LoadCurve, load_curve
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
-from clutchid.truck.parameters import Truck
-from clutchid.truck.running import Course, Run, at_rest, run
+from clutchid.truck.running import Course, Run, run
 from clutchid.truck.truth import Truth, truth_of, write_truth
+from clutchid.truck.vehicle import Vehicle
 
 #: Longest drive in s: an hour needs half a gigabyte.
 LONGEST = 3600.0
@@ -48,7 +48,7 @@ class Drive:
 
 
 def drive(
-    truck: Truck,
+    truck: Vehicle,
     *,
     manoeuvre: str = "mix",
     seconds: float = 30.0,
@@ -60,6 +60,7 @@ def drive(
     recorder: Literal["controller", "bus"] = "controller",
     dropouts: int = 0,
     stuck: tuple[float, float] | None = None,
+    change: str | Sequence[str] = (),
     name: str = "drive",
 ) -> Drive:
     """Drive `truck` in a closed position loop and record it.
@@ -84,33 +85,38 @@ def drive(
         Number of intervals of 5 to 60 ms without measurements (NaN).
     stuck : (s, s), optional
         Start and end of the time for which the position sensor is stuck, also for the controller.
+    change : str or several
+        What has changed since the calibration, by the names in `clutchid.truck.CHANGES`.
     name : str
         Name of the recording.
 
     Raises
     ------
     ParameterError
-        For an impossible truck or option, wear beyond the facing, or an unknown manoeuvre.
+        For an impossible truck or option, wear beyond the facing, or an unknown manoeuvre or change.
     SolveError
         If the simulation produces values that are not finite.
 
     Examples
     --------
+    >>> from clutchid.truck import Truck
     >>> done = drive(Truck(), manoeuvre="gear-shift", seconds=2.0)
     >>> len(done.log), f"{done.truth.states['position'].max() * 1e3:.0f} mm"
     (2000, '21 mm')
     """
     _check(seconds, seed, dropouts, recorder, stuck)
     truck = aged(truck, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
-    curve = load_curve(truck)
+    truck = changed(truck, *((change,) if isinstance(change, str) else change))
+    family = family_of(truck)
+    curve = family.load_curve(truck)
     of_course, of_noise, of_air, of_recorder = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
     points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
     wanted = set_point(manoeuvre, seconds, points, of_course)
-    noise = sensors.position_noise(truck, wanted.size, of_noise)
+    noise = family.position_noise(truck, wanted.size, of_noise)
     course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck))
-    start, working = _initial_state(truck, curve, of_air)
+    start, working = family.start(truck, curve, of_air)
     done = run(truck, course, start=start, working=working)
-    read = sensors.measured_pressure(truck, done.pressure, of_air) if pressure else None
+    read = family.measured_pressure(truck, done.pressure, of_air) if pressure else None
     log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
     if recorder == "bus":
         log = sensors.bus_log(truck, log, of_recorder)
@@ -120,7 +126,7 @@ def drive(
 
 
 def life(
-    truck: Truck, ages: Sequence[tuple[float, float]], *, seconds: float = 30.0, seed: int = 0
+    truck: Vehicle, ages: Sequence[tuple[float, float]], *, seconds: float = 30.0, seed: int = 0
 ) -> tuple[Drive, ...]:
     """Life of a vehicle: a drive at each age, the first with pressure (calibration), the others without (worn1, ...).
 
@@ -138,6 +144,7 @@ def life(
 
     Examples
     --------
+    >>> from clutchid.truck import Truck
     >>> new, worn = life(Truck(), [(0.0, 0.0), (2e-3, 4e5)], seconds=2)
     >>> new.log.name, worn.log.name, "pressure_a" in new.log, "pressure_a" in worn.log
     ('calibration', 'worn1', True, False)
@@ -152,10 +159,11 @@ def life(
     )  # fmt: skip
 
 
-def respond(truck: Truck, duty_supply: FloatArray, duty_exhaust: FloatArray) -> Drive:
+def respond(truck: Vehicle, duty_supply: FloatArray, duty_exhaust: FloatArray) -> Drive:
     """Response of `truck` from the engaged rest to duty cycles given at every millisecond, recorded without noise.
 
-    A duty cycle is held over each period (`T_pwm`), as in the timer of the valves.
+    A duty cycle is held over each period (`T_pwm`), as in the timer of the valves, unless those of the truck are
+    continuous.
 
     Raises
     ------
@@ -168,6 +176,7 @@ def respond(truck: Truck, duty_supply: FloatArray, duty_exhaust: FloatArray) -> 
     --------
     Fully open, the supply valve drives the piston 20 mm in 0.13 s:
 
+    >>> from clutchid.truck import Truck
     >>> stroke = respond(Truck(), np.ones(300), np.zeros(300))
     >>> f"{stroke.log.time[np.argmax(stroke.truth.states['position'] > 0.02)]:.2f} s"
     '0.13 s'
@@ -175,7 +184,7 @@ def respond(truck: Truck, duty_supply: FloatArray, duty_exhaust: FloatArray) -> 
     forced = np.column_stack([duty_supply, duty_exhaust]).astype(np.float64)
     if len(forced) < 2 or not np.all((forced >= 0) & (forced <= 1)):
         raise ParameterError("duty cycles: two columns of at least 2 values between 0 and 1 are needed.")
-    curve, nothing = load_curve(truck), np.zeros(len(forced))
+    curve, nothing = family_of(truck).load_curve(truck), np.zeros(len(forced))
     done = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
     return Drive(_recorded(done, done.pressure, "response", {}), truth_of(truck, curve, done), nothing)
 
@@ -188,12 +197,6 @@ def _samples(span: tuple[float, float] | None) -> tuple[int, int]:
 def _recorded(done: Run, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
     columns = {"position": done.measured, "duty_supply": done.duties[:, 0], "duty_exhaust": done.duties[:, 1]}
     return Log(done.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
-
-
-def _initial_state(truck: Truck, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
-    """Initial states, at a random phase of the governor's saw-tooth, and whether the compressor runs."""
-    p_G = truck.P_S + truck.dP_G * rng.uniform(-0.95, 0.95)
-    return at_rest(truck, curve, p_G), bool(rng.uniform() < truck.r_down / (truck.r_up + truck.r_down))
 
 
 def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple[float, float] | None) -> None:

@@ -1,4 +1,4 @@
-"""Truck types: each number seeds a draw from the ranges in ``ranges.toml``."""
+"""Truck types: each number seeds a draw from the ranges in the family's ``ranges.toml``."""
 
 from __future__ import annotations
 
@@ -10,49 +10,48 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.truck.parameters import Truck
+from clutchid.truck.family import family as family_named
+from clutchid.truck.vehicle import Vehicle
 
-#: The versioned file with the ranges.
+#: The versioned file with the ranges of family A.
 RANGES = Path(__file__).parent / "ranges.toml"
 
-#: Sampling period in s of the bang-bang drive; its valves are as fast as for PWM at 100 Hz.
-BANG_PERIOD, BANG_VALVES = 0.002, 0.01
 
+def truck(number: int, family: str = "A") -> Vehicle:
+    """Truck type `number` of a family, new; the same number is always the same truck.
 
-def truck(number: int) -> Truck:
-    """Truck type `number`, new; the same number is always the same truck.
+    Parameters
+    ----------
+    number : int
+        At least 0.
+    family : 'A' or 'B'
+        A has on/off valves, an energy balance of the air, LuGre friction and a diaphragm spring; B is another plant,
+        see `clutchid.truck.second`.
 
     Raises
     ------
     ParameterError
-        If `number` is not an integer of at least 0.
+        If `number` is not an integer of at least 0, or there is no such family.
 
     Examples
     --------
-    >>> truck(7) == truck(7), truck(7) == truck(8)
-    (True, False)
+    >>> truck(7) == truck(7), truck(7) == truck(8), truck(7) == truck(7, family="B")
+    (True, False, False)
     """
     if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or number < 0:
         raise ParameterError(f"truck {number}: truck types are numbered 0, 1, 2, ...")
-    table = ranges()
-    rng = np.random.default_rng([table["version"], int(number)])
+    own = family_named(family)
+    table = ranges(own.ranges)
+    rng = np.random.default_rng([table["version"], int(number), *table.get("salt", ())])
     drawn: dict[str, Any] = {name: values[rng.integers(len(values))] for name, values in table["choice"].items()}
     drawn |= {name: float(rng.uniform(low, high)) for name, (low, high) in table["uniform"].items()}
-    if drawn["drive"] == "bang-bang":
-        drawn["T_pwm"] = BANG_VALVES
+    drawn = own.prepared(drawn)
     for name, (base, low, high) in table["share"].items():
         drawn[name] = drawn[base] * float(rng.uniform(low, high))
-    return Truck(**(drawn | tuning(drawn["T_pwm"], drawn["drive"])))
+    return own.kind(**own.finished(drawn))
 
 
 @cache
-def ranges() -> dict[str, Any]:
-    """Content of the file with the ranges."""
-    return tomllib.loads(RANGES.read_text(encoding="utf-8"))
-
-
-def tuning(T_pwm: float, drive: str) -> dict[str, float]:
-    """Parameters of the controller for a period of the valves; a longer period needs a longer prediction time."""
-    if drive == "bang-bang":
-        return {"T_pwm": BANG_PERIOD, "L_p": 3e-3, "t_lead": 0.01, "e_in": 0.8e-3, "e_out": 1e-3}
-    return {"T_pwm": T_pwm, "L_p": 3e-3 + 0.2 * T_pwm, "t_lead": 0.007 + 0.6 * T_pwm, "e_in": 0.15e-3, "e_out": 0.3e-3}
+def ranges(path: Path = RANGES) -> dict[str, Any]:
+    """Content of a file with ranges."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))

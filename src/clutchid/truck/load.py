@@ -1,8 +1,7 @@
-"""Load on the piston of a truck, computed once from its springs and stored as a piecewise cubic table."""
+"""Load on the piston of a truck of family A, computed once from its springs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -10,39 +9,14 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck.ageing import worn_parameters
+from clutchid.truck.load_table import LoadCurve, load_table, travels
 from clutchid.truck.parameters import Truck
 from clutchid.truck.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
 
-#: Distance of the breakpoints of the table, and its extent beyond the far stop, in m.
-PITCH, BEYOND = 0.1e-3, 2e-3
 #: Travel in m that counts as the touch point of Kluever's load.
 KLUEVER_TOUCH = 6e-3
 #: Fraction of the clamping force at the touch point.
 TOUCH = 0.15
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadCurve:
-    """Load over the mechanical position of the piston, which is 0 at the engaged rest of the new clutch.
-
-    `breakpoints` [m] and `coefficients` [N/m^k], shape (s + 1, 4), in powers of the distance to the breakpoint on the
-    left, are inputs of the kernel; `rest` and `touch` [m] are the position of the piston with the clutch engaged, and
-    the touch point.
-    """
-
-    breakpoints: FloatArray
-    coefficients: FloatArray
-    rest: float
-    touch: float
-
-    def force(self, position: FloatArray) -> FloatArray:
-        """Load in N at mechanical positions in m, without hysteresis and friction."""
-        y = np.asarray(position, dtype=np.float64)
-        segment = np.searchsorted(self.breakpoints, y, side="right")
-        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
-        c = self.coefficients[segment]
-        result: FloatArray = c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))
-        return result
 
 
 @lru_cache(maxsize=64)
@@ -66,25 +40,10 @@ def load_curve(truck: Truck) -> LoadCurve:
     >>> f"{curve.force(np.array([8.1e-3]))[0] - 40 - 1500 * 8.1e-3:.0f} N, touch point at {curve.touch * 1e3:.1f} mm"
     '4771 N, touch point at 5.7 mm'
     """
-    from scipy.interpolate import CubicSpline
-
     worn = worn_parameters(truck)
-    rest = worn["y_r"]
-    travel = np.arange(0.0, truck.y_max - rest + BEYOND, PITCH)
+    travel = travels(truck, worn["y_r"])
     force, touch = _diaphragm(truck, travel) if truck.load == "diaphragm" else _kluever(truck, travel)
-    spring = worn["F_r"] + truck.k_r * (rest + travel[:-1])
-    if np.any(force[:-1] + spring <= 0):
-        low = travel[np.argmin(force)] * 1e3
-        raise ParameterError(
-            f"springs: at {low:.1f} mm the load is negative, so the clutch would stay open. Check H and h."
-        )
-    spline = CubicSpline(travel, force).c[::-1].T
-    engaged = np.array([[spring[0], truck.k_r, 0.0, 0.0]])
-    clutch = spline + np.column_stack([spring, np.full(spring.size, truck.k_r), np.zeros((spring.size, 2))])
-    breakpoints, coefficients = rest + travel[:-1], np.concatenate([engaged, clutch])
-    for array in (breakpoints, coefficients):
-        array.flags.writeable = False
-    return LoadCurve(breakpoints, coefficients, rest, rest + touch)
+    return load_table(truck, worn["y_r"], force, touch, worn["F_r"])
 
 
 def clutch_force(truck: Truck, travel: FloatArray) -> FloatArray:

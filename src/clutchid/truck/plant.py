@@ -8,23 +8,8 @@ import sympy as sp
 
 from clutchid.codegen.system import Expr, System, Table
 from clutchid.truck import air, flow, friction, motion
+from clutchid.truck.definitions import Definitions
 from clutchid.truck.order import INPUTS, LEDGER, PARAMETERS, STATES
-
-
-class _Definitions:
-    """Named expressions in order of definition; ``definitions.p_A = value`` adds one."""
-
-    def __init__(self, known: dict[str, Expr]) -> None:
-        self.__dict__.update(known)
-        self.__dict__["rows"] = []
-
-    def __setattr__(self, name: str, value: Expr) -> None:
-        symbol = sp.Symbol(name, real=True)
-        self.rows.append((symbol, value))
-        self.__dict__[name] = symbol
-
-    def __getattr__(self, name: str) -> Expr:
-        raise AttributeError(f"{name} is used before it is defined.")
 
 
 @cache
@@ -53,7 +38,7 @@ def plant(ledger: bool = False) -> System:
     (13, 15)
     """
     names = (*STATES, *INPUTS, *PARAMETERS, "f_l")
-    b = _Definitions({name: sp.Symbol(name, real=True) for name in names})
+    b = Definitions({name: sp.Symbol(name, real=True) for name in names})
     _air(b)
     _flows(b)
     _forces(b)
@@ -71,7 +56,7 @@ def plant(ledger: bool = False) -> System:
     )
 
 
-def _air(b: _Definitions) -> None:
+def _air(b: Definitions) -> None:
     """Volumes, pressures and temperatures."""
     b.V_A = b.V_0A + b.A_A * b.y
     b.V_B = b.V_0B + b.A_B * (b.y_max - b.y)
@@ -87,7 +72,7 @@ def _air(b: _Definitions) -> None:
     b.Q_S = b.UA_S * (b.T_0 - b.T_S)
 
 
-def _flows(b: _Definitions) -> None:
+def _flows(b: Definitions) -> None:
     """Mass flows; the flow of a valve is computed only while it is open."""
     supply = b.x_s * flow.valve_flow(b.p_S, b.p_A, b.T_S, b.C_s, b.b_s, b.m_s, b.r_lam)
     exhaust = b.x_e * flow.valve_flow(b.p_A, b.P_0, b.T_A, b.C_e, b.b_e, b.m_e, b.r_lam)
@@ -103,7 +88,7 @@ def _flows(b: _Definitions) -> None:
     b.T_A0 = sp.Piecewise((b.T_A, b.w_A0 > 0), (b.T_0, True))
 
 
-def _forces(b: _Definitions) -> None:
+def _forces(b: Definitions) -> None:
     """Friction, hysteresis of the load, and end stops: engaged rest, which moves with wear, and far end."""
     b.F_t = friction.coulomb_force(b.p_A, b.p_B, b.F_C, b.c_F)
     b.z_dot = friction.deflection_rate(b.v, b.z, b.K_z, friction.stribeck_force(b.v, b.F_t, b.R_S, b.v_S))
@@ -115,7 +100,7 @@ def _forces(b: _Definitions) -> None:
     )
 
 
-def _rates(b: _Definitions) -> tuple[Expr, ...]:
+def _rates(b: Definitions) -> tuple[Expr, ...]:
     """Right-hand sides in the order of `STATES`."""
     force = b.f_l + b.f_h + b.f_f + b.f_s
     H_A = b.c_p * (b.T_S * b.w_s - b.T_A * b.w_e - b.T_AB * b.w_AB - b.T_A0 * b.w_A0)
@@ -138,7 +123,7 @@ def _rates(b: _Definitions) -> tuple[Expr, ...]:
     )
 
 
-def _ledger_rates(b: _Definitions) -> tuple[Expr, ...]:
+def _ledger_rates(b: Definitions) -> tuple[Expr, ...]:
     """Mass and energy flows across the boundary around reservoir, both chambers and the moving mass."""
     mass = b.w_G + b.w_r - b.w_e - b.w_A0
     enthalpy = b.c_p * (b.T_0 * b.w_G + b.T_r * b.w_r - b.T_A * b.w_e - b.T_A0 * b.w_A0)

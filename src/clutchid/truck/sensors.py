@@ -7,6 +7,7 @@ import numpy as np
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.parameters import Truck
+from clutchid.truck.vehicle import Vehicle
 
 #: Period of a message on the bus in s.
 BUS = 0.01
@@ -38,7 +39,7 @@ def with_dropouts(log: Log, count: int, rng: np.random.Generator) -> Log:
     return log.with_columns(**measured)
 
 
-def bus_log(truck: Truck, log: Log, rng: np.random.Generator) -> Log:
+def bus_log(truck: Vehicle, log: Log, rng: np.random.Generator) -> Log:
     """`log` as recorded on the bus: a message every 10 ms with the controller's last values and another clock.
 
     The clock has a random phase within the message period, a drift `e_clock`, and jitter.

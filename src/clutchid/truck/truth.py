@@ -12,9 +12,10 @@ import numpy as np
 
 from clutchid.io.files import atomic_write
 from clutchid.log import COLUMNS, FloatArray, Log
-from clutchid.truck.load import LoadCurve
-from clutchid.truck.parameters import Truck
-from clutchid.truck.running import Run, column
+from clutchid.truck.family import family_of
+from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.running import Run
+from clutchid.truck.vehicle import Vehicle
 
 #: Positions in m, relative to the sensor's zero, at which a truth file gives the load.
 GRID = np.arange(1, 41) / 2000
@@ -26,10 +27,11 @@ class Truth:
 
     `truck` is the truck at its age; `curve` is the load over the mechanical position; `zero` is the mechanical position
     [m] at which the sensor reads 0. `states` has columns in SI: position (relative to the sensor's zero), velocity, the
-    three pressures and temperatures, masses of air, deflections of seal and bearing, lifts of the valves, governor.
+    three pressures, and what else its family has: temperatures and masses of air, deflections of seals and bearing,
+    openings of the valves.
     """
 
-    truck: Truck
+    truck: Vehicle
     curve: LoadCurve
     zero: float
     time: FloatArray
@@ -56,22 +58,10 @@ class Truth:
         return Log(self.time, columns, "truth")
 
 
-def truth_of(truck: Truck, curve: LoadCurve, run: Run) -> Truth:
+def truth_of(truck: Vehicle, curve: LoadCurve, run: Run) -> Truth:
     """The truth of a run."""
-    x = {name: column(run.states, name) for name in ("y", "v", "m_A", "U_A", "m_B", "U_B", "m_S", "U_S", "z", "z_h")}
-    volume = {
-        "a": truck.V_0A + truck.A_A * x["y"],
-        "b": truck.V_0B + truck.A_B * (truck.y_max - x["y"]),
-        "supply": np.full(x["y"].size, truck.V_S),
-    }
-    states = {"position": x["y"] - run.zero, "velocity": x["v"], "deflection": x["z"], "bearing": x["z_h"]}
-    for chamber, letter in (("a", "A"), ("b", "B"), ("supply", "S")):
-        mass, energy = x[f"m_{letter}"], x[f"U_{letter}"]
-        states[f"pressure_{chamber}"] = (truck.gamma - 1) * energy / volume[chamber]
-        states[f"temperature_{chamber}"] = (truck.gamma - 1) * energy / (truck.R * mass)
-        states[f"mass_{chamber}"] = mass
-    others = (("lift_supply", "x_s"), ("lift_exhaust", "x_e"), ("pressure_governor", "p_G"))
-    states |= {name: column(run.states, letter) for name, letter in others}
+    x = run.columns
+    states = {"position": x["y"] - run.zero, "velocity": x["v"], **family_of(truck).true_states(truck, x)}
     return Truth(truck, curve, run.zero, run.time, states)
 
 
