@@ -14,6 +14,7 @@ from clutchid.errors import ParameterError
 def drive(
     *,
     out: Path,
+    family: str = "A",
     truck: int = 0,
     seed: int = 0,
     seconds: float = 30.0,
@@ -21,6 +22,7 @@ def drive(
     cycles: float = 0.0,
     temperature: float | None = None,
     manoeuvre: str = "mix",
+    change: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
     pressure: bool = True,
     bus: Annotated[bool, Parameter(negative="")] = False,
@@ -34,6 +36,8 @@ def drive(
     ----------
     out
         Recording to write (.csv or .parquet).
+    family
+        A, or B: another plant with other valves, air, friction, springs and sensors.
     truck
         Number of the truck type; the same number is always the same truck.
     seed
@@ -48,6 +52,8 @@ def drive(
         Ambient temperature in °C; that of the truck type by default.
     manoeuvre
         mix, gear-shift, pull-away, creep, staircase, strokes, ramps or validation.
+    change
+        What has changed since the calibration: supply, cold, warm, valves or seals; may be repeated.
     truth
         JSON file with the true load over the position to write.
     pressure
@@ -68,16 +74,17 @@ def drive(
 
         _check(out, truth)
         done = virtual.drive(
-            virtual.truck(truck), manoeuvre=manoeuvre, seconds=seconds, seed=seed, wear=wear * 1e-3, cycles=cycles,
-            temperature=None if temperature is None else temperature + 273.15, pressure=pressure,
-            recorder="bus" if bus else "controller", dropouts=dropouts, name=out.stem,
+            virtual.truck(truck, family), manoeuvre=manoeuvre, seconds=seconds, seed=seed, wear=wear * 1e-3,
+            cycles=cycles, temperature=None if temperature is None else temperature + 273.15, pressure=pressure,
+            recorder="bus" if bus else "controller", dropouts=dropouts, change=change or (), name=out.stem,
         )  # fmt: skip
         write(done.log, out)
         if truth is not None:
             done.write_truth(truth)
         written = [str(path.resolve()) for path in (out, truth) if path is not None]
         if json:
-            print_json({**EMPTY, "status": "ok", "message": f"recording of truck {truck}", "written": written})
+            message = f"recording of truck {truck} of family {family}"
+            print_json({**EMPTY, "status": "ok", "message": message, "written": written})
         else:
             print_written(out, truth)
         return DONE

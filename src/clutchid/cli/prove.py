@@ -14,9 +14,11 @@ from clutchid.errors import ParameterError
 def prove(
     *,
     out: Path,
+    family: str = "A",
     trucks: int = 24,
     seed: int = 0,
     workflow: str = "paper",
+    change: Annotated[list[str] | None, Parameter(negative="")] = None,
     workers: int = 1,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -29,12 +31,17 @@ def prove(
     ----------
     out
         Folder for the results; results of other workflows in it are listed in the same table.
+    family
+        A, or B: another plant with other valves, air, friction, springs and sensors.
     trucks
         Number of trucks.
     seed
         Number of the first truck type.
     workflow
         paper, paper-every-200, paper-every-200-q, paper-8-parts, or your own as MODULE:FUNCTION.
+    change
+        What changes between the calibration and the worn recordings: supply, cold, warm, valves or seals; may be
+        repeated, all of them then change together.
     workers
         Number of processes; does not affect the results.
     debug
@@ -44,15 +51,15 @@ def prove(
     def work() -> int:
         from clutchid.report.files import write_text
         from clutchid.report.tables import to_csv, to_text
-        from clutchid.study.proving.ground import kept
+        from clutchid.study.proving.ground import Conditions, kept
         from clutchid.study.proving.ground import prove as run
         from clutchid.study.proving.standings import every_recording, standings
 
         if trucks < 1 or seed < 0:
             raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
-        numbers = range(seed, seed + trucks)
+        numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
         with progress_bar("prove") as show:
-            results = run(workflow, numbers, out, workers=workers, progress=show)
+            results = run(workflow, numbers, out, conditions, workers=workers, progress=show)
         everyone = kept(out, numbers)
         table = standings(everyone)
         write_text(to_csv(table), out / "standings.csv")

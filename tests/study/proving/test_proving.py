@@ -177,7 +177,8 @@ def test_a_workflow_calibrates_and_adapts_by_its_method(ground, monkeypatch, nam
 def test_the_table_has_medians_worst_cases_and_ratios():
     def result(number, touch):
         scores = {"load": 1.0, "load_touch": touch, "half_load": -0.1, "pressure": 5.0, "coverage": 0.9}
-        return {"truck": number, "failed": None, "seconds": 2.0, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
+        known = {"truck": number, "family": "A", "change": "none"}
+        return {**known, "failed": None, "seconds": 2.0, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
 
     table = standings({"paper": [result(0, 8.0), result(1, 12.0)], "mine": [result(0, 1.0), result(1, 4.0)]})
     assert table.column("load_touch median") == (10.0, 2.5)
@@ -185,3 +186,38 @@ def test_the_table_has_medians_worst_cases_and_ratios():
     assert table.column("half_load worst") == (0.1, 0.1)
     assert table.column("ratio") == (1.0, 0.25)
     assert answers.TOUCH == (5e-3, 8e-3)
+
+
+def test_a_proof_of_the_other_family_under_a_change_has_a_folder_and_a_row_of_its_own(tmp_path, monkeypatch):
+    (tmp_path / "another_quick_workflow.py").write_text(QUICK)
+    monkeypatch.syspath_prepend(tmp_path)
+    name, out = "another_quick_workflow:run", tmp_path / "out"
+    both = proving.Conditions("B", ("cold", "valves"))
+    proving.prove(name, [4], out)
+    (result,) = proving.prove(name, [4], out, both)
+    assert (result["family"], result["change"], result["failed"]) == ("B", "cold + valves", None)
+    found = proving.kept(out, [4])
+    assert list(found) == ["another_quick_workflow_run", "another_quick_workflow_run@B+cold+valves"]
+    table = standings(found)
+    assert table.column("workflow") == ("another_quick_workflow_run",) * 2
+    assert table.column("family") == ("A", "B")
+    assert table.column("change") == ("none", "cold + valves")
+    assert every_recording(found).column("family") == ("A", "A", "B", "B")
+
+
+def test_the_calibration_is_unchanged_and_the_worn_recordings_are_changed_all_together():
+    plain, cold = proving.proof(5), proving.proof(5, proving.Conditions(changes=("cold", "supply")))
+    assert np.array_equal(plain.calibration.log["position"], cold.calibration.log["position"])
+    for before, after in zip(plain.worn, cold.worn, strict=True):
+        assert pytest.approx(before.truth.truck.T_0 - 30) == after.truth.truck.T_0
+        assert pytest.approx(0.95 * before.truth.truck.P_S) == after.truth.truck.P_S
+        assert after.truth.truck.wear == before.truth.truck.wear
+        assert np.array_equal(after.truth.load(GRID), before.truth.load(GRID))
+
+
+def test_an_unknown_family_or_change_ends_before_anything_runs(tmp_path):
+    with pytest.raises(ParameterError, match="must be A or B"):
+        proving.prove("paper", [0], tmp_path / "out", proving.Conditions("C"))
+    with pytest.raises(ParameterError, match="did you mean 'cold'"):
+        proving.prove("paper", [0], tmp_path / "out", proving.Conditions(changes=("colt",)))
+    assert not (tmp_path / "out").exists()

@@ -24,7 +24,7 @@ from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.study.proving.answers import Answer, Workflow, score
 from clutchid.study.proving.workflows import workflow
-from clutchid.truck import Drive, drive, truck
+from clutchid.truck import Drive, changed, drive, truck
 
 #: Length of every recording in s.
 SECONDS = 30.0
@@ -44,32 +44,57 @@ class Proof:
     worn: tuple[Drive, ...]
 
 
-def proof(number: int) -> Proof:
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Family of the trucks, and changes between calibration and worn recordings, see `clutchid.truck.CHANGES`."""
+
+    family: str = "A"
+    changes: tuple[str, ...] = ()
+
+    @property
+    def suffix(self) -> str:
+        """What the name of a folder with results ends with; nothing for family A without changes."""
+        return "" if self == Conditions() else f"@{'+'.join((self.family, *self.changes))}"
+
+
+def proof(number: int, conditions: Conditions = Conditions()) -> Proof:
     """The recordings of truck `number`; the same number gives the same recordings.
+
+    Wear, manoeuvres and seeds do not depend on the conditions.
 
     Raises
     ------
     ParameterError
-        If there is no such truck.
+        If there is no such truck, family or change.
     """
-    new = truck(number)
+    new = truck(number, conditions.family)
     rng = np.random.default_rng([number, 1])
     wear = [float(rng.uniform(*limits)) for limits in WEAR]
     seeds = rng.integers(0, 2**31, 1 + len(wear)).tolist()
     calibration = drive(new, seconds=SECONDS, seed=seeds[0], name="calibration")
     worn = tuple(
-        drive(new, seconds=SECONDS, seed=s, wear=w, cycles=w * STROKES, pressure=False, name=f"worn{i}")
+        drive(
+            new,
+            seconds=SECONDS,
+            seed=s,
+            wear=w,
+            cycles=w * STROKES,
+            pressure=False,
+            change=conditions.changes,
+            name=f"worn{i}",
+        )
         for i, (s, w) in enumerate(zip(seeds[1:], wear, strict=True), 1)
     )
     return Proof(calibration, worn)
 
 
-def prove_one(name: str, number: int) -> dict[str, Any]:
+def prove_one(name: str, number: int, conditions: Conditions = Conditions()) -> dict[str, Any]:
     """Run the workflow `name` on truck `number`: scores, load curves and further results, as plain values.
 
     If the workflow raises an exception or returns no finite curve, the truck counts as failed, with the reason.
     """
-    ground = proof(number)
+    ground = proof(number, conditions)
+    known = {"truck": number, "family": conditions.family, "change": " + ".join(conditions.changes) or "none"}
     begin = time.perf_counter()
     try:
         answers = _answers(workflow(name), ground)
@@ -77,8 +102,8 @@ def prove_one(name: str, number: int) -> dict[str, Any]:
         logs = {d.log.name: _scored(answer, d) for answer, d in zip(answers, ground.worn, strict=True)}
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
-        return {"truck": number, "failed": reason, "seconds": time.perf_counter() - begin, "logs": {}}
-    return {"truck": number, "failed": None, "seconds": seconds, "logs": logs}
+        return {**known, "failed": reason, "seconds": time.perf_counter() - begin, "logs": {}}
+    return {**known, "failed": None, "seconds": seconds, "logs": logs}
 
 
 def _answers(method: Workflow, ground: Proof) -> Sequence[Answer]:
@@ -104,30 +129,33 @@ def prove(
     name: str,
     numbers: Iterable[int],
     out: Path,
+    conditions: Conditions = Conditions(),
     *,
     workers: int = 1,
     progress: Callable[[str, float], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
 
-    The results do not depend on the number of workers or on interruptions.
+    The folder of `conditions` other than family A without changes is ``out/NAME@FAMILY+CHANGE``. The results do not
+    depend on the number of workers or on interruptions.
 
     Raises
     ------
     ParameterError
-        For an unknown workflow or fewer than one worker.
+        For an unknown workflow, family or change, or fewer than one worker.
     ExportError
         If `out` cannot be written, or contains results of other settings.
     """
     if workers < 1:
         raise ParameterError(f"--workers {workers}: must be at least 1.")
     workflow(name)
+    changed(truck(0, conditions.family), *conditions.changes)
     requested = sorted(set(numbers))
-    folder = _folder(out, name)
+    folder = _folder(out, name + conditions.suffix)
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     show = progress or (lambda _text, _fraction: None)
-    for result in _results(name, todo, workers):
+    for result in _results(name, todo, conditions, workers):
         _write(folder / f"truck_{result['truck']:05d}.json", result)
         done[result["truck"]] = result
         ready = sum(r is not None for r in done.values())
@@ -135,13 +163,13 @@ def prove(
     return [result for result in done.values() if result is not None]
 
 
-def _results(name: str, numbers: Sequence[int], workers: int) -> Iterable[dict[str, Any]]:
+def _results(name: str, numbers: Sequence[int], conditions: Conditions, workers: int) -> Iterable[dict[str, Any]]:
     """Results in order of completion; even a single worker is a separate process, so that results are identical."""
     if not numbers:
         return
     count = min(workers, len(numbers))
     with _one_thread(), ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
-        for future in as_completed([pool.submit(prove_one, name, n) for n in numbers]):
+        for future in as_completed([pool.submit(prove_one, name, n, conditions) for n in numbers]):
             yield future.result()
 
 

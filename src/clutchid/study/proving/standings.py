@@ -30,12 +30,14 @@ REFERENCE = "paper"
 
 
 def standings(results: Mapping[str, Results]) -> Table:
-    """One row per workflow: medians and worst cases over all worn recordings, coverage, failures and time.
+    """One row per workflow and conditions: medians and worst cases over worn recordings, coverage, failures, time.
 
     The ratio is the median load error over 5 to 8 mm relative to that of the paper's method on the same trucks.
     """
     columns = [
         Column("workflow", "workflow"),
+        Column("family", "family"),
+        Column("change", "change"),
         Column("trucks", "trucks", decimals=0),
         Column("failed", "failed", decimals=0),
     ]
@@ -48,17 +50,31 @@ def standings(results: Mapping[str, Results]) -> Table:
         Column("coverage error [1]", "±", scale=0.01, decimals=1),
         Column("seconds [s]", "time [s]"),
     ]
-    rows = tuple(_row(name, one, results.get(REFERENCE, ())) for name, one in results.items())
+    rows = tuple(_row(name, one, results.get(_reference(name), ())) for name, one in results.items())
     return Table("Proving ground", tuple(columns), rows, note=NOTE)
 
 
 def _row(name: str, results: Results, reference: Results) -> tuple[Cell, ...]:
-    cells: list[Cell] = [name, len(results), sum(r["failed"] is not None for r in results)]
+    cells: list[Cell] = [
+        name.split("@", maxsplit=1)[0],
+        *_conditions(results[0]),
+        len(results),
+        sum(r["failed"] is not None for r in results),
+    ]
     for key, _, _ in ERRORS:
         values = np.abs(_scores(results, key))
         cells += [float(np.median(values)), float(values.max())] if values.size else [None, None]
     covered, error = coverage(results)
     return (*cells, _ratio(results, reference), covered, error, float(np.median([r["seconds"] for r in results])))
+
+
+def _reference(name: str) -> str:
+    """The paper's method under the same conditions."""
+    return "@".join([REFERENCE, *name.split("@")[1:]])
+
+
+def _conditions(result: Mapping[str, Any]) -> tuple[str, str]:
+    return result["family"], result["change"]
 
 
 def _ratio(results: Results, reference: Results) -> float | None:
@@ -82,17 +98,19 @@ def _scores(results: Results, key: str) -> np.ndarray[Any, np.dtype[np.float64]]
 
 def every_recording(results: Mapping[str, Results]) -> Table:
     """One row per worn recording and workflow, with all errors, for a CSV file."""
-    columns = [Column("workflow", "workflow"), Column("truck", "truck", decimals=0), Column("recording", "recording")]
+    columns = [Column("workflow", "workflow"), Column("family", "family"), Column("change", "change")]
+    columns += [Column("truck", "truck", decimals=0), Column("recording", "recording")]
     columns += [Column("wear [m]", "wear [mm]", scale=1e-3)]
     columns += [Column(key, heading, decimals=decimals) for key, heading, decimals in ERRORS]
     columns += [Column("coverage [1]", "covered"), Column("failed", "failed")]
     rows: list[tuple[Cell, ...]] = []
     for name, one in results.items():
         for r in one:
+            of = (name.split("@")[0], *_conditions(r), r["truck"])
             if r["failed"] is not None:
-                rows.append((name, r["truck"], None, None, *[None] * (len(ERRORS) + 1), r["failed"]))
+                rows.append((*of, None, None, *[None] * (len(ERRORS) + 1), r["failed"]))
             for stem, log in r["logs"].items():
                 scores = log["score"]
                 cells = [scores[key] for key, _, _ in ERRORS]
-                rows.append((name, r["truck"], stem, log["wear_m"], *cells, scores["coverage"], None))
+                rows.append((*of, stem, log["wear_m"], *cells, scores["coverage"], None))
     return Table("Every recording", tuple(columns), tuple(rows))

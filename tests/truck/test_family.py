@@ -1,0 +1,169 @@
+"""Both families: types by number, the same public functions, and the changes between calibration and use."""
+
+import numpy as np
+import pytest
+
+from clutchid.cli.drive import drive as command
+from clutchid.errors import ParameterError
+from clutchid.io import read
+from clutchid.truck import CHANGES, GRID, SpoolTruck, Truck, aged, changed, drive, life, respond, truck
+from clutchid.truck.family import families, family_of
+from clutchid.truck.fleet import ranges
+
+NUMBERS = range(24)
+FAMILIES = ("A", "B")
+
+
+def test_a_number_is_always_the_same_truck_of_the_second_family_too():
+    trucks = [truck(n, family="B") for n in NUMBERS]
+    assert trucks == [truck(n, family="B") for n in NUMBERS]
+    assert len(set(trucks)) == len(NUMBERS)
+    assert all(type(one) is SpoolTruck for one in trucks)
+
+
+def test_all_variants_of_the_second_family_occur():
+    trucks = [truck(n, family="B") for n in NUMBERS]
+    table = ranges(families()["B"].ranges)
+    for name, values in table["choice"].items():
+        if name != "bend":
+            assert {getattr(one, name) for one in trucks} == set(values), name
+    assert {np.sign(one.e_lin) for one in trucks} == {-1.0, 1.0}
+    for name, (low, high) in table["uniform"].items():
+        drawn = (
+            np.abs([getattr(one, name) for one in trucks])
+            if name == "e_lin"
+            else [getattr(one, name) for one in trucks]
+        )
+        assert low <= min(drawn) <= max(drawn) <= high, name
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_every_truck_of_the_second_family_can_wear_to_the_end_of_its_facing(number):
+    new = truck(number, family="B")
+    curve = family_of(new).load_curve
+    peaks = [curve(aged(new, w, 3e5)).force(np.linspace(0, 0.02, 200)).max() for w in (0.0, new.w_max)]
+    assert min(peaks) > 3e3
+    assert max(peaks) < 6.5e3
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_recording_of_either_family_has_the_columns_of_the_contract(family):
+    done = drive(truck(3, family), seconds=4, seed=1)
+    assert list(done.log.columns) == ["position", "duty_supply", "duty_exhaust", "pressure_a"]
+    again = drive(truck(3, family), seconds=4, seed=1)
+    assert np.array_equal(done.log["position"], again.log["position"])
+    assert not np.array_equal(done.log["position"], drive(truck(3, family), seconds=4, seed=2).log["position"])
+    bus = drive(truck(3, family), seconds=4, recorder="bus", dropouts=2, pressure=False).log
+    assert 395 <= len(bus) <= 401
+    assert "pressure_a" not in bus
+    assert {"pressure_a", "pressure_b", "pressure_supply", "position"} <= set(done.truth.log.columns)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_truth_of_the_load_is_the_load_that_holds_the_plant_at_rest(family):
+    new = truck(6, family)
+    supply = np.zeros(6000)
+    supply[100:180] = 0.6
+    done = respond(new, supply, np.zeros(6000))
+    x = {name: values[-1] for name, values in done.truth.states.items()}
+    assert 3e-3 < x["position"] < 0.02
+    assert abs(x["velocity"]) < 2e-4
+    t = new
+    air = t.A_A * (x["pressure_a"] - t.P_0) - t.A_B * (x["pressure_b"] - t.P_0)
+    load = done.truth.load(np.array([x["position"]]))[0]
+    # friction of the seals at most 1.5 (180 + 200) or 1.6 (200 + 150) N, hysteresis of the load 5 % and 40 N
+    assert abs(air - load) < 600 + 0.05 * load + 40
+    # with little friction within that, but for the force that its slow motion needs
+    smooth = {"A": {"F_C": 20.0, "c_F": 0.0, "F_h": 20.0, "mu_h": 0.0}, "B": {"F_C": 2.0, "F_p": 0.0, "F_b": 1.0}}
+    smooth["B"] |= {"mu_b": 0.0, "mu_f": 0.0}
+    done = respond(new.replace(smooth[family]), supply, np.zeros(6000))
+    x = {name: values[-1] for name, values in done.truth.states.items()}
+    air = t.A_A * (x["pressure_a"] - t.P_0) - t.A_B * (x["pressure_b"] - t.P_0)
+    load = done.truth.load(np.array([x["position"]]))[0]
+    assert air == pytest.approx(load, abs={"A": 52, "B": 5}[family] + 1.6e4 * abs(x["velocity"]))
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_life_wears_and_moves_the_load(family):
+    new, worn = life(truck(2, family), [(0.0, 0.0), (2e-3, 4e5)], seconds=1)
+    assert "pressure_a" in new.log
+    assert "pressure_a" not in worn.log
+    assert np.abs(new.truth.load(GRID) - worn.truth.load(GRID)).max() > 100
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_change_changes_what_its_sentence_says(family):
+    new = truck(0, family)
+    flows, friction = {"A": (("C_s", "C_e"), ("F_C", "c_F")), "B": (("A_s", "A_e"), ("F_C", "F_p"))}[family]
+    assert set(CHANGES) == set(family_of(new).changes)
+    assert changed(new, "supply") == new.replace({"P_S": 0.95 * new.P_S})
+    assert changed(new, "seals") == new.replace({name: 1.4 * getattr(new, name) for name in friction})
+    slow = changed(new, "valves")
+    assert [getattr(slow, name) / getattr(new, name) for name in flows] == pytest.approx([0.93, 0.93])
+    times = {"A": ("t_1s", "t_4e"), "B": ("tau_x", "t_n", "tau_is", "t_xe")}[family]
+    assert [getattr(slow, name) / getattr(new, name) for name in times] == pytest.approx([1.2] * len(times))
+    assert changed(new, "cold", "seals") == changed(changed(new, "cold"), "seals")
+
+
+@pytest.mark.parametrize(("family", "number"), [("A", 0), ("A", 9), ("B", 0), ("B", 9)])
+@pytest.mark.parametrize(("change", "kelvin", "factor"), [("cold", -30.0, 2.0), ("warm", 30.0, 0.6)])
+def test_cold_and_warm_grease_is_thicker_and_thinner_by_the_factor_of_the_change(
+    family, number, change, kelvin, factor
+):
+    def viscous(t):
+        T = t.T_0 + t.dT_w
+        if isinstance(t, Truck):
+            return t.D_v * np.exp(-t.beta * (T - 293.15))
+        return t.D_v * np.exp(t.B_V / (T - t.T_V) - t.B_V / (293.15 - t.T_V))
+
+    new = truck(number, family)
+    other = changed(new, change)
+    assert pytest.approx(kelvin) == other.T_0 - new.T_0
+    assert viscous(other) / viscous(new) == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_recording_under_a_change_is_that_of_the_changed_truck(family):
+    by_name = drive(truck(1, family), seconds=1, seed=3, change="supply")
+    by_hand = drive(changed(truck(1, family), "supply"), seconds=1, seed=3)
+    assert np.array_equal(by_name.log["position"], by_hand.log["position"])
+    pair = drive(truck(1, family), seconds=1, seed=3, change=("supply", "cold"))
+    assert pair.truth.truck == changed(truck(1, family), "supply", "cold")
+
+
+def test_an_unknown_family_or_change_is_named_in_one_sentence():
+    with pytest.raises(ParameterError, match="family 'C': must be A or B"):
+        truck(0, family="C")
+    with pytest.raises(ParameterError, match="did you mean 'cold'"):
+        drive(Truck(), seconds=1, change="colt")
+
+
+def test_the_command_records_the_second_family_under_a_change(tmp_path, capsys):
+    out = tmp_path / "log.parquet"
+    assert command(out=out, family="B", truck=2, seconds=1, change=["cold"]) == 0
+    expected = drive(truck(2, "B"), seconds=1, change="cold").log["position"]
+    assert np.array_equal(read(out)["position"], expected)
+    assert command(out=tmp_path / "other.csv", seconds=1, family="Z") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"n_p": 1.39, "gamma": 1.3}, "must not exceed gamma"),
+        ({"F_v": 6e3}, "valley must lie below the peak"),
+        ({"valve": "poppet"}, "must be one of spool, solenoids"),
+        ({"wear": 3e-3, "a_c": 190.0}, "less than half of the cushion"),
+        ({"V_D": 1e-6}, "V_D = 1e-06 m³: dead volume between valves and tube"),
+    ],
+)
+def test_an_impossible_truck_of_the_second_family_is_named_in_one_sentence(values, words):
+    with pytest.raises(ParameterError) as caught:
+        SpoolTruck(**values)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_fingers_that_are_too_soft_snap_through():
+    with pytest.raises(ParameterError, match="snaps through"):
+        family_of(SpoolTruck()).load_curve(SpoolTruck(K_s=1e5, F_v=200.0, x_v=0.02, x_0=0.005))
