@@ -81,15 +81,18 @@ def drive(
         write(done.log, out)
         if truth is not None:
             done.write_truth(truth)
-        written = [str(path.resolve()) for path in (out, truth) if path is not None]
         if json:
-            message = f"recording of truck {truck} of family {family}"
-            print_json({**EMPTY, "status": "ok", "message": message, "written": written})
+            _print_json(f"recording of truck {truck} of family {family}", out, truth)
         else:
             print_written(out, truth)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
+
+
+def _print_json(message: str, *files: Path | None) -> None:
+    written = [str(path.resolve()) for path in files if path is not None]
+    print_json({**EMPTY, "status": "ok", "message": message, "written": written})
 
 
 def _check(out: Path, truth: Path | None) -> None:
