@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from clutchid.assess.half_load import half_load
+from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
 from clutchid.study.proving import answers, workflows
 from clutchid.study.proving import ground as proving
@@ -221,3 +222,15 @@ def test_an_unknown_family_or_change_ends_before_anything_runs(tmp_path):
     with pytest.raises(ParameterError, match="did you mean 'cold'"):
         proving.prove("paper", [0], tmp_path / "out", proving.Conditions(changes=("colt",)))
     assert not (tmp_path / "out").exists()
+
+
+def test_the_command_proves_the_other_family_under_changes(tmp_path, monkeypatch, capsys):
+    (tmp_path / "third_quick_workflow.py").write_text(QUICK)
+    monkeypatch.syspath_prepend(tmp_path)
+    chosen = {"trucks": 1, "workflow": "third_quick_workflow:run"}
+    assert command(out=tmp_path / "out", family="B", change=["warm", "supply"], **chosen) == 0
+    (row,) = (tmp_path / "out" / "standings.csv").read_text().splitlines()[1:]
+    assert row.startswith("third_quick_workflow_run,B,warm + supply,1,0,")
+    capsys.readouterr()
+    assert command(out=tmp_path / "out", change=["hot"], **chosen) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -68,6 +68,19 @@ def test_a_vessel_that_fills_adiabatically_gains_the_enthalpy_of_the_air_that_en
     assert gained == pytest.approx(1004.7 * t.T_0 * entered, rel=0.01)
 
 
+def test_hot_air_that_leaves_the_dead_volume_for_a_cold_chamber_takes_its_own_heat_along(lab):
+    t = SpoolTruck(n_p=1.4, tau_w=1e9, C_AB=0.0, C_A0=0.0)
+    start = put(t, 5e-3, 2e5, FREE)
+    start[STATES.index("p_D")], start[STATES.index("m_D")] = 6e5, 6e5 * t.V_D / (t.R * 400.0)
+    x = by_name(lab.states(t, np.zeros((8, 2)), start=start, curve=FREE))
+    out = x["p_D"] > x["p_A"]
+    assert out.sum() >= 3
+    # an insulated vessel that empties keeps the entropy of each kilogram
+    kept = (x["p_D"] / x["m_D"] ** 1.4)[out]
+    assert np.ptp(x["m_D"][out]) > 0.3 * x["m_D"][0]
+    assert kept == pytest.approx(kept[0], rel=1e-4)
+
+
 @pytest.mark.parametrize("kind", ["maxwell-slip", "elasto-plastic"])
 def test_friction_only_takes_energy(lab, kind):
     t = SpoolTruck(friction=kind, n_p=1.4, tau_w=1e9, C_AB=0.0, C_A0=0.0, A_r=0.0, C_t=4e-7)

@@ -83,6 +83,21 @@ def test_the_compiled_spool_moves_as_the_plain_one_does(kind):
             x, v = spool(x, duty[k], v, kind == "second-order", truck.tau_x, 1 / truck.t_n, truck.zeta_x, TICK)
 
 
+def test_each_compiled_solenoid_moves_as_the_plain_one_with_its_own_numbers_does():
+    truck = SpoolTruck(valve="solenoids", tau_is=0.5e-3, t_xs=0.8e-3, tau_ie=1.1e-3, t_xe=1.6e-3, f_x=0.3, T_pwm=0.01)
+    share, nothing = np.full(30, 0.6), np.zeros(30)
+    numbers = {"lift_supply": (0.5e-3, 0.8e-3), "lift_exhaust": (1.1e-3, 1.6e-3)}
+    for name, duties in (("lift_supply", (share, nothing)), ("lift_exhaust", (nothing, share))):
+        states = respond(truck, *duties).truth.states
+        current = lift = speed = 0.0
+        for k in range(30):
+            assert states[name][k] == pytest.approx(poppet(lift), abs=1e-9)
+            for tick in range(TICKS):
+                on = (k % 10) * TICKS + tick < 60
+                current, lift, speed = solenoid(current, lift, speed, on, *numbers[name], 0.3, TICK)
+        assert not states[({*numbers} - {name}).pop()].any()
+
+
 @pytest.mark.parametrize("valve", ["spool", "solenoids"])
 def test_a_latched_duty_waits_for_the_period_and_a_continuous_one_does_not(valve):
     duty, nothing = np.zeros(60), np.zeros(60)
