@@ -261,7 +261,7 @@ def test_a_shorter_wait_of_the_valves_makes_less_ripple():
         ({"dropouts": -1}, "at least 0"),
         ({"stuck": (3.0, 2.0)}, "start before end"),
         ({"recorder": "tape"}, "controller or bus"),
-        ({"temperature": 20.0}, "at least 243.15"),
+        ({"temperature": 20.0}, "at least 213.15"),
     ],
 )
 def test_a_drive_that_cannot_be_is_refused_in_one_sentence(options, words):

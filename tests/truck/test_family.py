@@ -5,6 +5,7 @@ import pytest
 
 from clutchid.cli.drive import drive as command
 from clutchid.errors import ParameterError
+from clutchid.inspection import inspect
 from clutchid.io import read
 from clutchid.truck import CHANGES, GRID, SpoolTruck, Truck, aged, changed, drive, life, respond, truck
 from clutchid.truck.family import families, family_of
@@ -57,6 +58,13 @@ def test_a_recording_of_either_family_has_the_columns_of_the_contract(family):
     assert 395 <= len(bus) <= 401
     assert "pressure_a" not in bus
     assert {"pressure_a", "pressure_b", "pressure_supply", "position"} <= set(done.truth.log.columns)
+
+
+@pytest.mark.parametrize("number", [0, 3, 5, 9])
+def test_a_recording_of_a_healthy_truck_of_the_second_family_is_without_a_warning(number):
+    found = inspect(drive(truck(number, "B"), seconds=20, seed=number).log)
+    assert found.warnings == ()
+    assert {check.grade for check in found.checks} <= {"good", "undetermined"}
 
 
 @pytest.mark.parametrize("family", FAMILIES)
