@@ -7,7 +7,7 @@ from clutchid.cli.drive import drive as command
 from clutchid.errors import ParameterError
 from clutchid.inspection import inspect
 from clutchid.io import read
-from clutchid.truck import CHANGES, GRID, SpoolTruck, Truck, aged, changed, drive, life, respond, truck
+from clutchid.truck import CHANGES, GRID, Truck, TruckB, aged, changed, drive, life, respond, truck
 from clutchid.truck.family import families, family_of
 from clutchid.truck.fleet import ranges
 
@@ -19,7 +19,7 @@ def test_a_number_is_always_the_same_truck_of_the_second_family_too():
     trucks = [truck(n, family="B") for n in NUMBERS]
     assert trucks == [truck(n, family="B") for n in NUMBERS]
     assert len(set(trucks)) == len(NUMBERS)
-    assert all(type(one) is SpoolTruck for one in trucks)
+    assert all(type(one) is TruckB for one in trucks)
 
 
 def test_all_variants_of_the_second_family_occur():
@@ -167,11 +167,11 @@ def test_the_command_records_the_second_family_under_a_change(tmp_path, capsys):
 )
 def test_an_impossible_truck_of_the_second_family_is_named_in_one_sentence(values, words):
     with pytest.raises(ParameterError) as caught:
-        SpoolTruck(**values)
+        TruckB(**values)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_fingers_that_are_too_soft_snap_through():
     with pytest.raises(ParameterError, match="snaps through"):
-        family_of(SpoolTruck()).load_curve(SpoolTruck(K_s=1e5, F_v=200.0, x_v=0.02, x_0=0.005))
+        family_of(TruckB()).load_curve(TruckB(K_s=1e5, F_v=200.0, x_v=0.02, x_0=0.005))

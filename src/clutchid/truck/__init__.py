@@ -13,7 +13,7 @@ from clutchid.truck.family import changed
 from clutchid.truck.fleet import RANGES, truck
 from clutchid.truck.manoeuvres import MANOEUVRES
 from clutchid.truck.parameters import Truck
-from clutchid.truck.second.parameters import SpoolTruck
+from clutchid.truck.second.parameters import TruckB
 from clutchid.truck.truth import GRID, Truth, write_truth
 from clutchid.truck.vehicle import Vehicle
 
@@ -23,8 +23,8 @@ __all__ = [
     "MANOEUVRES",
     "RANGES",
     "Drive",
-    "SpoolTruck",
     "Truck",
+    "TruckB",
     "Truth",
     "Vehicle",
     "aged",

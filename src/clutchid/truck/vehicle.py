@@ -28,7 +28,7 @@ def choice(value: str, known: tuple[str, ...]) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicle:
-    """Parameters in SI that trucks of both families have; `clutchid.truck.Truck` and `SpoolTruck` add their own."""
+    """Parameters in SI that trucks of both families have; `clutchid.truck.Truck` and `TruckB` add their own."""
 
     # actuator
     A_A: float = number(12.3e-3, "m²", "area of the piston in chamber A", 1e-3, 0.1, PAPER)

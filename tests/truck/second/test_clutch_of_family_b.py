@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.truck import SpoolTruck, aged
+from clutchid.truck import TruckB, aged
 from clutchid.truck.second.clutch import cubic_hump, load_curve, worn
 
 BARE = {"F_r": 1.0, "k_r": 0.0}
@@ -24,7 +24,7 @@ def test_the_cubic_has_its_maximum_and_its_minimum_where_its_numbers_say():
 
 
 def test_behind_the_touch_point_only_the_diaphragm_acts_and_before_it_the_cushion_too():
-    t = SpoolTruck(**BARE)
+    t = TruckB(**BARE)
     curve = load_curve(t)
     for s in (1e-3, t.s_c, 0.01, 0.018):
         diaphragm = cubic_hump(t.x_0 + s, t.F_k, t.F_v, t.x_v)
@@ -38,13 +38,13 @@ def test_behind_the_touch_point_only_the_diaphragm_acts_and_before_it_the_cushio
 
 @pytest.mark.parametrize("load", ["cubic", "tabulated"])
 def test_within_the_gap_only_the_return_spring_acts(load):
-    t = SpoolTruck(load=load, gap=5e-4, F_r=50.0, k_r=1000.0)
+    t = TruckB(load=load, gap=5e-4, F_r=50.0, k_r=1000.0)
     assert at(load_curve(t), 2e-4) == pytest.approx(50.2, abs=2)
     assert at(load_curve(t), 1e-3) > 200
 
 
 def test_the_tabulated_hump_has_its_peak_and_its_end():
-    t = SpoolTruck(load="tabulated", F_k=5000.0, F_v=4000.0, s_k=9e-3, gap=1e-4, **BARE)
+    t = TruckB(load="tabulated", F_k=5000.0, F_v=4000.0, s_k=9e-3, gap=1e-4, **BARE)
     curve = load_curve(t)
     y = np.linspace(0, 0.0249, 2001)
     force = curve.force(y)
@@ -54,11 +54,11 @@ def test_the_tabulated_hump_has_its_peak_and_its_end():
 
 
 def test_wear_moves_the_cubic_towards_its_maximum_and_raises_and_shifts_the_table():
-    cubic = SpoolTruck(a_H=0.0, i_w=0.4)
+    cubic = TruckB(a_H=0.0, i_w=0.4)
     new, old = load_curve(cubic), load_curve(aged(cubic, wear=1.5e-3))
     assert old.rest == pytest.approx(-0.6e-3)
     assert at(old, old.rest + 0.02) > at(new, 0.02) + 100
-    table = SpoolTruck(load="tabulated", a_H=0.0, a_k=30.0, a_s=0.4, i_w=0.0, **BARE)
+    table = TruckB(load="tabulated", a_H=0.0, a_k=30.0, a_s=0.4, i_w=0.0, **BARE)
     y = np.linspace(0, 0.0249, 2001)
     before, after = load_curve(table).force(y), load_curve(aged(table, wear=2e-3)).force(y)
     assert after.max() / before.max() == pytest.approx(1.06, rel=1e-3)
@@ -66,11 +66,11 @@ def test_wear_moves_the_cubic_towards_its_maximum_and_raises_and_shifts_the_tabl
 
 
 def test_each_part_ages_by_its_own_law():
-    t = SpoolTruck(a_F=0.3, a_C=2.0, a_H=0.005, a_c=50.0, cycles=2.5e5, wear=1e-3)
+    t = TruckB(a_F=0.3, a_C=2.0, a_H=0.005, a_c=50.0, cycles=2.5e5, wear=1e-3)
     age = worn(t)
     assert age["F_C"] / t.F_C == pytest.approx(1.15)
     assert age["C_AB"] / t.C_AB == pytest.approx(1.125)
     assert age["relaxed"] == pytest.approx(1 - 0.005 * np.log10(13.5))
     assert age["F_r"] / t.F_r == pytest.approx(age["relaxed"])
     assert age["s_c"] / t.s_c == pytest.approx(0.95)
-    assert worn(SpoolTruck())["F_C"] == SpoolTruck().F_C
+    assert worn(TruckB())["F_C"] == TruckB().F_C

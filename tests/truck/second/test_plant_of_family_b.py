@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.truck import SpoolTruck, drive, truck
+from clutchid.truck import TruckB, drive, truck
 from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.order import LEDGER
 from clutchid.truck.second.arrays import at_rest, loop
@@ -23,14 +23,14 @@ def by_name(states: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip((*STATES, *LEDGER), states.T, strict=False))
 
 
-def energy(t: SpoolTruck, x: dict[str, np.ndarray]) -> np.ndarray:
+def energy(t: TruckB, x: dict[str, np.ndarray]) -> np.ndarray:
     """Internal energy of the air in both zones and chamber B, and kinetic energy, in J."""
     V_A, V_B = t.V_0A + t.A_A * x["y"], t.V_0B + t.A_B * (t.y_max - x["y"])
     air = (x["p_A"] * V_A + x["p_D"] * t.V_D + x["p_B"] * V_B) / (t.gamma - 1)
     return air + 0.5 * t.M * x["v"] ** 2
 
 
-def put(t: SpoolTruck, y: float, p: float, curve: LoadCurve) -> np.ndarray:
+def put(t: TruckB, y: float, p: float, curve: LoadCurve) -> np.ndarray:
     """States with the piston at y and both zones at p, all air at the temperature of the wall."""
     start, T = at_rest(t, curve), t.T_0 + t.dT_w
     V_A, V_B = t.V_0A + t.A_A * y, t.V_0B + t.A_B * (t.y_max - y)
@@ -42,7 +42,7 @@ def put(t: SpoolTruck, y: float, p: float, curve: LoadCurve) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", [{"valve": "spool"}, {"valve": "solenoids", "friction": "elasto-plastic"}])
 def test_air_and_energy_that_cross_the_border_are_what_is_inside(lab, kind):
-    t = SpoolTruck(n_p=1.4, C_AB=2e-11, C_A0=1e-11, **kind)
+    t = TruckB(n_p=1.4, C_AB=2e-11, C_A0=1e-11, **kind)
     missing = []
     for substeps in (1, 2):
         x = by_name(lab.states(t, lab.forced(3000), substeps, True))
@@ -57,7 +57,7 @@ def test_air_and_energy_that_cross_the_border_are_what_is_inside(lab, kind):
 
 
 def test_a_vessel_that_fills_adiabatically_gains_the_enthalpy_of_the_air_that_enters(lab):
-    t = SpoolTruck(n_p=1.4, tau_w=1e9, V_S=1e6, C_AB=0.0, C_A0=0.0, A_r=0.0)
+    t = TruckB(n_p=1.4, tau_w=1e9, V_S=1e6, C_AB=0.0, C_A0=0.0, A_r=0.0)
     start = put(t, t.y_max, 3e5, FREE)
     x = by_name(lab.states(t, np.tile([1.0, 0.0], (40, 1)), start=start, curve=FREE))
     entered = np.ptp(x["m_A"] + x["m_D"])
@@ -69,7 +69,7 @@ def test_a_vessel_that_fills_adiabatically_gains_the_enthalpy_of_the_air_that_en
 
 
 def test_hot_air_that_leaves_the_dead_volume_for_a_cold_chamber_takes_its_own_heat_along(lab):
-    t = SpoolTruck(n_p=1.4, tau_w=1e9, C_AB=0.0, C_A0=0.0)
+    t = TruckB(n_p=1.4, tau_w=1e9, C_AB=0.0, C_A0=0.0)
     start = put(t, 5e-3, 2e5, FREE)
     start[STATES.index("p_D")], start[STATES.index("m_D")] = 6e5, 6e5 * t.V_D / (t.R * 400.0)
     x = by_name(lab.states(t, np.zeros((8, 2)), start=start, curve=FREE))
@@ -83,7 +83,7 @@ def test_hot_air_that_leaves_the_dead_volume_for_a_cold_chamber_takes_its_own_he
 
 @pytest.mark.parametrize("kind", ["maxwell-slip", "elasto-plastic"])
 def test_friction_only_takes_energy(lab, kind):
-    t = SpoolTruck(friction=kind, n_p=1.4, tau_w=1e9, C_AB=0.0, C_A0=0.0, A_r=0.0, C_t=4e-7)
+    t = TruckB(friction=kind, n_p=1.4, tau_w=1e9, C_AB=0.0, C_A0=0.0, A_r=0.0, C_t=4e-7)
     start = put(t, 6e-3, 4e5, FREE)
     start[STATES.index("p_D")], start[STATES.index("m_D")] = t.P_0, t.P_0 * t.V_D / (t.R * t.T_0)
     x = by_name(lab.states(t, np.zeros((600, 2)), 4, start=start, curve=FREE))
@@ -98,7 +98,7 @@ def test_friction_only_takes_energy(lab, kind):
 
 
 def test_sealed_air_that_is_warm_relaxes_to_the_pressure_of_the_cold_air(lab):
-    t = SpoolTruck(tau_w=0.3, C_AB=0.0, C_A0=0.0)
+    t = TruckB(tau_w=0.3, C_AB=0.0, C_A0=0.0)
     x = by_name(lab.states(t, lab.forced(6000, ((10, 100, 1.0, 0.0),))))
     T = x["p_A"] * (t.V_0A + t.A_A * x["y"]) / (t.R * x["m_A"])
     assert T.max() > t.T_0 + t.dT_w + 15
@@ -108,7 +108,7 @@ def test_sealed_air_that_is_warm_relaxes_to_the_pressure_of_the_cold_air(lab):
 
 
 def test_the_regulator_droops_while_the_chamber_fills_and_recovers_slowly(lab):
-    t = SpoolTruck()
+    t = TruckB()
     p = by_name(lab.states(t, lab.forced(4000, ((100, 400, 1.0, 0.0),))))["p_S"]
     assert 0.1e5 < t.P_S - p.min() < 0.6e5
     low = int(p.argmin())
@@ -118,7 +118,7 @@ def test_the_regulator_droops_while_the_chamber_fills_and_recovers_slowly(lab):
 
 def test_the_tube_throttles_and_without_throttling_both_zones_have_one_pressure(lab):
     duties = lab.forced(300, ((10, 150, 1.0, 0.0),))
-    narrow, wide = (by_name(lab.states(SpoolTruck(C_t=C, dp_t=2e4), duties)) for C in (5e-8, 4e-7))
+    narrow, wide = (by_name(lab.states(TruckB(C_t=C, dp_t=2e4), duties)) for C in (5e-8, 4e-7))
     apart = [np.abs(x["p_D"] - x["p_A"]).max() for x in (narrow, wide)]
     assert apart[0] > 2e5
     assert apart[1] < 0.2 * apart[0]
@@ -126,7 +126,7 @@ def test_the_tube_throttles_and_without_throttling_both_zones_have_one_pressure(
 
 def test_halving_the_step_makes_the_error_sixteen_times_smaller(lab):
     # without kinks: seals and play stay elastic, no choking, chamber B sealed, always forwards, behind the touch point
-    t = SpoolTruck(
+    t = TruckB(
         P_S=6.5e5, F_C=5000.0, F_p=0.0, R_S=1.0, K_z=1e4, F_b=500.0, mu_b=0.0, mu_f=0.0, K_b=1e3, K_f=1e3, V_S=1e6,
         A_R=0.0, A_r=0.0, C_t=5e-8, V_D=3e-4, C_AB=0.0, C_A0=0.0, duty="continuous", spool="first-order", v_g=1e9,
     )  # fmt: skip

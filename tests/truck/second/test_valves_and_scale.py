@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.truck import SpoolTruck, respond
+from clutchid.truck import TruckB, respond
 from clutchid.truck.law import SAMPLE, TICK, TICKS
 from clutchid.truck.second.law import poppet, port, scaled, solenoid, spool
 from clutchid.truck.second.sensors import coloured, measured_pressure, position_noise
@@ -73,7 +73,7 @@ def test_an_armature_leaves_its_seat_when_the_magnet_beats_the_spring_and_return
 
 @pytest.mark.parametrize("kind", ["first-order", "second-order"])
 def test_the_compiled_spool_moves_as_the_plain_one_does(kind):
-    truck = SpoolTruck(spool=kind, duty="continuous", x_0s=0.05, n_x=1.3)
+    truck = TruckB(spool=kind, duty="continuous", x_0s=0.05, n_x=1.3)
     duty = np.repeat([0.0, 0.7, 0.2, 1.0, 0.0], 7)
     lift = respond(truck, duty, np.zeros(35)).truth.states["lift_supply"]
     x = v = 0.0
@@ -84,7 +84,7 @@ def test_the_compiled_spool_moves_as_the_plain_one_does(kind):
 
 
 def test_each_compiled_solenoid_moves_as_the_plain_one_with_its_own_numbers_does():
-    truck = SpoolTruck(valve="solenoids", tau_is=0.5e-3, t_xs=0.8e-3, tau_ie=1.1e-3, t_xe=1.6e-3, f_x=0.3, T_pwm=0.01)
+    truck = TruckB(valve="solenoids", tau_is=0.5e-3, t_xs=0.8e-3, tau_ie=1.1e-3, t_xe=1.6e-3, f_x=0.3, T_pwm=0.01)
     share, nothing = np.full(30, 0.6), np.zeros(30)
     numbers = {"lift_supply": (0.5e-3, 0.8e-3), "lift_exhaust": (1.1e-3, 1.6e-3)}
     for name, duties in (("lift_supply", (share, nothing)), ("lift_exhaust", (nothing, share))):
@@ -103,10 +103,10 @@ def test_a_latched_duty_waits_for_the_period_and_a_continuous_one_does_not(valve
     duty, nothing = np.zeros(60), np.zeros(60)
     duty[13:] = 1.0
     for how, opens in (("latched", 20), ("continuous", 13)):
-        lift = respond(SpoolTruck(valve=valve, duty=how), duty, nothing).truth.states["lift_supply"]
+        lift = respond(TruckB(valve=valve, duty=how), duty, nothing).truth.states["lift_supply"]
         first = int(np.argmax(lift > 0))
         assert opens < first <= opens + 4
-        log = respond(SpoolTruck(valve=valve, duty=how), duty, nothing).log
+        log = respond(TruckB(valve=valve, duty=how), duty, nothing).log
         assert int(np.argmax(log["duty_supply"] > 0)) == opens
 
 
@@ -120,7 +120,7 @@ def test_the_gain_of_the_position_sensor_varies_by_its_share_and_is_right_at_the
 
 
 def test_the_sensor_shows_the_scaled_position_and_the_truth_does_not():
-    truck = SpoolTruck(e_lin=0.01, tau_y=0.0, e_y=2e-5)
+    truck = TruckB(e_lin=0.01, tau_y=0.0, e_y=2e-5)
     duty = np.zeros(400)
     duty[10:250] = 1.0
     done = respond(truck, duty, np.zeros(400))
@@ -137,12 +137,12 @@ def test_noise_has_its_size_and_its_colour():
     assert noise.std() == pytest.approx(1, rel=0.03)
     lags = [float(np.mean(noise[k:] * noise[: noise.size - k])) for k in (1, 5)]
     assert lags == pytest.approx([math.exp(-0.2), math.exp(-1.0)], abs=0.03)
-    position = position_noise(SpoolTruck(s_y=1e-5, s_c_y=2e-5), 100_000, rng)
+    position = position_noise(TruckB(s_y=1e-5, s_c_y=2e-5), 100_000, rng)
     assert position.std() == pytest.approx(math.hypot(1e-5, 2e-5), rel=0.05)
     assert SAMPLE == 1e-3
 
 
 def test_the_pressure_sensor_has_an_error_of_its_gain_about_ambient():
-    truck = SpoolTruck(e_gain=0.01, e_p=500.0, s_p=0.0, q_p=0.0, P_0=1e5)
+    truck = TruckB(e_gain=0.01, e_p=500.0, s_p=0.0, q_p=0.0, P_0=1e5)
     read = measured_pressure(truck, np.array([1e5, 6e5]), np.random.default_rng(0))
     assert read == pytest.approx([1e5 + 500, 6e5 + 5500])

@@ -6,6 +6,6 @@ with a curved scale and coloured noise. Driving, manoeuvres, controller, recorde
 """
 
 from clutchid.truck.second.arrays import SECOND
-from clutchid.truck.second.parameters import SpoolTruck
+from clutchid.truck.second.parameters import TruckB
 
-__all__ = ["SECOND", "SpoolTruck"]
+__all__ = ["SECOND", "TruckB"]

@@ -20,7 +20,7 @@ from clutchid.truck.load_table import LoadCurve, rest_position
 from clutchid.truck.second import sensors
 from clutchid.truck.second.clutch import load_curve, worn
 from clutchid.truck.second.order import PARAMETERS, SETTINGS, STATES
-from clutchid.truck.second.parameters import SpoolTruck
+from clutchid.truck.second.parameters import TruckB
 
 #: Steps of the duty cycle that a proportional valve resolves.
 STEPS = 1000
@@ -74,7 +74,7 @@ def finished(drawn: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def at_rest(truck: SpoolTruck, curve: LoadCurve, p_S: float | None = None) -> FloatArray:
+def at_rest(truck: TruckB, curve: LoadCurve, p_S: float | None = None) -> FloatArray:
     """States of a vented truck whose piston rests at the engaged end; `p_S` is the supply pressure, default P_S."""
     t, y = truck, rest_position(truck, curve)
     volumes = (t.V_0A + t.A_A * y, t.V_D, t.V_0B + t.A_B * (t.y_max - y))
@@ -82,12 +82,12 @@ def at_rest(truck: SpoolTruck, curve: LoadCurve, p_S: float | None = None) -> Fl
     return np.array([y, 0.0, *air, t.P_S if p_S is None else p_S, 0.0, *[0.0] * 8])
 
 
-def start(truck: SpoolTruck, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
+def start(truck: TruckB, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
     """Initial states, the supply a little below its set pressure; there is no compressor."""
     return at_rest(truck, curve, truck.P_S * (1 - START * rng.uniform())), False
 
 
-def plant_parameters(truck: SpoolTruck) -> FloatArray:
+def plant_parameters(truck: TruckB) -> FloatArray:
     """Parameters of the truck at its age, in the order of the loop."""
     known = {name: getattr(truck, name) for name in PARAMETERS if hasattr(truck, name)}
     known |= worn(truck)
@@ -96,7 +96,7 @@ def plant_parameters(truck: SpoolTruck) -> FloatArray:
     return np.array([known[name] for name in PARAMETERS])
 
 
-def settings(truck: SpoolTruck, zero: float, working: bool) -> FloatArray:
+def settings(truck: TruckB, zero: float, working: bool) -> FloatArray:
     """Settings of the loop in their order: valves, sensors and controller; `working` has no meaning here."""
     del working
     period = period_in_ticks(truck.T_pwm)
@@ -112,7 +112,7 @@ def settings(truck: SpoolTruck, zero: float, working: bool) -> FloatArray:
     return np.array([known[name] for name in SETTINGS], dtype=np.float64)
 
 
-def true_states(truck: SpoolTruck, x: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+def true_states(truck: TruckB, x: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Pressures, temperatures and masses of air, deflections of seals and bearing, openings of the ports, regulator."""
     volume = {
         "a": truck.V_0A + truck.A_A * x["y"],
@@ -127,13 +127,13 @@ def true_states(truck: SpoolTruck, x: Mapping[str, FloatArray]) -> dict[str, Flo
     return states | {"lift_supply": x["x_s"], "lift_exhaust": x["x_e"], "regulator": x["x_R"]}
 
 
-def viscosity(truck: SpoolTruck) -> float:
+def viscosity(truck: TruckB) -> float:
     """Viscous friction at the temperature of the wall, up to a constant factor."""
     return float(np.exp(truck.B_V / (truck.T_0 + truck.dT_w - truck.T_V)))
 
 
 SECOND = Family(
-    kind=SpoolTruck,
+    kind=TruckB,
     ranges=Path(__file__).parent / "ranges.toml",
     prepared=prepared,
     finished=finished,

@@ -12,7 +12,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck.ageing import LIFE
 from clutchid.truck.load_table import LoadCurve, load_table, travels
-from clutchid.truck.second.parameters import SpoolTruck
+from clutchid.truck.second.parameters import TruckB
 
 #: Number of strokes that scales the settling of the springs.
 SETTLING = 2e4
@@ -53,7 +53,7 @@ def cubic_hump(x: Expr, F_p: Expr, F_v: Expr, x_v: Expr) -> Expr:
     return F_p - (F_p - F_v) * share**2 * (3 - 2 * share)
 
 
-def worn(truck: SpoolTruck) -> dict[str, float]:
+def worn(truck: TruckB) -> dict[str, float]:
     r"""Parameters of a truck at its age.
 
     .. math:: F_C (1 + a_F \sqrt n), \quad C (1 + a_C n^2), \quad F_p, F_v, F_r \propto 1 - a_H \log_{10}
@@ -71,7 +71,7 @@ def worn(truck: SpoolTruck) -> dict[str, float]:
 
     Examples
     --------
-    >>> f"{worn(SpoolTruck(cycles=2e5))['relaxed']:.4f}"
+    >>> f"{worn(TruckB(cycles=2e5))['relaxed']:.4f}"
     '0.9917'
     """
     n = truck.cycles / LIFE
@@ -88,7 +88,7 @@ def worn(truck: SpoolTruck) -> dict[str, float]:
 
 
 @lru_cache(maxsize=64)
-def load_curve(truck: SpoolTruck) -> LoadCurve:
+def load_curve(truck: TruckB) -> LoadCurve:
     r"""Load curve of `truck` at its age.
 
     .. math:: y = y_r + \delta + s + F / K_s, \quad F = G(x_0 - i_x w + s) - \max(0, G(x_0 - i_x w) (1 - s / s_c))
@@ -103,7 +103,7 @@ def load_curve(truck: SpoolTruck) -> LoadCurve:
 
     Examples
     --------
-    >>> curve = load_curve(SpoolTruck())
+    >>> curve = load_curve(TruckB())
     >>> f"{curve.force(np.array([9e-3]))[0]:.0f} N, touch point at {curve.touch * 1e3:.1f} mm"
     '4667 N, touch point at 5.5 mm'
     """
@@ -113,7 +113,7 @@ def load_curve(truck: SpoolTruck) -> LoadCurve:
     return load_table(truck, age["y_r"], force, truck.gap + touch, age["F_r"])
 
 
-def _cubic(t: SpoolTruck, travel: FloatArray, age: dict[str, float]) -> tuple[FloatArray, float]:
+def _cubic(t: TruckB, travel: FloatArray, age: dict[str, float]) -> tuple[FloatArray, float]:
     """Force over the travel behind the gap, and the travel at the touch point, where the cushion is free."""
     peak, valley = t.F_k * age["relaxed"], t.F_v * age["relaxed"]
     x_w = t.x_0 - t.i_x * t.wear
@@ -131,7 +131,7 @@ def _cubic(t: SpoolTruck, travel: FloatArray, age: dict[str, float]) -> tuple[Fl
     return fingers(np.interp(travel, moved, s)), touch
 
 
-def _tabulated(t: SpoolTruck, travel: FloatArray, age: dict[str, float]) -> tuple[FloatArray, float]:
+def _tabulated(t: TruckB, travel: FloatArray, age: dict[str, float]) -> tuple[FloatArray, float]:
     """Force over the travel behind the gap, and the travel at the touch point."""
     from scipy.interpolate import PchipInterpolator
 

@@ -1,4 +1,4 @@
-"""`SpoolTruck`: parameters of a truck of family B, one row per parameter with unit, meaning, range and source."""
+"""`TruckB`: parameters of a truck of family B, one row per parameter with unit, meaning, range and source."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BOOK = "textbook"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpoolTruck(Vehicle):
+class TruckB(Vehicle):
     """Actuator, air supply, clutch, sensors and controller of a truck of family B, in SI.
 
     Raises
@@ -28,7 +28,7 @@ class SpoolTruck(Vehicle):
 
     Examples
     --------
-    >>> SpoolTruck().valve, SpoolTruck().friction
+    >>> TruckB().valve, TruckB().friction
     ('spool', 'maxwell-slip')
     """
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.truck.law import SAMPLE
-from clutchid.truck.second.parameters import SpoolTruck
+from clutchid.truck.second.parameters import TruckB
 
 
 def coloured(n: int, tau: float, rng: np.random.Generator) -> FloatArray:
@@ -19,13 +19,13 @@ def coloured(n: int, tau: float, rng: np.random.Generator) -> FloatArray:
     return noise
 
 
-def position_noise(truck: SpoolTruck, n: int, rng: np.random.Generator) -> FloatArray:
+def position_noise(truck: TruckB, n: int, rng: np.random.Generator) -> FloatArray:
     """White and coloured noise of the position sensor in m."""
     noise: FloatArray = truck.s_y * rng.standard_normal(n) + truck.s_c_y * coloured(n, truck.tau_c, rng)
     return noise
 
 
-def measured_pressure(truck: SpoolTruck, pressure: FloatArray, rng: np.random.Generator) -> FloatArray:
+def measured_pressure(truck: TruckB, pressure: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Measured pressure in Pa from the lagged one: gain (about ambient), offset, coloured noise and quantisation."""
     true = truck.P_0 + (1 + truck.e_gain) * (pressure - truck.P_0)
     noisy: FloatArray = true + truck.e_p + truck.s_p * coloured(pressure.size, truck.tau_c, rng)
