@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-from widening import CHANGES, WEAR
+from widening import CASES, WEAR
 
 import clutchid
 from clutchid.estimate import phase as estimated
@@ -25,7 +25,7 @@ from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import Drive, drive, truck
 
-USED = ("nothing", "30 K colder", "30 K warmer", "supply 5 % lower", "colder and slower")
+USED = ("nothing", "cold", "warm", "supply", "cold and valves")
 
 
 def recordings(number: int, seconds: float) -> Iterator[tuple[str, Drive]]:
@@ -34,11 +34,10 @@ def recordings(number: int, seconds: float) -> Iterator[tuple[str, Drive]]:
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
     yield "calibration", drive(kind, seconds=seconds, seed=seeds[0], name="calibration")
     for change in USED:
-        factors, options = CHANGES[change]
-        other = kind.replace({name: getattr(kind, name) * factor for name, factor in factors.items()})
+        changes, _ = CASES[change]
         yield change, drive(
-            other, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, name="worn",
-            **options(kind),
+            kind, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, change=changes,
+            name="worn",
         )  # fmt: skip
 
 

@@ -37,8 +37,8 @@ def _as_usual(_: Vehicle) -> Mapping[str, Any]:
 #: What differs from the calibration: named changes of the truck, one after the other, and other arguments of `drive`.
 CASES: dict[str, tuple[tuple[str, ...], Callable[[Vehicle], Mapping[str, Any]]]] = {
     "nothing": ((), _as_usual),
-    **{name: ((name,), {}) for name in CHANGES},
-    **{f"{one} and {other}": ((one, other), {}) for one, other in combinations(CHANGES, 2) if other != "warm"},
+    **{name: ((name,), _as_usual) for name in CHANGES},
+    **{f"{one} and {other}": ((one, other), _as_usual) for one, other in combinations(CHANGES, 2) if other != "warm"},
     "supply and warm": (("supply", "warm"), _as_usual),
     "5 K warmer": ((), lambda kind: {"temperature": kind.T_0 + 5.0}),
     "100 Hz bus log": ((), lambda _: {"recorder": "bus"}),
