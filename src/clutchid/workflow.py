@@ -146,12 +146,11 @@ def fit_recordings(
     DataError, ParameterError, SolveError
         As `clutchid.fit`.
     """
-    from clutchid.assess.comparison import comparison
     from clutchid.estimate.fit import fit_request
 
     checked = inspected([*logs, *verify], actuator, force=force)
     fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
-    if len(logs) < 2 or comparison(fit) is None:
+    if len(logs) < 2 or fit.comparison is None:
         return Outcome(fit)
     single = {}
     for log in checked[: len(logs)]:

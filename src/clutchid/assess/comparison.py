@@ -64,8 +64,7 @@ def comparison(fit: Fit) -> Comparison | None:
     The intervals of both loads are treated as independent, which makes that of the difference too wide rather than too
     narrow: an error of the calibrated parameters changes both in the same direction.
     """
-    fitted = any(name in fit.actuator.load.names for name in fit.parameters)
-    if fit.baseline is None or fit.status == "failed" or not fitted:
+    if fit.baseline is None or fit.status == "failed" or not fit.load_is_fitted:
         return None
     calibrated, present, furthest = calibrated_curve(fit.actuator, fit.baseline), fit.load_curve, reach(fit)
     if calibrated is None:

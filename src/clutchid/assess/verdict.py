@@ -188,7 +188,7 @@ def _autocorrelated(fit: Fit, found: Evidence) -> list[_Reason]:
     """Residuals that are autocorrelated, correlate with a valve, and correspond to a load larger than the interval."""
     curve = fit.load_curve
     inside = np.isfinite(curve.high - curve.low) & (curve.position <= reach(fit))
-    if inside.sum() < 2 or not set(fit.parameters) & set(fit.actuator.load.names):
+    if inside.sum() < 2 or not fit.load_is_fitted:
         return []
     width = float(np.median((curve.high - curve.low)[inside]))
     slope = float(np.median(np.abs(np.gradient(curve.force, curve.position)[inside])))
@@ -220,7 +220,7 @@ def _wide_interval(fit: Fit) -> list[_Reason]:
     inside = curve.position <= furthest
     half = ((curve.high - curve.low) / 2)[inside]
     known, peak = np.isfinite(half), float(curve.force[curve.peak(furthest)])
-    if not set(fit.parameters) & set(fit.actuator.load.names):
+    if not fit.load_is_fitted:
         return []
     if not known.any() or peak <= 0.0:
         return [_Reason("the data do not determine the load: its interval is infinite.", True)]

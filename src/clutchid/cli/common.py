@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from clutchid.cli.terminal import sentences
+from clutchid.cli.terminal import printable_lines, sentences
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
 from clutchid.log import Log
 from clutchid.names import printable
@@ -64,8 +64,7 @@ def complain(message: str, *, as_json: bool, status: str) -> int:
     if as_json:
         print_json({**EMPTY, "status": status, "message": message})
     else:
-        text = "\n".join(map(printable, message.splitlines()))
-        print(sentences(f"clutchid: {text}", sys.stderr), file=sys.stderr)
+        print(sentences(f"clutchid: {printable_lines(message)}", sys.stderr), file=sys.stderr)
     return BAD_INPUT if status == "bad_input" else FAILED
 
 

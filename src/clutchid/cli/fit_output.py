@@ -9,6 +9,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 from clutchid.cli.common import DONE, EMPTY, FAILED, print_json, print_written
+from clutchid.cli.terminal import WIDTH, printable_lines
 from clutchid.errors import ExportError
 from clutchid.names import printable
 
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     from clutchid.report.summary import Row
     from clutchid.workflow import Outcome
 
-#: Columns of the terminal that are used, and most warnings of a summary.
-WIDTH, MOST_WARNINGS = 80, 3
+#: Most warnings of a summary.
+MOST_WARNINGS = 3
 
 Writers = Mapping[Path | None, Callable[[Path], None]]
 
@@ -58,11 +59,6 @@ def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) 
     _print_rows([Row("next", f"{why}:")])
     print(printable(f"  {what}"))
     return DONE
-
-
-def printable_lines(text: str) -> str:
-    """Text of several lines without control characters."""
-    return "\n".join(map(printable, text.splitlines()))
 
 
 def _write(writers: Writers) -> tuple[list[Path], list[str]]:

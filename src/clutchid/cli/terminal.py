@@ -7,6 +7,8 @@ from shutil import get_terminal_size
 from textwrap import fill
 from typing import TextIO
 
+from clutchid.names import printable
+
 #: Most columns of a terminal that are used.
 WIDTH = 80
 
@@ -14,6 +16,11 @@ WIDTH = 80
 def columns() -> int:
     """Columns to use on a terminal."""
     return max(20, min(WIDTH, get_terminal_size((WIDTH, 24)).columns))
+
+
+def printable_lines(text: str) -> str:
+    """Text of several lines without control characters."""
+    return "\n".join(map(printable, text.splitlines()))
 
 
 def sentences(text: str, stream: TextIO) -> str:

@@ -205,6 +205,11 @@ class Fit:
         return self
 
     @property
+    def load_is_fitted(self) -> bool:
+        """Whether any load weight is free; a fixed load has no interval."""
+        return any(name in self.actuator.load.names for name in self.parameters)
+
+    @property
     def follows(self) -> bool:
         """Whether the simulation follows the measurement through sensor models, unlike that of the paper."""
         return self.method != "simulation"

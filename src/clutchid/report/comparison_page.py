@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison, comparison
+from clutchid.assess.comparison import Comparison
 from clutchid.assess.half_load import HalfLoad
 from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
@@ -45,7 +45,7 @@ def comparison_sections(fit: Fit, single: Mapping[str, Fit]) -> list[Section]:
     if fit.baseline is None:
         assumed = fit.status != "failed" and fit.calibration is None and of_the_paper(fit)
         return [Section("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
-    found = comparison(fit)
+    found = fit.comparison
     blocks: list[Block] = [Text(_baseline(fit.baseline))]
     if found is not None:
         alt = "Load of the calibration and present load over the position, and their difference, with 95 % bands"
@@ -147,7 +147,7 @@ def readings_table(single: Mapping[str, Fit]) -> Table:
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for name, one in single.items():
-        found = comparison(one)
+        found = one.comparison
         if found is not None:
             changes = (found.at(mm * MM).force if mm * MM <= found.reach else None for mm in POSITIONS)
             others = ", ".join(dict.fromkeys(change.group for change in one.changes)) or "none found"

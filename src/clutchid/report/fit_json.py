@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison, comparison
+from clutchid.assess.comparison import Comparison
 from clutchid.assess.diagnostics import ColumnDiagnosis, remarks
 from clutchid.estimate import Fit
 from clutchid.estimate.changes import Change
@@ -40,7 +40,7 @@ def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> d
         "trust": result.verdict.trust,
         "reasons": list(result.verdict.reasons),
         "calibration": _origin_json(result),
-        **_comparison_json(comparison(result)),
+        **_comparison_json(result.comparison),
         "readings": {name: _reading_json(one) for name, one in single.items()},
     }
 
@@ -82,7 +82,7 @@ def _reading_json(one: Fit) -> dict[str, Any]:
     return {
         "trust": one.verdict.trust,
         "load_curve": _curve_json(one.load_curve),
-        "load_change": _comparison_json(comparison(one))["load_change"],
+        "load_change": _comparison_json(one.comparison)["load_change"],
         "changes": [_change_json(change) for change in one.changes],
     }
 

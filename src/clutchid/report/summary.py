@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison, comparison
+from clutchid.assess.comparison import Comparison
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.estimate import Fit
@@ -44,7 +44,7 @@ def summary(fit: Fit, single: Mapping[str, Fit] = MappingProxyType({}), *, in_fu
 
     `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
     """
-    compared = comparison(fit)
+    compared = fit.comparison
     rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
     rows += [Row("alone" if i == 0 else "", line) for i, line in enumerate(_readings(single))]
     return rows if in_full else [*rows, *_others(fit), Row("errors", _errors(fit))]
@@ -71,23 +71,18 @@ def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
     at = curve.peak(furthest)
     text = f"greatest {_force(fit, at)} at {curve.position[at] / MM:.1f} mm"
     text += f" of the recorded {furthest / MM:.1f} mm"
-    text += _half(half_load_band(curve, furthest), _is_fitted(fit))
-    text += "" if _is_fitted(fit) else "; fixed, not fitted"
+    text += _half(half_load_band(curve, furthest), fit.load_is_fitted)
+    text += "" if fit.load_is_fitted else "; fixed, not fitted"
     return [Row("load", text), Row("", _at_positions(fit, compared, furthest), fixed=True)]
-
-
-def _is_fitted(fit: Fit) -> bool:
-    """Whether the load was fitted; a fixed one has no interval."""
-    return any(name in fit.actuator.load.names for name in fit.parameters)
 
 
 def _force(fit: Fit, at: int) -> str:
     """The load at one of its points; without an interval, the value alone."""
     curve = fit.load_curve
     shown = with_interval(curve.force[at], (curve.high[at] - curve.low[at]) / 2)
-    if shown != UNKNOWN and _is_fitted(fit):
+    if shown != UNKNOWN and fit.load_is_fitted:
         return f"{shown} N"
-    return f"{curve.force[at]:.0f} N{' (interval not determined)' if _is_fitted(fit) else ''}"
+    return f"{curve.force[at]:.0f} N{' (interval not determined)' if fit.load_is_fitted else ''}"
 
 
 def _half(at: HalfLoad, fitted: bool) -> str:
@@ -106,7 +101,7 @@ def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str
     )
     lines = [["", *(f"{mm} mm" for mm in POSITIONS)]]
     loads = (with_interval(f, (b - a) / 2) for f, a, b in zip(force, low, high, strict=True))
-    lines.append(["N", *(loads if _is_fitted(fit) else (f"{f:.0f}" for f in force))])
+    lines.append(["N", *(loads if fit.load_is_fitted else (f"{f:.0f}" for f in force))])
     if compared:
         changes = [compared.at(mm * MM) for mm in POSITIONS]
         lines.append(["change", *(with_interval(c.force, (c.high - c.low) / 2, sign="+") for c in changes)])
@@ -145,10 +140,10 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
         at = compared.shift
         interval = f" ({at.low / MM:+z.2f} to {at.high / MM:+z.2f})" if isfinite(at.low + at.high) else ""
         parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval}")
-    if compared is None and _is_fitted(fit):
+    if compared is None and fit.load_is_fitted:
         parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
     if not (fit.changes and in_full):
-        parts += short_changes(fit.changes) or [f"no {'other ' if _is_fitted(fit) else ''}change found"]
+        parts += short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
     if not parts:
         return []
     return [Row("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")]
@@ -182,7 +177,7 @@ def _readings(single: Mapping[str, Fit]) -> list[str]:
     """A line for each recording read alone: its trust, change at 6 mm, shift, and other changes."""
     lines = []
     for name, one in single.items():
-        found = comparison(one)
+        found = one.comparison
         if found is not None:
             text = _change_at(found, 6)
             text += f", half-load {found.shift.position / MM:+z.2f} mm" if isfinite(found.shift.position) else ""
