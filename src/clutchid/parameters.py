@@ -169,6 +169,12 @@ class Parameters:
     a_0ve: float = _row(
         0.0, "1", "exhaust valve: relative opening of its full pulses at R_0ve", 0, 0.9, source=_BALANCE
     )
+    n_vs: float = _row(
+        1.0, "1", "supply valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE
+    )
+    n_ve: float = _row(
+        1.0, "1", "exhaust valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE
+    )
     tau_y: float = _row(0.0, "s", "lag of the recorded position", 0, 0.05, source=_SENSORS)
     tau_p: float = _row(0.0, "s", "lag of the recorded pressure", 0, 0.05, source=_SENSORS)
     e_y: float = _row(0.0, "m", "offset of the recorded position", -2e-3, 2e-3, source=_SENSORS)

@@ -28,8 +28,9 @@ PAPER = (
     "y_max", "tau_y", "tau_p",
 )  # fmt: skip
 SHAPES = ("B_vs", "B_ve")
-BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "tau_S")
+BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "tau_S", "gamma")
 STRIBECK = ("c_F", "R_S", "v_S")
+AVERAGED = ("n_vs", "n_ve")
 CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "t_vs", "t_ve")
 
 #: Start values: lag of a sensor in s; decay time of a valve's current and travel time of its armature in carrier
@@ -63,7 +64,7 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     known = {*actuator.in_equations, *SENSOR_PARAMETERS}
     found = _carrier(logs[0], actuator) if known >= set(CARRIER) else {}
     changes |= found
-    candidates = (*PAPER, *SHAPES, *BALANCE, *(CARRIER if found else ()), *STRIBECK)
+    candidates = (*PAPER, *SHAPES, *BALANCE, *(CARRIER if found else AVERAGED), *STRIBECK)
     free = [name for name in candidates if name in known]
     free += [name for name in actuator.parameter_names if (own := actuator.own_row(name)) and own.std]
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)

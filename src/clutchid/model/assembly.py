@@ -61,7 +61,7 @@ def openings(b: Book, switched: bool = False) -> None:
         share = b.define(f"a_{valve}", continued_share(alone, u, late, fallen))
         phase = b["s_pwm"] + b[f"s_{valve}"]
         passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, travel, *b.all("c_pwm", "d_pwm")))
-        b.define(f"y_{valve}", switched_opening(share, passed, b["d_pwm"]))
+        b.define(f"y_{valve}", switched_opening(share, passed, *b.all("d_pwm", f"n_{valve}")))
 
 
 def gated(opening_degree: Expr, flow: Expr) -> Expr:

@@ -51,8 +51,7 @@ def shoot(
         As `clutchid.fit`.
     """
     problem, plans = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
-    if calibration and free.reads_load(actuator):
-        problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
+    problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
     X = _states(problem, [plan.actuator for plan in plans])
     if isinstance(X, Failure):
         return SearchResult(_METHOD, problem, plans, X)
