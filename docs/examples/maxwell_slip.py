@@ -7,7 +7,7 @@ from clutchid.model import OwnModel, OwnParameter, OwnState
 # of the variant (docs/equations.md): position, velocity, viscous friction, force of the end stops, opening of a valve
 y, v, D_v, f_s, y_vs = symbols("y v D_v f_s y_vs")
 # our own
-z_1, z_2, K_1, K_2, F_1, F_2, D_z, K_r, F_r, n_vs = symbols("z_1 z_2 K_1 K_2 F_1 F_2 D_z K_r F_r n_vs")
+z_1, z_2, K_1, K_2, F_1, F_2, D_z, K_r, F_r, k_vs = symbols("z_1 z_2 K_1 K_2 F_1 F_2 D_z K_r F_r k_vs")
 
 
 def slip_rate(z, K, F):
@@ -30,7 +30,7 @@ maxwell_slip = OwnModel(
         # no prior: what a spring does, a load does as well, so its values are those of its drawing
         "K_r": OwnParameter(4e3, "N/m", "stiffness of the return spring", range=(0, 1e5)),
         "F_r": OwnParameter(50, "N", "force of the return spring at y = 0", range=(0, 1e3)),
-        "n_vs": OwnParameter(1.2, "1", "exponent of the supply valve's opening", range=(0.5, 3), std=0.2),
+        "k_vs": OwnParameter(1.2, "1", "exponent of the supply valve's opening", range=(0.5, 3), std=0.2),
     },
     states={
         "z_1": OwnState("m", "deflection of element 1", scale=2e-4),
@@ -40,6 +40,6 @@ maxwell_slip = OwnModel(
     terms={
         "f_f": D_v * v + K_1 * z_1 + K_2 * z_2 + D_z * (rate_1 + rate_2),
         "f_s": f_s + F_r + K_r * y,  # the end stops as before, and the spring
-        "y_vs": Piecewise((y_vs**n_vs, y_vs > 0), (0, True)),
+        "y_vs": Piecewise((y_vs**k_vs, y_vs > 0), (0, True)),
     },
 )

@@ -134,7 +134,15 @@ class Parameters:
     m_vs: float = _row(0.5, "1", "subsonic index of the supply valve", 0, 3, above=True, source=_BALANCE)
     b_ve: float = _row(0.3, "1", "critical pressure ratio of the exhaust valve", 0, 0.9, source=_BALANCE)
     m_ve: float = _row(0.5, "1", "subsonic index of the exhaust valve", 0, 3, above=True, source=_BALANCE)
-    gamma: float = _row(1.4, "1", "ratio of specific heats of air", 1, 2, above=True, source=_BALANCE)
+    gamma: float = _row(
+        1.4,
+        "1",
+        "ratio of specific heats of air; in a calibration an apparent polytropic exponent",
+        1,
+        2,
+        above=True,
+        source=_BALANCE,
+    )
     T_w: float = _magnitude(293.0, "K", "temperature of the chamber walls", 50, 1000, source=_BALANCE)
     h_A: float = _magnitude(
         50.0, "W/(m²·K)", "heat transfer to the wall of chamber A at 1 bar", 0, 1e5, source=_BALANCE
@@ -169,12 +177,8 @@ class Parameters:
     a_0ve: float = _row(
         0.0, "1", "exhaust valve: relative opening of its full pulses at R_0ve", 0, 0.9, source=_BALANCE
     )
-    n_vs: float = _row(
-        1.0, "1", "supply valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE
-    )
-    n_ve: float = _row(
-        1.0, "1", "exhaust valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE
-    )
+    n_vs: float = _row(1.0, "1", "supply valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE)
+    n_ve: float = _row(1.0, "1", "exhaust valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE)
     tau_y: float = _row(0.0, "s", "lag of the recorded position", 0, 0.05, source=_SENSORS)
     tau_p: float = _row(0.0, "s", "lag of the recorded pressure", 0, 0.05, source=_SENSORS)
     e_y: float = _row(0.0, "m", "offset of the recorded position", -2e-3, 2e-3, source=_SENSORS)

@@ -7,6 +7,7 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.estimate.automatic import (
+    AVERAGED,
     BALANCE,
     CARRIER,
     DECAY,
@@ -30,8 +31,8 @@ from clutchid.uncertainty.coordinates import SHARES, WIDTHS
 FREED = {
     "isothermal": {*PAPER, *SHAPES},
     "isothermal-stribeck": {*PAPER, *SHAPES, *STRIBECK},
-    "energy-balance": {*PAPER, *BALANCE},
-    "energy-balance-stribeck": {*PAPER, *BALANCE, *STRIBECK},
+    "energy-balance": {*PAPER, *BALANCE, *AVERAGED},
+    "energy-balance-stribeck": {*PAPER, *BALANCE, *AVERAGED, *STRIBECK},
 }
 
 
@@ -66,7 +67,7 @@ def test_a_recording_that_starts_in_a_stroke_reads_the_ambient_pressure_off_its_
 
 
 def test_whatever_may_be_freed_has_a_spread():
-    assert {*PAPER, *SHAPES, *BALANCE, *STRIBECK, *CARRIER} <= {*SHARES, *WIDTHS}
+    assert {*PAPER, *SHAPES, *BALANCE, *STRIBECK, *CARRIER, *AVERAGED} <= {*SHARES, *WIDTHS}
 
 
 def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
@@ -98,6 +99,8 @@ def test_without_a_carrier_the_valves_are_averaged(drive_log, plant):
     begin, free, _ = automatic([drive_log], plant)
     assert begin.value("T_pwm") == 0.0
     assert not set(CARRIER) & set(free)
+    assert set(AVERAGED) <= set(free)
+    assert (begin.value("n_vs"), begin.value("n_ve")) == (1.0, 1.0)
 
 
 def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, recorded_by):
@@ -109,10 +112,11 @@ def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, rec
     assert (begin.value("s_vs"), begin.value("s_ve")) == (0.07, 0.07)
     assert (begin.value("a_0vs"), begin.value("a_0ve")) == (DECAY, DECAY)
     assert set(CARRIER) <= set(free)
+    assert not set(AVERAGED) & set(free), "an exponent bends the mean over a period only"
     # the paper's valves know no carrier, so nothing of it is freed
     isothermal, free, _ = automatic([log], replace(plant, model="isothermal"))
     assert isothermal.value("T_pwm") == 0.0
-    assert not set(CARRIER) & set(free)
+    assert not {*CARRIER, *AVERAGED} & set(free)
 
 
 def on_grid(log, shift):

@@ -22,6 +22,7 @@ from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.search_result import SearchResult
+from clutchid.estimate.shooting import fit as module
 from clutchid.estimate.shooting.fit import SHOOTING, shoot
 from clutchid.numerics.failure import Failure
 from clutchid.report.changes import change_sentences
@@ -65,7 +66,7 @@ def rms(load, true):
     return float(np.sqrt(np.mean(miss**2))) / true.force(y).max()
 
 
-def test_a_score_says_where_a_fit_with_the_number_free_ends(calibrated, worn_log):
+def test_a_score_says_where_a_fit_with_the_number_free_ends(calibrated, worn_log, monkeypatch):
     kept, actuator = calibrated.calibration, calibrated.actuator
     off = actuator.replace({"D_v": 0.92 * actuator.value("D_v")})
     shot = shoot([worn_log], off, FreeParameters(actuator.load.names, ("position",)), kept)
@@ -74,13 +75,15 @@ def test_a_score_says_where_a_fit_with_the_number_free_ends(calibrated, worn_log
     names = (*actuator.load.names, *(f"{name}@worn" for name in asked))
     shares = {name: 1.0 if name[1:3] == "_0" else off.value(name) for name in asked}
     priors = {f"{name}@worn": Prior(off.value(name), RANGES[name].far * shares[name]) for name in asked}
+    # the score counts every sample, so the fit that it foresees does
+    monkeypatch.setattr(module, "MEMORY", 0.0)
     free = shoot([worn_log], off, FreeParameters(names, ("position",), priors=priors), kept)
     found = np.log(free.problem.actuator_of(free.solution.x, "worn").value("D_v") / off.value("D_v"))
     assert said.names == tuple(f"{name}@worn" for name in NAMES)
     said = said.of([f"{name}@worn" for name in asked])
     deviation = np.sqrt(said.covariance[0, 0])
     assert abs(found) > 3.0 * deviation, "the step has to be seen"
-    assert said.shift[0] == pytest.approx(found, abs=0.5 * deviation)
+    assert said.shift[0] == pytest.approx(found, abs=0.25 * deviation)
 
 
 def test_a_calibration_keeps_the_score_of_its_own_recording(calibrated):

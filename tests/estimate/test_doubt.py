@@ -104,7 +104,8 @@ def test_a_load_read_with_slightly_thicker_grease_has_a_wider_band_that_holds_it
     told = fit_with_priors(SHOOTING, [log], calibrated.actuator, request)
     half = [np.mean(fit.load_curve.high - fit.load_curve.low) for fit in (honest, sure, told)]
     assert half[0] == pytest.approx(half[2], rel=1e-9), "as wide as where the calibration is unsure by what has moved"
-    assert half[0] > 1.5 * half[1]
+    # 4.2 % of the grease beside 2.2 % that the calibration leaves open, and what else makes the band
+    assert half[0] > 1.4 * half[1]
     curve = honest.load_curve
     at = (curve.position > 0.5e-3) & (curve.position < 20e-3)
     true = thick.load.force(curve.position)[at]

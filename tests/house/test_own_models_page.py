@@ -66,7 +66,7 @@ def test_the_calibration_of_the_page_finds_the_values_that_made_the_recording(fo
     model = own_model(folder[0] / "maxwell_slip.py", "maxwell_slip")
     content = read_parameters(folder[0] / "CAL.toml", model)
     std = content.fit["std"]
-    for name, value in {"F_1": 150, "F_2": 60, "n_vs": 1.5, "K_1": 8e5, "K_2": 2e5}.items():
+    for name, value in {"F_1": 150, "F_2": 60, "k_vs": 1.5, "K_1": 8e5, "K_2": 2e5}.items():
         # four standard errors: a fifth parameter outside would be one seed in three thousand
         assert content.actuator.value(name) == pytest.approx(value, abs=4 * std[name])
         assert std[name] < model.parameters[name].std

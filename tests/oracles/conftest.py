@@ -29,7 +29,7 @@ APPENDIX = {
 BEYOND = {
     "gamma": 1.4, "T_w": 293.0, "h_A": 50.0, "h_B": 50.0, "V_S": 10e-3, "tau_S": 0.6, "tau_G": 10.0, "R_S": 1.3,
     "v_S": 0.01, "c_F": 1.5e-4, "b_vs": 0.3, "m_vs": 0.5, "b_ve": 0.3, "m_ve": 0.5, "F_h": 25.0, "mu_h": 0.03,
-    "K_h": 5e5,
+    "K_h": 5e5, "n_vs": 1.0, "n_ve": 1.0,
 }  # fmt: skip
 
 
@@ -131,9 +131,10 @@ def rich_rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p
         """Eichelberg: the coefficient goes with the root of pressure and temperature; h holds at 1 bar and 20 degC."""
         return h * math.sqrt(p / 1e5) * math.sqrt(T / 293.15) * S * (q.T_w - T)
 
-    w_vs = q.rho_0 * q.C_vs * p_S * iso(p_A / p_S, q.b_vs, q.m_vs, q.r_lam) * opening(u[0], q.R_0vs, q.R_1vs)
+    w_vs = q.rho_0 * q.C_vs * p_S * iso(p_A / p_S, q.b_vs, q.m_vs, q.r_lam)
+    w_vs *= opening(u[0], q.R_0vs, q.R_1vs) ** q.n_vs
     w_ve = q.rho_0 * q.C_ve * p_A * iso(q.P_0 / p_A, q.b_ve, q.m_ve, q.r_lam) * math.sqrt(q.T_0 / T_A)
-    w_ve *= opening(u[1], q.R_0ve, q.R_1ve)
+    w_ve *= opening(u[1], q.R_0ve, q.R_1ve) ** q.n_ve
     w_in, w_out = g(q.P_0, p_B, q.T_0, q.C_r, q.B_in), g(p_B, q.P_0, T_B, q.C_r, q.B_out)
     # a cylinder of length V / A: its round wall and its two ends
     S_A, S_B = (2 * A + 2 * math.sqrt(math.pi * A) * V / A for A, V in ((q.A_A, V_A), (q.A_B, V_B)))

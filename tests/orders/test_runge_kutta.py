@@ -31,7 +31,8 @@ VARIANT = {
 START = (4e-3, 4.2e5)
 NAMES = ("theta_1", "theta_2", "theta_3", "A_A", "A_B", "V_0A", "V_0B", "P_0", "R", "M", "P_S", "D_v", "K_z", "D_zdot",
          "F_C", "R_0vs", "R_1vs", "B_vs", "C_vs", "B_0", "rho_0")  # fmt: skip
-BEYOND = ("gamma", "T_w", "h_A", "h_B", "V_S", "tau_S", "R_S", "v_S", "c_F", "b_vs", "m_vs", "F_h", "mu_h", "K_h")
+BEYOND = ("gamma", "T_w", "h_A", "h_B", "V_S", "tau_S", "R_S", "v_S", "c_F", "b_vs", "m_vs", "F_h", "mu_h", "K_h",
+          "n_vs")  # fmt: skip
 #: Of the energy balance valve and orifice have shapes of their own; chamber B is sealed.
 RICH = (*(name for name in NAMES if name not in ("B_vs", "B_0")), *BEYOND)
 CASES = [("isothermal", name) for name in NAMES] + [("energy-balance-stribeck", name) for name in RICH]

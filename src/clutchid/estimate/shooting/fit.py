@@ -24,8 +24,8 @@ from clutchid.smoother.settling import States
 from clutchid.smoother.trajectory import noise_scales
 from clutchid.uncertainty.calibration import Calibration
 
-#: Correlation time in s of the model error in position. A load from position alone was closer to the truth if ten
-#: samples at 1 kHz were weighted as one, see docs/derivations.md.
+#: Correlation time in s of what the model misses in a measurement, so that ten samples at 1 kHz are weighted as one.
+#: A load from position alone comes closer to the truth, and calibrations converge, see docs/derivations.md.
 MEMORY = 0.01
 
 #: Most restarts of a search that stalls.

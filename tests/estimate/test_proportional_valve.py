@@ -1,0 +1,52 @@
+"""A proportional valve whose port opens with a power of its stroke: a calibration finds the exponent."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.estimate.automatic import AVERAGED, BALANCE, PAPER, automatic
+from clutchid.estimate.calibrate import fit_with_priors
+from clutchid.estimate.request import FitRequest
+from clutchid.estimate.shooting.fit import SHOOTING
+
+EXPONENT = 1.3
+
+
+@pytest.fixture(scope="module")
+def proportional(plant):
+    return replace(plant, model="energy-balance").replace({"n_vs": EXPONENT, "n_ve": EXPONENT})
+
+
+@pytest.fixture(scope="module")
+def log(proportional, recorded_by):
+    return recorded_by(proportional)
+
+
+@pytest.fixture(scope="module")
+def found(proportional, log):
+    """A calibration that starts from lines, as without knowledge of the valves."""
+    start = proportional.replace({"n_vs": 1.0, "n_ve": 1.0})
+    return fit_with_priors(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
+
+
+def test_the_exponents_are_free_in_its_calibration(proportional, log):
+    _, free, _ = automatic([log], proportional)
+    assert {*PAPER, *BALANCE, *AVERAGED} == set(free) - set(proportional.load.names)
+
+
+def test_the_calibration_finds_the_exponents_and_the_supply_pressure(found, proportional):
+    assert found.status == "ok"
+    for name in ("n_vs", "n_ve", "gamma", "P_S"):
+        estimate = found.parameters[name]
+        assert abs(estimate.value - proportional.value(name)) < 3.0 * estimate.std, name
+    # a line is excluded by far: its prior allows a fifth
+    for name in ("n_vs", "n_ve"):
+        estimate = found.parameters[name]
+        assert (estimate.value - 1.0) / estimate.std > 5.0, name
+
+
+def test_the_calibration_finds_the_load(found, proportional):
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    true = proportional.load.force(y)
+    assert found.actuator.load.force(y) == pytest.approx(true, abs=0.005 * true.max())
