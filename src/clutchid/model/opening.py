@@ -255,7 +255,7 @@ def switched_opening(a: Expr, passed: Expr, d: Expr, n: Expr) -> Expr:
 
     A proportional valve at half its travel:
 
-    >>> f"{float(switched_opening(0.5, 0.0, 0.0, 1.3)):.2f}"
+    >>> f"{float(switched_opening(0.5, 0, sp.Integer(0), 1.3)):.2f}"
     '0.41'
     """
     averaged = sp.Piecewise((0, a <= 0), (1, a >= 1), (sp.Max(a, sp.Float(1e-9)) ** n, True))
