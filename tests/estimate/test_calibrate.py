@@ -11,9 +11,9 @@ from clutchid.estimate.request import FitRequest
 from clutchid.estimate.shooting import fit as module
 from clutchid.estimate.shooting.fit import SHOOTING
 from clutchid.numerics.failure import Failure
-from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.change_prior import changeable
+from clutchid.uncertainty.consider import drift
 from clutchid.uncertainty.coordinates import Prior
-from clutchid.uncertainty.drift import drift
 
 BOTH = ("position", "pressure_a")
 
@@ -67,31 +67,15 @@ def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log)
     assert second == pytest.approx(first, abs=0.005 * first.max())
 
 
-def test_the_bias_is_what_position_alone_misses_on_the_calibration_recording(calibrated, drive_log):
-    bias = np.array(calibrated.calibration.bias)
-    blind = replace(calibrated.calibration, bias=())
-    request = FitRequest(("position",), ("load",), calibration=blind)
-    again = fit_with_priors(SHOOTING, [drive_log.without("pressure_a")], calibrated.actuator, request)
-    missed = np.asarray(again.actuator.load.theta) - np.asarray(calibrated.actuator.load.theta)
-    assert bias == pytest.approx(missed, abs=1e-6 * np.abs(calibrated.actuator.load.theta).max())
-    corrected = fit_with_priors(
-        SHOOTING,
-        [drive_log.without("pressure_a")],
-        calibrated.actuator,
-        replace(request, calibration=calibrated.calibration),
-    )
-    assert corrected.actuator.load.theta == pytest.approx(calibrated.actuator.load.theta, abs=0.01)
-
-
 def test_a_worn_load_is_read_from_position_alone(adapted, worn):
     y = np.linspace(0.5e-3, 20e-3, 40)
     true = worn.load.force(y)
     miss = adapted.actuator.load.force(y) - true
     assert np.sqrt(np.mean(miss**2)) < 0.008 * true.max(), "the load was 8 % off"
     assert adapted.errors.pressure_a_rms is None
-    assert set(adapted.parameters) == {*worn.load.names, "F_C@worn", "V_0A@worn", "y_max@worn"}, (
-        "seals and rest wear too"
-    )
+    changing = {f"{name}@worn" for name in changeable(adapted.actuator)}
+    assert set(adapted.parameters) == {*worn.load.names, "y_max@worn", *changing}
+    assert {"F_C@worn", "V_0A@worn"} <= changing, "seals and rest wear too"
 
 
 def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated, worn_log):
@@ -168,14 +152,3 @@ def test_a_start_that_cannot_be_simulated_is_a_result_that_says_so(plant, short,
     result = fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ("load",)))
     assert result.status == "failed"
     assert result.message == "the start values cannot be simulated. v is not finite at 0.2 s."
-
-
-def test_a_fit_without_its_calibration_says_less_than_one_with_it(calibrated, adapted, worn_log):
-    certain = Calibration((), np.zeros((0, 0)), calibrated.calibration.bias)
-    request = FitRequest(("position",), ("load",), calibration=certain)
-    sure = fit_with_priors(SHOOTING, [worn_log], calibrated.actuator, request)
-    reached = slice(4, 80)
-    assert np.all(
-        (adapted.load_curve.high - adapted.load_curve.low)[reached]
-        > (sure.load_curve.high - sure.load_curve.low)[reached]
-    )

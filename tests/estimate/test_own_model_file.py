@@ -10,8 +10,8 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.estimate.request import FitRequest
 from clutchid.model import Actuator, OwnModel, OwnParameter
+from clutchid.uncertainty.consider import drift
 from clutchid.uncertainty.coordinates import coordinates
-from clutchid.uncertainty.drift import drift
 
 y, f_s, c_r, F_r = symbols("y f_s c_r F_r")
 PARAMETERS = {

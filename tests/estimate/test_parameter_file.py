@@ -3,34 +3,20 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import replace
-from hashlib import sha256
 
 import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.calibration_section import calibration_section
 from clutchid.estimate.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
-from clutchid.uncertainty.calibration import Calibration, Origin
 
 #: A load on two knots, and the four weights that it needs.
 SPLINE = "[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.02]\n"
 WEIGHTS = "[parameters]\ntheta_1 = 1.0\ntheta_2 = 2.0\ntheta_3 = 3.0\ntheta_4 = 4.0\n"
-
-#: A calibration of one parameter and of the load, and its section in a file.
-KEPT = Calibration(
-    ("C_vs",),
-    np.array([[1e-20]]),
-    (1.0, 2.0, 3.0),
-    theta=(9e5, -3e4, 6e4),
-    theta_covariance=np.diag([1e8, 1e6, np.inf]),
-)
-SECTION = "[fit.calibration]\nnames = ['C_vs']\ncovariance = [[1e-20]]\nbias = []\n"
 
 STARTS = {"worn 1": ((0.0, 109500.0), (0.004, 2.5e5))}
 
@@ -172,87 +158,3 @@ def test_starts_belong_to_one_file_and_not_to_its_name():
     assert content.starts_for(log("worn 2", sha256="abc")) is None
     for about in ({}, {"data": 5}, {"data": {"worn 1": 5}}, {"data": {"worn 1": "unknown"}}):
         assert ParameterFile(Actuator(), STARTS, about).starts_for(log("worn 1", sha256="abc")) is None
-
-
-def calibration_of(path, kept, baseline=None, **about):
-    """What is read of a calibration that was written to a file."""
-    write_parameters(ParameterFile(Actuator(), {}, {"calibration": calibration_section(kept, baseline), **about}), path)
-    return read_parameters(path).calibration
-
-
-def test_a_calibration_is_read_with_its_load_and_its_file(tmp_path):
-    path = tmp_path / "CAL.toml"
-    found = calibration_of(path, KEPT, created="2026-11-22T10:00:00+00:00", trust="good", method="prediction-error")
-    assert (found.names, found.bias, found.theta, found.method) == (
-        KEPT.names,
-        KEPT.bias,
-        KEPT.theta,
-        "prediction-error",
-    )
-    np.testing.assert_array_equal(found.covariance, KEPT.covariance)
-    np.testing.assert_array_equal(found.theta_covariance, KEPT.theta_covariance)
-    assert found.converged
-    digest = sha256(path.read_bytes()).hexdigest()
-    assert found.origin == Origin("CAL.toml", "2026-11-22T10:00:00+00:00", digest, "good")
-
-
-def test_a_search_that_had_not_converged_stays_so_in_the_file(tmp_path):
-    assert not calibration_of(tmp_path / "CAL.toml", replace(KEPT, converged=False)).converged
-
-
-def test_a_reading_keeps_the_file_of_its_calibration_and_not_its_own(tmp_path):
-    calibrated = calibration_of(tmp_path / "CAL.toml", KEPT, trust="good")
-    read = calibration_of(tmp_path / "worn.toml", calibrated, calibrated, trust="none")
-    assert read.origin == calibrated.origin
-    assert read.theta == KEPT.theta
-
-
-def test_a_reading_from_a_calibration_in_memory_is_not_its_file(tmp_path):
-    read = calibration_of(tmp_path / "worn.toml", KEPT, KEPT, trust="none", created="2026-11-22")
-    assert read.origin == Origin()
-    # a calibration that started from another one is in its own file
-    again = calibration_of(tmp_path / "CAL.toml", KEPT, replace(KEPT), trust="good")
-    assert (again.origin.name, again.origin.trust) == ("CAL.toml", "good")
-
-
-def test_a_calibration_of_an_older_file_has_no_load_and_had_converged(tmp_path):
-    path = tmp_path / "old.toml"
-    path.write_text(SECTION)
-    found = read_parameters(path).calibration
-    assert found.theta == ()
-    assert found.theta_covariance.shape == (0, 0)
-    assert found.converged
-    assert (found.origin.name, found.origin.created, found.origin.trust) == ("old.toml", "", "")
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("theta = [1.0, 2.0]\ntheta_covariance = [[1.0, 0.0], [0.0, 1.0]]", ["theta: 2 numbers for 3 load weights"]),
-        ("theta = [1.0, 2.0, 3.0]", ["theta: finite load weights", "square theta_covariance"]),
-        ("theta_covariance = [[1.0]]", ["square theta_covariance"]),
-        ("theta = [1.0, 2.0, 3.0]\ntheta_covariance = [[1.0, 0.0], [0.0, 1.0]]", ["square theta_covariance"]),
-        (f"theta = [1.0, nan, 3.0]\ntheta_covariance = {np.eye(3).tolist()}", ["finite load weights"]),
-        (f"theta = [1.0, 'x', 3.0]\ntheta_covariance = {np.eye(3).tolist()}", ["finite load weights"]),
-        (f"theta = [1{400 * '0'}, 2, 3]\ntheta_covariance = {np.eye(3).tolist()}", ["finite load weights"]),
-        ("theta = 5", ["finite load weights"]),
-    ],
-)
-def test_a_load_of_a_calibration_that_is_wrong_is_one_sentence(text, words, tmp_path):
-    path = tmp_path / "CAL.toml"
-    path.write_text(f"{SECTION}{text}\n")
-    with pytest.raises(ParameterError) as caught:
-        read_parameters(path).calibration  # noqa: B018, read on use
-    message = str(caught.value)
-    assert message.startswith("CAL.toml: [fit.calibration]")
-    assert len(message.splitlines()) == 1
-    for word in words:
-        assert word in message
-
-
-def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
-    path = tmp_path / "CAL.toml"
-    about, origin = "[fit]\ntrust = 5\ncreated = 2026-11-22\n", "[fit.calibration.origin]\nname = 7\ntrust = 'good'\n"
-    path.write_text(about + SECTION + origin)
-    origin = read_parameters(path).calibration.origin
-    assert (origin.name, origin.created, origin.trust) == ("CAL.toml", "", "good")

@@ -4,8 +4,8 @@ import importlib.util
 import re
 from pathlib import Path
 
-from clutchid.estimate.change import CHANGES, SUPPLY
 from clutchid.states import STATES
+from clutchid.uncertainty.change_prior import DRIFT, GROUPS
 from clutchid.uncertainty.coordinates import SHARES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -61,14 +61,16 @@ def test_the_page_of_derivations_has_the_changes_that_the_code_looks_for():
     text = (ROOT / "docs" / "derivations.md").read_text(encoding="utf-8")
 
     def shown(name, std):
-        return f"{100 * std:g} %" if name in SHARES else f"{std:g}"
+        return f"{100 * std:.4g} %" if name in SHARES else f"{std:g}"
 
-    rows = [
-        f"| {group} | `{name}` | {shown(name, near.far)} | {shown(name, near.same)} |"
-        for group, parameters in {**CHANGES, **SUPPLY}.items()
-        for name, near in parameters.items()
+    directions = [
+        f"| {group} | " + ", ".join(f"`{name}` {shown(name, std)}" for name, std in direction.items()) + " |"
+        for group, each in GROUPS.items()
+        for direction in each
     ]
-    assert [row for row in rows if row not in text] == []
+    drifts = [rf"\|.*`{name}`.* \| {re.escape(shown(name, std))} \|" for name, std in DRIFT.items()]
+    assert [row for row in directions if row not in text] == []
+    assert [row for row in drifts if not re.search(row, text)] == []
 
 
 def test_the_command_that_ci_runs_is_in_the_readme():

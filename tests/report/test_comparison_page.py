@@ -75,16 +75,16 @@ def test_a_recording_that_stays_below_5_mm_is_shown_up_to_there(fitted):
 
 
 def test_the_recordings_one_by_one_have_a_row_each(fitted):
-    change = Change("a", "C_vs", 1.0, 2.0, 0.1, "1", None, "flow of the valves", fitted=True)
+    change = Change("a", "C_vs", 1.0, 2.0, 0.1, "1", 0.9, "valves")
     same = with_baseline(fitted, share=1.0)
     single = {"a": replace(with_baseline(fitted), changes=(change, change)), "b": same, "unread": fitted}
     table = readings_table(single)
     assert table.column("recording") == ("a", "b")
     assert table.column("trust") == ("good", "good")
-    assert table.column("others") == ("flow of the valves", "none found")
+    assert table.column("others") == ("valves", "none found")
     assert table.column("share_6") == pytest.approx((0.25, 0.0))
     assert table.column("change_6")[1] == pytest.approx(0.0, abs=1e-6)
-    assert ">flow of the valves<" in html_of(single["a"], single)
+    assert ">valves<" in html_of(single["a"], single)
 
 
 @pytest.mark.parametrize("end", [np.inf, np.nan])
@@ -120,7 +120,7 @@ def test_without_a_calibration_the_paper_is_assumed_and_said_to_be(fitted):
 
 
 def test_foreign_names_do_nothing_on_the_page(fitted, loads_nothing):
-    change = Change(HOSTILE, "C_vs", 1.0, 2.0, 0.1, HOSTILE, None, HOSTILE, fitted=True)
+    change = Change(HOSTILE, "C_vs", 1.0, 2.0, 0.1, HOSTILE, 0.9, HOSTILE)
     known = replace(with_baseline(fitted, origin=Origin(*[HOSTILE] * 4), converged=False), changes=(change,))
     html = render(page_of(known, "clutchid fit", {HOSTILE: known}))
     assert "<script" not in html

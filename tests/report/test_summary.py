@@ -13,7 +13,7 @@ from clutchid.report.summary import LARGEST_HALF, baseline_name, other_warnings,
 from clutchid.uncertainty.calibration import Origin
 from fixtures.baselines import ORIGIN, calibration_like, with_baseline
 
-VALVES = "flow of the valves"
+VALVES = "valves"
 
 
 def rows_of(fit, label, **options):
@@ -37,8 +37,8 @@ def reaching(fit, share):
     return replace(fit, recordings={name: replace(one, measured=low)})
 
 
-def change(name="C_vs", group=VALVES, fitted=True, recording="first", distance=None):
-    return Change(recording, name, 1.9e-8, 2.1e-8, 1e-10, "m³/(Pa·s)", None, group, fitted, distance)
+def change(name="C_vs", group=VALVES, probability=0.9, recording="first"):
+    return Change(recording, name, 1.9e-8, 2.1e-8, 1e-10, "m³/(Pa·s)", probability, group)
 
 
 def test_the_rows_are_trust_load_what_is_assumed_and_errors(fitted):
@@ -93,14 +93,16 @@ def test_what_changed_since_the_calibration_is_its_load_shift_and_other_changes(
     assert since.startswith("CAL.toml (2026-11-22, trust good): half-load position +0.00 mm")
     assert since.endswith("no other change found")
     (since,) = rows_of(replace(known, changes=(change(), change("C_ve"))), "since")
-    assert f"{VALVES} changed in first (C_vs 1.9e-08 -> 2.1e-08 m³/(Pa·s), C_ve" in since
+    assert f"{VALVES} changed in first (90 %: C_vs 1.9e-08 -> 2.1e-08 m³/(Pa·s), C_ve" in since
     assert "no other" not in since
 
 
-def test_a_suspected_change_may_have_happened_and_many_are_only_named(fitted):
-    groups = [change(group=group, fitted=False, distance=3.0) for group in ("air", "friction", "valves")]
+def test_an_improbable_change_may_have_happened_and_many_are_only_named(fitted):
+    probable = {"air": 0.49, "friction": 0.06, "valves": 0.995}
+    groups = [change(group=group, probability=probability) for group, probability in probable.items()]
     (since,) = rows_of(replace(with_baseline(fitted), changes=tuple(groups)), "since")
-    assert "air may have changed in first; friction may have changed in first; valves may" in since
+    assert "air may have changed in first (49 %); friction may have changed in first (6 %); valves changed" in since
+    assert since.endswith("valves changed in first (over 99 %)")
     assert "->" not in since
 
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimate.automatic import automatic
-from clutchid.estimate.change import fitted_changes, mean_score, with_changes
 from clutchid.estimate.changes import Change
-from clutchid.estimate.doubt import doubted
 from clutchid.estimate.free import FreeParameters, SearchStart, bounds_of, free_names
+from clutchid.estimate.hypotheses import explained
+from clutchid.estimate.mixture import changes, mixture
 from clutchid.estimate.outcome import failed_fit
+from clutchid.estimate.position_only import position_only_errors
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_result import SearchMethod, SearchResult, SolutionT
@@ -24,9 +25,9 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
-from clutchid.uncertainty.calibration import Calibration, Score
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.consider import calibrated_deviation
 from clutchid.uncertainty.coordinates import Prior
-from clutchid.uncertainty.drift import calibrated_deviation
 
 
 def fit_with_priors(
@@ -51,10 +52,8 @@ def fit_with_priors(
     request = replace(request, profile=actuator.expanded(request.profile))
     check_size(logs, free)
     _check_profiled(request, free)
-    search_result, extended, present_score = _searched(method, logs, actuator, free, request.calibration, progress)
-    released = extended.names[len(free.names) :]
-    known, suspected = _inflated(request.calibration, present_score, logs, actuator, search_result, extended, released)
-    result = method.result(search_result, known)
+    search_result, found = _searched(method, logs, actuator, free, request.calibration, progress)
+    result = method.result(search_result, request.calibration)
     if isinstance(result, Failure):
         bounds = {c.name: (c.low, c.high) for c in search_result.problem.coordinates}
         return failed_fit(
@@ -65,14 +64,15 @@ def fit_with_priors(
         baseline=request.calibration,
         search=result.search and replace(result.search, free=free.names),
         recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
-        changes=(*fitted_changes(released, actuator, result), *suspected),
+        changes=found,
     )
     if method.check and request.checks:
-        result = method.check(result, search_result, known, request.profile, request.bootstrap)
+        result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
         return replace(result, calibration=request.calibration)
     kept = calibration_of(result, actuator)
-    return replace(result, calibration=with_position_bias(method, logs, result.actuator, kept, progress))
+    errors = position_only_errors(method, logs, result.actuator, kept, progress)
+    return replace(result, calibration=replace(kept, position_only=errors))
 
 
 def _searched(
@@ -82,42 +82,21 @@ def _searched(
     free: FreeParameters,
     calibration: Calibration | None,
     progress: Progress | None,
-) -> tuple[SearchResult[SolutionT], FreeParameters, Score | None]:
-    """Search, repeated with changed parameters free for a load from position alone; its free parameters and score."""
-    search_result = method.search(logs, actuator, free, calibration, progress)
-    if not (method.score and calibration and calibration.score and free.reads_load(actuator)):
-        return search_result, free, None
-    present_score = method.score(search_result)
-    for _ in logs:
-        extended = (
-            free
-            if isinstance(present_score, Failure)
-            else with_changes(free, present_score, calibration.score, actuator)
-        )
-        if extended is free:
-            break
-        repeated = method.search(logs, actuator, extended, calibration, progress)
-        if isinstance(repeated.solution, Failure):
-            break
-        search_result, free, present_score = repeated, extended, method.score(repeated)
-    return search_result, free, None if isinstance(present_score, Failure) else present_score
-
-
-def _inflated(
-    calibration: Calibration | None,
-    present_score: Score | None,
-    logs: Sequence[Log],
-    actuator: Actuator,
-    search_result: SearchResult[SolutionT],
-    free: FreeParameters,
-    released: Sequence[str],
-) -> tuple[Calibration | None, tuple[Change, ...]]:
-    """The calibration with its covariance inflated for suspected changes, and these changes."""
-    if not (calibration and present_score):
-        return calibration, ()
-    free_in = {log.name: free.free_in(log.name) for log in logs}
-    slow = any(len(plan.log) > len(log) for plan, log in zip(search_result.plans, logs, strict=True))
-    return doubted(calibration, present_score, free_in, {base_of(name) for name in released}, actuator, slow)
+) -> tuple[SearchResult[SolutionT], tuple[Change, ...]]:
+    """Search; for a load from position alone over all hypotheses about changes, and the changes."""
+    found = method.search(logs, actuator, free, calibration, progress)
+    if method.hypotheses is None or calibration is None or not found.problem.changing:
+        return found, ()
+    if isinstance(found.solution, Failure):
+        return found, ()
+    known = explained(found, method.hypotheses, calibration)
+    all_together = mixture(known, calibration)
+    best = known[max(all_together.probability, key=all_together.probability.__getitem__)]
+    settled = method.hypotheses.settle(best.result.problem, best.solution, all_together.x)
+    if isinstance(settled, Failure):
+        return found, ()
+    result = replace(best.result, solution=settled, covariance=all_together.covariance)
+    return result, changes(result.problem, all_together)
 
 
 def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest) -> tuple[Actuator, FreeParameters]:
@@ -227,36 +206,3 @@ def continued(request: FitRequest, earlier: Continuation, free: FreeParameters) 
         request = replace(request, calibration=None)
     start = SearchStart(earlier.values, earlier.scales)
     return request, replace(free, priors={**earlier.state.priors, **request.priors}, start=start)
-
-
-def with_position_bias(
-    method: SearchMethod[SolutionT],
-    logs: Sequence[Log],
-    actuator: Actuator,
-    kept: Calibration,
-    progress: Progress | None = None,
-) -> Calibration:
-    """`kept` with the bias and the score of a fit to position alone, as means over the calibration recordings.
-
-    A recording whose search fails is left out.
-
-    Raises
-    ------
-    DataError, ParameterError
-        As `clutchid.fit`.
-    """
-    theta = np.asarray(actuator.load.theta)
-    free = FreeParameters(actuator.load.names, ("position",))
-    missed, scores = [], []
-    for log in logs:
-        search_result = method.search([log.without("pressure_a")], actuator, free, kept, progress)
-        if isinstance(search_result.solution, Failure):
-            continue
-        missed.append(
-            np.asarray(search_result.problem.actuator_of(search_result.solution.x, log.name).load.theta) - theta
-        )
-        scored = method.score(search_result) if method.score else None
-        if isinstance(scored, Score):
-            scores.append(scored)
-    bias = tuple(np.mean(missed, axis=0).tolist()) if missed else (0.0,) * theta.size
-    return replace(kept, bias=bias, score=mean_score(scores) if scores else None)

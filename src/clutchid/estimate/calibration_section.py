@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.uncertainty.calibration import Calibration, Origin, Score
+from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 
 
 def calibration_section(kept: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
@@ -20,7 +20,6 @@ def calibration_section(kept: Calibration, baseline: Calibration | None = None) 
     section: dict[str, Any] = {
         "names": list(kept.names),
         "covariance": kept.covariance.tolist(),
-        "bias": list(kept.bias),
         "converged": kept.converged,
     }
     if kept.theta:
@@ -28,19 +27,16 @@ def calibration_section(kept: Calibration, baseline: Calibration | None = None) 
     origin = Origin() if kept.origin is None and kept is baseline else kept.origin
     if origin is not None:
         section["origin"] = origin._asdict()
-    if kept.score is not None:
-        section["score"] = {
-            "names": list(kept.score.names),
-            "shift": kept.score.shift.tolist(),
-            "covariance": kept.score.covariance.tolist(),
-        }
+    if kept.position_only is not None:
+        section["position_only"] = _errors_section(kept.position_only)
     return section
 
 
-def calibration_in(section: Any, weights: int, method: str, file: Origin) -> Calibration:
-    """The calibration in a `file` by `method`, for a load with `weights` weights.
+def calibration_in(section: Any, load_names: Sequence[str], method: str, file: Origin) -> Calibration:
+    """The calibration in a `file` by `method`, for a load with the weights `load_names`.
 
-    Earlier versions have no score, no load, and say neither how the search ended nor where the calibration is from.
+    Earlier versions have only the mean error of the load from position alone, no load, and say neither how the search
+    ended nor where the calibration is from.
 
     Raises
     ------
@@ -49,19 +45,18 @@ def calibration_in(section: Any, weights: int, method: str, file: Origin) -> Cal
     """
     try:
         names, covariance = _numbers(section)
-        bias = tuple(map(float, section["bias"]))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ParameterError(
-            "[fit.calibration]: names, a square covariance and bias are needed; save the calibration again."
+            "[fit.calibration]: names and a square covariance are needed; save the calibration again."
         ) from error
     theta, spread = _load(section)
-    for name, numbers in (("bias", bias), ("theta", theta)):
-        if len(numbers) not in (0, weights):
-            raise ParameterError(f"[fit.calibration] {name}: {len(numbers)} numbers for {weights} load weights.")
-    score = _score(section["score"]) if "score" in section else None
+    weights = len(load_names)
+    if len(theta) not in (0, weights):
+        raise ParameterError(f"[fit.calibration] theta: {len(theta)} numbers for {weights} load weights.")
+    errors = _errors(section["position_only"]) if "position_only" in section else _older(section, load_names)
     converged = section.get("converged", True) is not False
     origin = file._replace(**text_entries(section.get("origin"), Origin._fields))
-    return Calibration(names, covariance, bias, None, method, score, theta, spread, converged=converged, origin=origin)
+    return Calibration(names, covariance, None, method, errors, theta, spread, converged=converged, origin=origin)
 
 
 def text_entries(section: Any, known: Iterable[str]) -> dict[str, str]:
@@ -86,15 +81,49 @@ def _load(section: Any) -> tuple[tuple[float, ...], FloatArray]:
     return theta, covariance
 
 
-def _score(section: Any) -> Score:
+def _errors_section(errors: PositionOnlyErrors) -> dict[str, Any]:
+    return {
+        "hypotheses": [list(groups) for groups in errors.hypotheses],
+        "names": list(errors.names),
+        "shifts": errors.shifts.tolist(),
+        "log_evidence": errors.log_evidence.tolist(),
+        "dispersion": errors.dispersion,
+    }
+
+
+def _errors(section: Any) -> PositionOnlyErrors:
     try:
-        names, covariance = _numbers(section)
-        return Score(names, np.array(section["shift"], dtype=np.float64).reshape(len(names)), covariance)
-    except (KeyError, TypeError, ValueError) as error:
+        hypotheses = tuple(tuple(map(str, groups)) for groups in section["hypotheses"])
+        names = tuple(map(str, section["names"]))
+        shifts = np.array(section["shifts"], dtype=np.float64).reshape(len(hypotheses), len(names))
+        evidence = np.array(section["log_evidence"], dtype=np.float64).reshape(len(hypotheses))
+        dispersion = float(section["dispersion"])
+        known = bool(np.isfinite(shifts).all() and np.isfinite(evidence).all() and 0.0 < dispersion < np.inf)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        known = False
+    if not known or len({*names}) < len(names) or len({*hypotheses}) < len(hypotheses) or hypotheses[:1] != ((),):
         raise ParameterError(
-            "[fit.calibration.score]: names, a shift for each and their square covariance are needed; save the "
-            "calibration again."
-        ) from error
+            "[fit.calibration.position_only]: hypotheses (the first empty), names, finite shifts of each name and "
+            "log_evidence of each hypothesis, and a dispersion above 0 are needed; save the calibration again."
+        )
+    return PositionOnlyErrors(hypotheses, names, shifts, evidence, dispersion)
+
+
+def _older(section: Any, load_names: Sequence[str]) -> PositionOnlyErrors | None:
+    """Errors in a file of an earlier version, which has only the mean error of the load without a change."""
+    bias = section.get("bias", [])
+    if bias == []:
+        return None
+    try:
+        shifts = np.array(bias, dtype=np.float64).reshape(1, len(load_names))
+        known = bool(np.isfinite(shifts).all())
+    except (TypeError, ValueError, OverflowError):
+        known = False
+    if not known:
+        raise ParameterError(
+            f"[fit.calibration] bias: {len(load_names)} finite numbers are needed, one for each load weight."
+        )
+    return PositionOnlyErrors(((),), tuple(load_names), shifts, np.zeros(1))
 
 
 def _numbers(section: Any) -> tuple[tuple[str, ...], FloatArray]:

@@ -14,15 +14,11 @@ class Change:
     recording, name
         Stem of the recording, and the parameter.
     before, after, std : unit
-        Calibrated value, present value, and the standard deviation of the latter.
+        Calibrated value, estimate of the present one, and its standard deviation.
     probability : 1
-        Of a change; None if the method gives none.
+        That its group has changed.
     group : str
-        Parameters that change together, for example "flow of the valves".
-    fitted : bool
-        Whether it was fitted with the load; otherwise it was fixed, and the intervals are wider because of it.
-    distance : 1
-        Of its group from an unchanged actuator in standard deviations; None if it was fitted.
+        Parameters that change together, see `clutchid.uncertainty.change_prior`.
     """
 
     recording: str
@@ -31,7 +27,5 @@ class Change:
     after: float
     std: float
     unit: str
-    probability: float | None
+    probability: float
     group: str
-    fitted: bool
-    distance: float | None = None

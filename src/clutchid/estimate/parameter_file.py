@@ -67,7 +67,7 @@ class ParameterFile:
         entry = self.fit.get("calibration")
         if entry is None:
             return None
-        weights, method = len(self.actuator.load.theta), str(self.fit.get("method", "shooting"))
+        weights, method = self.actuator.load.names, str(self.fit.get("method", "shooting"))
         try:
             return calibration_in(entry, weights, method, self.origin)
         except ParameterError as error:

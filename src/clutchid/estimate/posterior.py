@@ -15,8 +15,8 @@ from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.consider import DEVIATION_FACTOR
 from clutchid.uncertainty.coordinates import Prior
-from clutchid.uncertainty.drift import deviation_factor
 from clutchid.uncertainty.identifiability import listed
 
 #: A parameter is not identifiable if its standard deviation exceeds this fraction of that of its prior.
@@ -33,7 +33,9 @@ def posterior(
     """The `Fit` at `solution`, with the covariance `matrix` of its x, shape (k, k)."""
     problem, x = search_result.problem, solution.x
     theta = problem.actuator.load.theta
-    bias = np.array(calibration.bias) if calibration and calibration.bias else np.zeros(len(theta))
+    bias = np.zeros(len(theta))
+    if calibration and calibration.position_only and search_result.covariance is None:
+        bias = calibration.position_only.shift((), problem.actuator.load.names)
     fitted = corrected(problem.actuator_of(x, problem.stems[0]), bias)
     converged = solution.status == "converged"
     not_converged = [] if converged else [f"the search {ended(solution.status, solution.evaluations)}."]
@@ -46,7 +48,7 @@ def posterior(
         actuator=fitted,
         parameters=_estimates(problem, x, matrix, fitted),
         covariance=covariance,
-        load_curve=load_curve(fitted, bases, covariance, QUANTILE, deviation_factor(problem.noise) * bias),
+        load_curve=load_curve(fitted, bases, covariance, QUANTILE, DEVIATION_FACTOR * bias),
         recordings={one.recording.measured.name: one.recording for one in compared},
         errors=errors_over(one.shown for one in compared),
         scales=dict(problem.noise.measured),
@@ -99,13 +101,13 @@ def search_state(search_result: SearchResult[SolutionT], solution: SolutionT) ->
 
 def _identifiable(problem: FitProblem, matrix: FloatArray) -> tuple[str, ...]:
     """Free parameters that the data determine, and those whose prior dominates, as sentences."""
-    weights = problem.actuator.load.names
+    known = {*problem.actuator.load.names, *problem.changing}
     from_prior = [
         c.name
         for i, c in enumerate(problem.coordinates)
-        if c.base not in weights and np.sqrt(matrix[i, i]) > PRIOR_DOMINATES * deviation_factor(problem.noise)
+        if not known & {c.base, c.name} and np.sqrt(matrix[i, i]) > PRIOR_DOMINATES
     ]
-    determined = [c.name for c in problem.coordinates if c.base not in weights and c.name not in from_prior]
+    determined = [c.name for c in problem.coordinates if not known & {c.base, c.name} and c.name not in from_prior]
     notes = []
     if determined:
         notes.append(f"determined by the data: {listed(determined)}.")

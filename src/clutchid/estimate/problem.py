@@ -16,16 +16,12 @@ from clutchid.preparation.pulses import FindPhase, find_phase
 from clutchid.simulation.plan import Plan
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.change_prior import Hypothesis, change_covariance, change_priors
 from clutchid.uncertainty.coordinates import Prior, coordinates, far_stop
-from clutchid.uncertainty.drift import calibrated_deviation
 from clutchid.uncertainty.noise import Noise
 
 #: Prior standard deviation of the curvature of a load in N/m²: the load of a 5 kN clutch bends over 4 mm.
 CURVATURE = 3e8
-
-#: Parameters that wear together with the clutch: friction of the seals, and dead volume at the engaged rest, which
-#: shifts.
-WEARING = ("F_C", "V_0A")
 
 
 def fit_problem(
@@ -38,7 +34,7 @@ def fit_problem(
     """The problem of a fit, and the plans of its recordings; `find` is that of `prepare`.
 
     Besides `free`, the phase of the carrier is free in each recording where it is unknown; for a load from position
-    alone so are the parameters that wear.
+    alone so is what changes between recordings, with the prior that nothing has changed.
 
     Raises
     ------
@@ -47,7 +43,8 @@ def fit_problem(
     """
     plans = tuple(prepare(log, actuator, free.measure, find) for log in logs)
     first = plans[0].actuator
-    added = {**_phases(free, logs, plans), **_wearing(free, logs, actuator, calibration)}
+    changing = _changing(free, logs, actuator, calibration)
+    added = {**_phases(free, logs, plans), **_stops(free, logs, actuator, calibration), **changing}
     priors = {**added, **free.priors}
     problem = FitProblem(
         actuator=first,
@@ -58,8 +55,23 @@ def fit_problem(
         noise=_noise(first, free),
         curvature=CURVATURE,
         reference=_reference(actuator, free) if calibration else (0.0,) * len(actuator.load.theta),
+        changing=tuple(changing),
     )
-    return problem, plans
+    return with_hypothesis(problem, ()), plans
+
+
+def with_hypothesis(problem: FitProblem, hypothesis: Hypothesis) -> FitProblem:
+    """`problem` with the prior of a hypothesis about what has changed since the calibration in every recording."""
+    if not problem.changing:
+        return problem
+    root = np.eye(len(problem.coordinates))
+    for stem in problem.stems:
+        at = [i for i, c in enumerate(problem.coordinates) if c.stem == stem and c.name in problem.changing]
+        own = [problem.coordinates[i] for i in at]
+        sizes = np.array([c.slope(0.0) for c in own])
+        covariance = change_covariance(problem.actuator, [c.base for c in own], hypothesis)
+        root[np.ix_(at, at)] = np.linalg.inv(np.linalg.cholesky(covariance / np.outer(sizes, sizes)))
+    return replace(problem, prior_root=root)
 
 
 def start_point(problem: FitProblem, free: FreeParameters) -> FloatArray:
@@ -97,18 +109,21 @@ def _phases(free: FreeParameters, logs: Sequence[Log], plans: Sequence[Plan]) ->
     }
 
 
-def _wearing(
+def _stops(
     free: FreeParameters, logs: Sequence[Log], actuator: Actuator, calibration: Calibration | None
 ) -> dict[str, Prior]:
-    """Priors of the parameters that wear, in each recording, for a load from position alone."""
+    """Priors of the far stop in each recording for a load from position alone: it shifts with wear."""
+    if calibration is None or not free.reads_load(actuator) or "y_max" in map(base_of, free.names):
+        return {}
+    return {str(ParameterName("y_max", log.name)): far_stop(actuator, log.reach()) for log in logs}
+
+
+def _changing(
+    free: FreeParameters, logs: Sequence[Log], actuator: Actuator, calibration: Calibration | None
+) -> dict[str, Prior]:
+    """Priors of what changes between recordings, in each recording, for a load from position alone."""
     if calibration is None or not free.reads_load(actuator):
         return {}
     taken = {base_of(name) for name in free.names}
-    wearing = [name for name in WEARING if name in actuator.in_equations]
-    priors = {name: Prior(actuator.value(name), calibrated_deviation(actuator, name, calibration)) for name in wearing}
-    return {
-        str(ParameterName(name, log.name)): prior
-        for log in logs
-        for name, prior in {**priors, "y_max": far_stop(actuator, log.reach())}.items()
-        if name not in taken
-    }
+    priors = {name: prior for name, prior in change_priors(actuator).items() if name not in taken}
+    return {str(ParameterName(name, log.name)): prior for log in logs for name, prior in priors.items()}

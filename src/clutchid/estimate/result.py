@@ -97,7 +97,7 @@ class Fit:
     scales by which residuals of position (m) and pressure (Pa) were divided, `bounds` the bounds of the free
     parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
     `converged` says that the search ended within its limits, `search` how, with what a later search needs to continue
-    it. `baseline` is the calibration that the fit started from, `changes` are changes, or suspected changes, since.
+    it. `baseline` is the calibration that the fit started from, `changes` are what has changed, or may have, since.
     """
 
     status: Status

@@ -14,7 +14,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.plan import Plan
 from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration, Score
+from clutchid.uncertainty.calibration import Calibration
 
 
 class Solution(Protocol):
@@ -38,20 +38,39 @@ SolutionT = TypeVar("SolutionT", bound=Solution)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchResult(Generic[SolutionT]):
-    """The problem of a fit, the plans of its recordings, and the solution of the search by `method`."""
+    """The problem of a fit, the plans of its recordings, and the solution of the search by `method`.
+
+    `covariance` of x, shape (k, k), is that over all hypotheses about changes, where they were weighed.
+    """
 
     method: str
     problem: FitProblem
     plans: tuple[Plan, ...]
     solution: SolutionT | Failure
+    covariance: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Hypotheses(Generic[SolutionT]):
+    """How a method of search weighs hypotheses about what has changed.
+
+    `refine` goes on from a result with another prior, from x; `data_factor` is the triangular factor ``[R | q]`` of the
+    data alone at a solution; `dispersion` that of `clutchid.smoother.blocks`; `settle` moves a solution to x, with the
+    states that belong to it.
+    """
+
+    refine: Callable[[SearchResult[SolutionT], FitProblem, FloatArray], SearchResult[SolutionT]]
+    data_factor: Callable[[FitProblem, SolutionT], FloatArray]
+    dispersion: Callable[[FitProblem, SolutionT], float]
+    settle: Callable[[FitProblem, SolutionT, FloatArray], SolutionT | Failure]
 
 
 @dataclass(frozen=True, slots=True)
 class SearchMethod(Generic[SolutionT]):
     """A method of search with priors: the search, its `Fit`, and optional checks.
 
-    `check` adds profile likelihood and a bootstrap to a result; `score` gives the Gauss-Newton step of fixed
-    parameters, by which changes since a calibration are detected.
+    `check` adds profile likelihood and a bootstrap to a result. Without `hypotheses` a load from position alone is read
+    as if nothing had changed.
     """
 
     search: Callable[
@@ -59,4 +78,4 @@ class SearchMethod(Generic[SolutionT]):
     ]
     result: Callable[[SearchResult[SolutionT], Calibration | None], Fit | Failure]
     check: Callable[[Fit, SearchResult[SolutionT], Calibration | None, Sequence[str], int], Fit] | None = None
-    score: Callable[[SearchResult[SolutionT]], Score | Failure] | None = None
+    hypotheses: Hypotheses[SolutionT] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 
 from clutchid.estimate.changes import Change
@@ -10,6 +10,9 @@ from clutchid.estimate.result import Fit
 
 #: Most groups of changes that a summary shows with their values.
 MOST_WITH_VALUES = 2
+
+#: Probability from which on a group is said to have changed; below it may have.
+LIKELY = 0.5
 
 
 def notes_of(fit: Fit) -> list[str]:
@@ -19,33 +22,39 @@ def notes_of(fit: Fit) -> list[str]:
 
 def change_sentences(changes: Sequence[Change]) -> list[str]:
     """A sentence for each group of parameters that has changed, or may have changed, in each recording."""
-    groups = groupby(changes, key=lambda change: (change.recording, change.group, change.fitted, change.distance))
-    return [_sentence(recording, group, list(members)) for (recording, group, *_), members in groups]
+    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(changes)]
 
 
 def short_changes(changes: Sequence[Change]) -> list[str]:
     """The same in a few words each, for a summary; of many groups without the values."""
-    groups = groupby(changes, key=lambda change: (change.recording, change.group, change.fitted, change.distance))
-    members = [(recording, list(each)) for (recording, *_), each in groups]
+    members = [(recording, list(each)) for (recording, _), each in _grouped(changes)]
     return [_short(recording, each, len(members) <= MOST_WITH_VALUES) for recording, each in members]
 
 
+def _grouped(changes: Sequence[Change]) -> Iterable[tuple[tuple[str, str], Iterable[Change]]]:
+    return groupby(changes, key=lambda change: (change.recording, change.group))
+
+
 def _short(recording: str, changes: Sequence[Change], with_values: bool) -> str:
-    state = "changed" if changes[0].fitted else "may have changed"
-    values = f" ({', '.join(map(_from_to, changes))})" if with_values else ""
-    return f"{changes[0].group} {state} in {recording}{values}"
+    values = f": {', '.join(map(_from_to, changes))}" if with_values else ""
+    return f"{_state(changes[0])} in {recording} ({_probability(changes[0])}{values})"
 
 
-def _sentence(recording: str, group: str, changes: Sequence[Change]) -> str:
+def _sentence(recording: str, changes: Sequence[Change]) -> str:
     values = ", ".join(map(_from_to, changes))
-    first = changes[0]
-    if first.fitted:
-        return f"{recording}: {group} has changed since the calibration and was fitted with the load ({values})."
-    change = f"{group} may have changed since the calibration ({values}), {first.distance:.1f} standard deviations"
     return (
-        f"{recording}: {change}; it was fixed, and the interval is widened for an unconfirmed change. If the change is "
-        "confirmed, free it with a prior."
+        f"{recording}: {_state(changes[0])} since the calibration ({_probability(changes[0])}): {values}; the load and "
+        "its interval allow for it."
     )
+
+
+def _state(change: Change) -> str:
+    verb = "changed" if change.probability >= LIKELY else "may have changed"
+    return f"{change.group} {verb}"
+
+
+def _probability(change: Change) -> str:
+    return f"{'over ' if change.probability > 0.99 else ''}{100 * min(change.probability, 0.99):.0f} %"
 
 
 def _from_to(change: Change) -> str:

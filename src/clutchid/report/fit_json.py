@@ -89,8 +89,7 @@ def _reading_json(one: Fit) -> dict[str, Any]:
 
 def _change_json(change: Change) -> dict[str, Any]:
     return {
-        name: getattr(change, name)
-        for name in ("recording", "name", "before", "after", "std", "unit", "probability", "fitted")
+        name: getattr(change, name) for name in ("recording", "name", "before", "after", "std", "unit", "probability")
     }
 
 

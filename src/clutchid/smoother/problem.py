@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 
 import numpy as np
@@ -36,7 +36,9 @@ class FitProblem:
     """Free parameters and recordings of a fit.
 
     `stems` are the names of the recordings. `curvature` is the prior standard deviation, in N/m², of the load's second
-    derivative from that of the weights `reference`.
+    derivative from that of the weights `reference`. `prior_root` W, shape (k, k), is that of a joint prior of the
+    coordinates x, of covariance ``inv(W' W)``; without it they are independent with standard deviation 1. `changing`
+    are the names of parameters that may have changed since a calibration, which the joint prior is of.
     """
 
     actuator: Actuator
@@ -47,6 +49,8 @@ class FitProblem:
     noise: Noise
     curvature: float
     reference: tuple[float, ...] = field(default=())
+    prior_root: FloatArray | None = None
+    changing: tuple[str, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -81,6 +85,14 @@ class FitProblem:
             if np.isfinite(c.high):
                 high[i] = min(high[i], c.of(c.high))
         return low, high
+
+    def widened(self, extra: Sequence[Coordinate]) -> FitProblem:
+        """The problem with `extra` coordinates behind its own, which are independent of those."""
+        root = self.prior_root
+        if root is not None:
+            k, m = len(self.coordinates), len(extra)
+            root = np.block([[root, np.zeros((k, m))], [np.zeros((m, k)), np.eye(m)]])
+        return replace(self, coordinates=(*self.coordinates, *extra), prior_root=root)
 
     def places(self, stem: str) -> list[int]:
         """Indices in x of the parameters of the recording `stem`; one of its own replaces the shared one."""
@@ -236,7 +248,8 @@ def prior_rows(problem: FitProblem, x: FloatArray) -> FloatArray:
 
 
 def _prior(problem: FitProblem, x: FloatArray) -> FloatArray:
-    rows = np.column_stack([np.eye(x.size), x])
+    root = np.eye(x.size) if problem.prior_root is None else problem.prior_root
+    rows = np.column_stack([root, root @ x])
     if problem.actuator.load.basis == "b-spline" and set(problem.names) & set(problem.actuator.load.names):
         value = dict(zip(problem.names, problem.si(x).tolist(), strict=True))
         actuator = problem.actuator.replace({n: v for n, v in value.items() if n in problem.actuator.load.names})
@@ -245,6 +258,12 @@ def _prior(problem: FitProblem, x: FloatArray) -> FloatArray:
         rows = np.vstack([rows, smooth])
     rows.flags.writeable = False  # the array is cached
     return rows
+
+
+def data_factor(problem: FitProblem, linear: LinearisedProblem) -> FloatArray:
+    """Triangular factor ``[R | q]`` of the rows of the data alone, in theta after elimination of the states."""
+    without = replace(linear, prior=linear.prior[:0])
+    return condense(problem, without)[0]
 
 
 def condense(

@@ -8,7 +8,7 @@ states, still lowers the cost considerably. Each step is therefore judged after 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import Literal
 
@@ -42,6 +42,18 @@ class ShootingSolution:
     at: LinearisedProblem
     status: Literal["converged", "stalled", "limit"]
     evaluations: int
+
+
+def settled(problem: FitProblem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
+    """`solution` moved to x, with the states that cost least there."""
+    begin = linearise(problem, x, solution.X)
+    if isinstance(begin, Failure):
+        return begin
+    states = minimise_states(problem, with_theta_fixed(problem, begin), initial_damping(problem), lambda: None)
+    at = with_theta_free(problem, begin, states)
+    if isinstance(at, Failure):
+        return at
+    return replace(solution, x=x, X=at.X, at=at)
 
 
 def project(

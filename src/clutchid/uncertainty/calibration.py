@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -12,28 +12,44 @@ from clutchid.log import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Score:
-    """Change of fixed parameters if they were free: one Gauss-Newton step from the solution of a search.
+class PositionOnlyErrors:
+    """Errors of fits to position alone of the calibration recordings, relative to the calibration with pressure.
 
-    `shift` (k,) and its `covariance` (k, k) are relative to the value, or in the parameter's unit if it may be 0.
+    Where the model errs, such a fit finds another load, and seems to find changes, although nothing has changed. One
+    row a hypothesis of `clutchid.uncertainty.change_prior`: only the difference to it is a change.
+
+    Parameters
+    ----------
+    hypotheses : several groups each
+        That were assumed to have changed; the first is none.
+    names
+        Load weights and parameters that were free.
+    shifts : (hypotheses, k)
+        Errors of `names`: shares of the value, or in the parameter's unit if it may be 0; load weights in their unit.
+    log_evidence : (hypotheses,)
+        Logarithm of the evidence.
+    dispersion : 1
+        See `clutchid.smoother.blocks`.
     """
 
+    hypotheses: tuple[tuple[str, ...], ...]
     names: tuple[str, ...]
-    shift: FloatArray
-    covariance: FloatArray
+    shifts: FloatArray
+    log_evidence: FloatArray
+    dispersion: float = 1.0
 
-    def of(self, names: Sequence[str]) -> Score:
-        """The score of `names` with all others fixed.
+    def shift(self, hypothesis: tuple[str, ...], names: Sequence[str]) -> FloatArray:
+        """Errors of `names` under a hypothesis, 0 where they are not known."""
+        if hypothesis not in self.hypotheses:
+            hypothesis = self.hypotheses[0]
+        known = dict(zip(self.names, self.shifts[self.hypotheses.index(hypothesis)].tolist(), strict=True))
+        return np.array([known.get(name, 0.0) for name in names])
 
-        Raises
-        ------
-        ValueError
-            If a name is not in this score.
-        """
-        at = [self.names.index(name) for name in names]
-        information = np.linalg.inv(self.covariance)
-        covariance = np.linalg.inv(information[np.ix_(at, at)])
-        return Score(tuple(names), covariance @ (information @ self.shift)[at], covariance)
+    def evidence(self, hypothesis: tuple[str, ...]) -> float:
+        """Logarithm of the evidence of a hypothesis against that of no change; 0 if it is not known."""
+        if hypothesis not in self.hypotheses:
+            return 0.0
+        return float(self.log_evidence[self.hypotheses.index(hypothesis)] - self.log_evidence[0])
 
 
 class Origin(NamedTuple):
@@ -57,15 +73,12 @@ class Calibration:
     names, covariance
         Calibrated parameters and their covariance in SI, shape (k, k). They are fixed in later fits, as consider
         parameters.
-    bias : N
-        Error of the load weights in a fit to position alone of the calibration recordings, relative to the fit with
-        pressure; it is subtracted in later fits.
     data : {name: hash}
         The calibration recordings.
     method : 'shooting' or 'prediction-error'
-        Method of the calibration; bias and score belong to it.
-    score : Score, optional
-        Change of fixed parameters in a fit to position alone of the calibration recordings.
+        Method of the calibration; the errors of fits to position alone belong to it.
+    position_only : PositionOnlyErrors, optional
+        Errors of fits to position alone, which are subtracted in later fits; None if there was no pressure.
     theta, theta_covariance
         Calibrated load weights and their covariance in SI, shape (m, m); empty if an older file lacks them.
     converged
@@ -76,22 +89,13 @@ class Calibration:
 
     names: tuple[str, ...]
     covariance: FloatArray
-    bias: tuple[float, ...] = ()
     data: Mapping[str, str] | None = None
     method: str = "shooting"
-    score: Score | None = None
+    position_only: PositionOnlyErrors | None = None
     theta: tuple[float, ...] = ()
     theta_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     converged: bool = True
     origin: Origin | None = None
-
-    def inflated(self, names: tuple[str, ...], covariance: FloatArray) -> Calibration:
-        """The same with the `covariance` of `names` in SI, shape (k, k), added."""
-        known = tuple(dict.fromkeys((*self.names, *names)))
-        at = [known.index(name) for name in names]
-        wider = self.covariance_of(known)
-        wider[np.ix_(at, at)] += covariance
-        return replace(self, names=known, covariance=wider)
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`; 0 for those that were not calibrated."""

@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.calibrate import fit_with_priors, with_position_bias
+from clutchid.estimate.calibrate import fit_with_priors
 from clutchid.estimate.free import FreeParameters
+from clutchid.estimate.position_only import position_only_errors
 from clutchid.estimate.prediction_error import fit as module
 from clutchid.estimate.prediction_error.fit import PREDICTION_ERROR, predict
 from clutchid.estimate.problem import fit_problem
 from clutchid.estimate.request import FitRequest
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation
-from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.uncertainty.change_prior import changeable
 
 EXACT = Calibration((), np.zeros((0, 0)))
 Y = np.linspace(0.5e-3, 20e-3, 40)
@@ -56,8 +58,10 @@ def test_a_worn_load_is_found_from_position_alone(adapted, worn):
     assert np.mean((low < true) & (true < high)) > 0.9
 
 
-def test_what_wears_beside_the_clutch_is_free_beside_the_load(adapted, plant):
-    assert set(adapted.parameters) == {*plant.load.names, "F_C@worn", "V_0A@worn", "y_max@worn"}
+def test_what_drifts_between_recordings_is_free_beside_the_load(adapted, plant):
+    drifting = {f"{name}@worn" for name in changeable(plant)}
+    assert set(adapted.parameters) == {*plant.load.names, "y_max@worn", *drifting}
+    assert adapted.changes == ()
 
 
 def test_the_pressure_is_found_from_position_alone_with_a_band(adapted, worn, recorded_by):
@@ -96,17 +100,18 @@ def test_a_calibration_finds_the_parameters_that_the_data_determine(calibrated, 
 def test_a_calibration_leaves_its_covariance_and_what_position_alone_misses(calibrated, plant):
     kept = calibrated.calibration
     assert kept.names == tuple(name for name in calibrated.parameters if not name.startswith("theta_"))
-    missed = plant.load.phi(Y) @ np.array(kept.bias)
+    missed = plant.load.phi(Y) @ kept.position_only.shift((), plant.load.names)
     # the model made the recording: position alone misses little
     assert np.abs(missed).max() < 0.02 * plant.load.force(Y).max()
 
 
 def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
-    off = tuple(100.0 + 0.0 * value for value in plant.load.theta)
-    calibration = replace(EXACT, bias=off)
+    off = np.full(len(plant.load.theta), 100.0)
+    errors = PositionOnlyErrors(((),), plant.load.names, off[None], np.zeros(1))
+    calibration = replace(EXACT, position_only=errors)
     found = fit_with_priors(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
     lower = adapted.load_curve.force - found.load_curve.force
-    assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ np.array(off), rel=1e-6)
+    assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ off, rel=1e-6)
 
 
 def test_the_search_reports_its_stages_and_all_evaluations(plant, worn_log):
@@ -125,12 +130,12 @@ def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, mon
 
     def swinging(problem, x, here, evaluate):
         evaluated.append(float(x[0]))
-        target = x + np.array([3 * (0.01 - x[0]), 0.0, 0.0, 0.0])  # three times as far as it should
-        at = replace(here.linearisation(), R=1e4 * np.eye(4))
+        target = x + 3 * (0.01 - x[0]) * np.eye(x.size)[0]  # three times as far as it should
+        at = replace(here.linearisation(), R=1e4 * np.eye(x.size))
         return module.Solution(target, at, "converged", 1)
 
     monkeypatch.setattr(module, "minimise_round", swinging)
-    found = module.search(problem, np.zeros(4), 4)
+    found = module.search(problem, np.zeros(len(problem.coordinates)), 4)
     assert found.status == "limit"
     # a whole move; it is taken back: half a move; again: a quarter; it goes on: half
     assert evaluated == pytest.approx([0.0, 0.03, 0.0, 0.0075])
@@ -144,11 +149,9 @@ def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, wo
     assert "0.1 s" in found.message
 
 
-def test_a_recording_whose_search_fails_says_nothing_of_the_bias(plant, worn_log, monkeypatch):
+def test_a_recording_whose_search_fails_says_nothing_of_position_alone(plant, worn_log, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("no"))
-    kept = with_position_bias(PREDICTION_ERROR, [worn_log], plant, EXACT)
-    assert kept.bias == (0.0,) * len(plant.load.theta)
-    assert kept.score is None
+    assert position_only_errors(PREDICTION_ERROR, [worn_log], plant, EXACT) is None
 
 
 def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):

@@ -14,38 +14,39 @@ from clutchid.estimate.shooting.fit import SHOOTING, shoot
 from clutchid.estimate.shooting.result import result
 from clutchid.smoother import projection
 from clutchid.smoother.search import search
-from clutchid.uncertainty import drift as module
+from clutchid.uncertainty import change_prior as module
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import DRIFT_SHARES, DRIFT_WIDTHS, drift
+from clutchid.uncertainty.change_prior import DRIFT_CONSIDERED, changeable, drift
 
 #: All numbers but the load are known as well as they drift.
 EXACT = Calibration((), np.zeros((0, 0)))
 
-#: Factor on all deviations of a position-only reading, and standard deviations of a 95 % interval.
-SCALE, QUANTILE = 0.55, 1.96
+#: Standard deviations of a 95 % interval.
+QUANTILE = 1.96
 
 
 def half_width(fit, y):
     return np.interp(y, fit.load_curve.position, fit.load_curve.high - fit.load_curve.force)
 
 
-def test_the_band_counts_the_load_that_a_drift_of_the_supply_makes(plant, worn_log, monkeypatch):
+def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log, monkeypatch):
     y = np.linspace(1e-3, 20e-3, 20)
     shot = shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
     whole = half_width(result(shot, EXACT), y)
-    monkeypatch.setattr(module, "DRIFT_SHARES", {**DRIFT_SHARES, "P_S": 0.0})
+    monkeypatch.setattr(module, "DRIFT_CONSIDERED", {**DRIFT_CONSIDERED, "A_A": 0.0})
     counted = np.sqrt(whole**2 - half_width(result(shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
     monkeypatch.setattr(projection, "CONVERGED_GAIN", 1e-4)
     problem, found = shot.problem, shot.solution
     loads = []
-    for supply in (9.09e5, 8.91e5):
-        off = replace(problem, actuator=problem.actuator.replace({"P_S": supply}))
+    area = plant.value("A_A")
+    for share in (1.01, 0.99):
+        off = replace(problem, actuator=problem.actuator.replace({"A_A": share * area}))
         again = search(off, found.x, found.X, (1.0,))
         loads.append(problem.actuator_of(again.x, "worn").load.force(y))
-    slope = np.abs(loads[0] - loads[1]) / 18e3
-    # 0.15 % of 9 bar; two searches each end within 0.01 of 45 N, where the loads differ by 56 N
-    assert counted == pytest.approx(QUANTILE * SCALE * 1350.0 * slope, rel=0.02)
+    by_share = np.abs(loads[0] - loads[1]) / 0.02
+    # two searches each end within 0.01 of 45 N, where the loads differ by 56 N
+    assert counted == pytest.approx(QUANTILE * DRIFT_CONSIDERED["A_A"] * by_share, rel=0.02)
 
 
 def test_where_errors_last_as_long_as_assumed_the_band_of_the_load_is_as_wide_as_they_are(worn, plant, recorded_by):
@@ -53,7 +54,9 @@ def test_where_errors_last_as_long_as_assumed_the_band_of_the_load_is_as_wide_as
     for seed in range(recordings):
         rng = np.random.default_rng(seed)
         # an actuator that differs from the calibrated one as far as it may
-        drifted = {n: worn.value(n) + drift(worn, n) * rng.standard_normal() for n in (*DRIFT_SHARES, *DRIFT_WIDTHS)}
+        drifted = {
+            n: worn.value(n) + drift(worn, n) * rng.standard_normal() for n in (*changeable(worn), *DRIFT_CONSIDERED)
+        }
         true = worn.replace(drifted)
         clean = recorded_by(true, seconds=6.0, seed=None, name="w", driven=1).without("pressure_a")
         # 50 µm whose neighbours correlate at 9/11, so that (1 + 9/11) / (1 - 9/11) = 10 samples, 10 ms, tell as one

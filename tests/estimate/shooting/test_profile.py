@@ -16,13 +16,13 @@ from clutchid.estimate.shooting.profile import (
     is_nonquadratic,
     profile_interval,
 )
-from clutchid.estimate.shooting.uncertainty import CORRELATED_SAMPLES, parameter_uncertainty
+from clutchid.estimate.shooting.uncertainty import parameter_uncertainty
 from clutchid.numerics.failure import Failure
+from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.problem import condense
 from clutchid.smoother.projection import project
 from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
 from clutchid.uncertainty.coordinates import Prior
-from clutchid.uncertainty.drift import DEVIATION_FACTOR
 
 #: The data determine friction, sensor lag and gas temperature, but not the far stop, which the piston does not reach.
 NAMES = ("F_C", "tau_y", "T_w", "K_stop")
@@ -112,14 +112,12 @@ def test_at_the_ends_everything_else_free_the_cost_has_grown_as_much_as_defined(
     assert roots == pytest.approx(QUANTILE, rel=ROOT_TOLERANCE + 0.015)
 
 
-def test_where_data_rule_neighbouring_samples_count_as_one_and_what_is_considered_adds(uncertain, costs):
+def test_where_data_rule_their_dispersion_counts_and_what_is_considered_adds(problem, solution, uncertain, costs):
     place = NAMES.index("F_C")
     known, total = np.linalg.norm(uncertain.noise_root[place]), np.sqrt(uncertain.matrix[place, place])
-    assert total > 1.5 * DEVIATION_FACTOR * known, (
-        "what is taken as known is a part of what is not known of the friction"
-    )
-    # the priors of all numbers are not coloured, which is a per cent here
-    assert np.sqrt(np.array(costs("F_C")) / CORRELATED_SAMPLES) * known / total == pytest.approx(
+    assert total > 1.1 * known, "what is taken as known is a part of what is not known of the friction"
+    # the priors of all parameters have no dispersion, which is a per cent here
+    assert np.sqrt(np.array(costs("F_C")) / dispersion(problem, solution.at)) * known / total == pytest.approx(
         QUANTILE, rel=ROOT_TOLERANCE + 0.02
     )
 
@@ -127,9 +125,7 @@ def test_where_data_rule_neighbouring_samples_count_as_one_and_what_is_considere
 def test_a_number_that_the_data_do_not_tell_has_the_interval_of_its_prior(problem, profiled):
     c = problem.coordinates[NAMES.index("K_stop")]
     # NEAR, and 1.4 % that a search leaves
-    assert [c.of(end) for end in profiled["K_stop"]] == pytest.approx(
-        [-QUANTILE * DEVIATION_FACTOR, QUANTILE * DEVIATION_FACTOR], rel=ROOT_TOLERANCE + 0.015
-    )
+    assert [c.of(end) for end in profiled["K_stop"]] == pytest.approx([-QUANTILE, QUANTILE], rel=ROOT_TOLERANCE + 0.015)
 
 
 def test_an_interval_holds_its_estimate_in_si_and_what_is_positive_stays_so(problem, solution, profiled):

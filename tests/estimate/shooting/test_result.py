@@ -11,16 +11,17 @@ from clutchid.estimate.posterior import QUANTILE, corrected
 from clutchid.estimate.shooting.fit import shoot
 from clutchid.estimate.shooting.result import result
 from clutchid.numerics.failure import Failure
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import deviation_factor
+from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.uncertainty.consider import DEVIATION_FACTOR
 
-NAMES = ("C_vs", "P_S", "F_C")
-STD = np.array([2e-10, 5e3, 20.0])
+#: Calibrated parameters that do not change between recordings, and their standard deviations: m², Pa, N/m.
+NAMES = ("A_A", "P_0", "K_z")
+STD = np.array([2e-5, 300.0, 1e5])
 
 
 @pytest.fixture(scope="module")
 def known():
-    return Calibration(NAMES, np.diag(STD**2), bias=(0.0,) * 22)
+    return Calibration(NAMES, np.diag(STD**2))
 
 
 @pytest.fixture(scope="module")
@@ -59,13 +60,14 @@ def test_estimates_have_the_value_the_error_and_the_interval_of_their_number(fit
         assert estimate.value == pytest.approx(shot.problem.si(solution)[i])
         assert estimate.value == pytest.approx(fit.actuator.value(name.partition("@")[0]))
         assert estimate.std == pytest.approx(np.sqrt(fit.covariance[i, i]))
-        if "@" in name:  # positive, so the interval is one of the logarithm
+        if shot.problem.coordinates[i].positive:  # the interval is one of the logarithm
             assert estimate.high * estimate.low == pytest.approx(estimate.value**2)
             assert estimate.high == pytest.approx(estimate.value * np.exp(1.96 * estimate.std / estimate.value))
         else:
             assert estimate.high - estimate.value == pytest.approx(1.96 * estimate.std)
             assert estimate.value - estimate.low == pytest.approx(1.96 * estimate.std)
-        assert estimate.unit == ({"V_0A@worn": "m³", "y_max@worn": "m"}.get(name, "N"))
+    units = {name: fit.parameters[name].unit for name in ("theta_5", "y_max@worn", "P_S@worn", "R_0vs@worn")}
+    assert units == {"theta_5": "N", "y_max@worn": "m", "P_S@worn": "Pa", "R_0vs@worn": "1"}
 
 
 def test_intervals_are_wider_with_a_calibration_that_is_less_sure(fit, shot):
@@ -77,12 +79,13 @@ def test_intervals_are_wider_with_a_calibration_that_is_less_sure(fit, shot):
 
 
 def test_the_bias_of_the_calibration_is_taken_off_and_widens_the_band(fit, shot, known):
-    bias = tuple(np.linspace(-30.0, 60.0, 22).tolist())
-    plain, shifted = fit, result(shot, replace(known, bias=bias))
+    bias = np.linspace(-30.0, 60.0, 22)
+    errors = PositionOnlyErrors(((),), fit.actuator.load.names, bias[None], np.zeros(1))
+    plain, shifted = fit, result(shot, replace(known, position_only=errors))
     y = plain.load_curve.position
-    taken = plain.actuator.load.phi(y) @ np.array(bias)
+    taken = plain.actuator.load.phi(y) @ bias
     assert shifted.load_curve.force == pytest.approx(plain.load_curve.force - taken)
-    half, by = plain.load_curve.high - plain.load_curve.force, deviation_factor(shot.problem.noise)
+    half, by = plain.load_curve.high - plain.load_curve.force, DEVIATION_FACTOR
     assert shifted.load_curve.high - shifted.load_curve.force == pytest.approx(np.hypot(half, 1.96 * by * taken))
     for number, name in enumerate(plain.actuator.load.names):
         estimate = shifted.parameters[name]

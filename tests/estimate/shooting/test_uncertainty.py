@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 
 from clutchid.estimate.shooting import uncertainty as module
-from clutchid.estimate.shooting.uncertainty import CORRELATED_SAMPLES, parameter_uncertainty, pressure_deviations
+from clutchid.estimate.shooting.uncertainty import parameter_uncertainty, pressure_deviations
 from clutchid.numerics.failure import Failure
+from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.problem import linearise
 from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution
 from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import DEVIATION_FACTOR, DRIFT_SHARES, DRIFT_WIDTHS, consider_parameters, drift
+from clutchid.uncertainty.change_prior import DRIFT, DRIFT_CONSIDERED, drift
+from clutchid.uncertainty.consider import consider_parameters
 
 NAMES = ("C_vs", "P_S", "F_C")
+
+#: Parameters that drift in the model of these tests.
+DRIFTING = (*DRIFT, *DRIFT_CONSIDERED)
 
 
 @pytest.fixture(scope="module")
@@ -34,15 +39,9 @@ def calibration(scale=1.0, correlation=0.0):
     return Calibration(NAMES, matrix)
 
 
-def test_drift_is_a_share_of_the_value_or_a_number_of_its_own(plant):
-    assert drift(plant, "P_S") == pytest.approx(DRIFT_SHARES["P_S"] * 9e5)
-    assert drift(plant, "R_0ve") == DRIFT_WIDTHS["R_0ve"]
-    assert drift(plant, "R") == 0.0
-
-
 def test_what_is_free_is_not_considered(problem, problem_of, plant, drive_log):
     names = {c.base for c in consider_parameters(problem.actuator, problem.coordinates, None)[0]}
-    assert names == {*DRIFT_SHARES, *DRIFT_WIDTHS}
+    assert names == set(DRIFTING)
     freer = problem_of([drive_log.slice(0, 500)], plant, ("P_S", "C_vs@log"))
     assert {c.base for c in consider_parameters(freer.actuator, freer.coordinates, None)[0]} == names - {"P_S", "C_vs"}
 
@@ -66,62 +65,76 @@ def test_a_calibrated_number_that_does_not_drift_is_considered_too(problem):
     assert "C_r" not in {c.base for c in certain}, "what is exactly known moves nothing"
 
 
-def dense_rows(uncertain, x, X, share):
-    """All rows of a problem of one track; those of samples and links times `share`."""
+def dense_rows(uncertain, x, X):
+    """Rows of the prior, and those of the data, of a problem of one track: states, theta, considered."""
     wide, n, k, m, s = uncertain.problem, X[0].size, x.size, uncertain.consider_root.shape[0], X[0].shape[1]
     linear = linearise(wide, np.concatenate([x, np.zeros(m)]), X)
     chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
-    rows = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
+    prior = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
+    rows = []
     linearised = chain.windows.linearised
     own = np.concatenate([linearised.jacobian, linearised.r[:, :, None]], axis=2)
-    placed = [(chain.first, 0, s), *((share * rows, i, s) for i, rows in enumerate(own))]
-    placed += [(share * link, i, 2 * s) for i, link in enumerate(chain.links)]
+    placed = [(chain.first, 0, s), *((each, i, s) for i, each in enumerate(own))]
+    placed += [(link, i, 2 * s) for i, link in enumerate(chain.links)]
     for block, at, width in placed:
         full = np.zeros((block.shape[0], n + k + m))
         full[:, s * at : s * at + width] = block[:, :width]
         full[:, n:] = block[:, width:-1]
         rows.append(full)
-    return np.split(np.vstack(rows), [n + k], axis=1)
+    return np.vstack(prior), np.vstack(rows)
 
 
-def dense_covariance(uncertain, x, X):
-    """Covariance of all states and free numbers: neighbours count as one, the search took them one by one."""
-    weak, weak_moved = dense_rows(uncertain, x, X, 1 / np.sqrt(CORRELATED_SAMPLES))
-    A, B = dense_rows(uncertain, x, X, 1.0)
-    n, k = X[0].size, x.size
-    inverse = np.linalg.pinv(weak)
-    gain = -np.linalg.pinv(A) @ B @ uncertain.consider_root
-    # the states follow the shifted numbers as the weak rows say
-    S = weak[:, :n]
-    follow = -np.linalg.pinv(S) @ np.column_stack([weak[:, n:] @ gain[n:] + weak_moved @ uncertain.consider_root])
-    gain[:n] = follow
-    assert k == gain.shape[0] - n
-    return DEVIATION_FACTOR**2 * (inverse @ inverse.T + gain @ gain.T)
+def dense_gain(uncertain, x, X):
+    """What a unit of each considered parameter moves states and theta by."""
+    rows = np.vstack(dense_rows(uncertain, x, X))
+    columns = X[0].size + x.size
+    return -np.linalg.pinv(rows[:, :columns]) @ rows[:, columns:]
+
+
+def dense_covariance(uncertain, x, X, scatter):
+    """Covariance of all states and free parameters: theta with the scatter of the data, states as their rows say."""
+    n, k, root = X[0].size, x.size, uncertain.consider_root
+    prior, data = dense_rows(uncertain, x, X)
+    states, theta, considered = data[:, :n], data[:, n : n + k], data[:, n + k :]
+    inverse = np.linalg.pinv(states)
+    of_theta, smooth = theta - states @ (inverse @ theta), prior[:, n : n + k]
+    moved = dense_gain(uncertain, x, X)[n:] @ root
+    covariance = np.linalg.inv(of_theta.T @ of_theta / scatter + smooth.T @ smooth)
+    # the states follow theta and what is considered
+    follow, along = -inverse @ theta, -inverse @ (theta @ moved + considered @ root)
+    return np.block(
+        [
+            [inverse @ inverse.T + follow @ covariance @ follow.T + along @ along.T, np.zeros((n, k))],
+            [np.zeros((k, n)), covariance + moved @ moved.T],
+        ]
+    )
+
+
+def shortened(problem, solution):
+    """Twelve windows of the problem, so that a dense matrix holds them, and the solution there."""
+    few = replace(problem, tracks=(replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18]),))
+    X = (solution.X[0][6:18],)
+    return few, ShootingSolution(solution.x, X, linearise(few, solution.x, X), "converged", 1)
 
 
 @pytest.fixture(scope="module")
 def small(problem, solution):
-    """Twelve windows of the problem, so that a dense matrix holds them, with an unsure calibration."""
-    track = replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18])
-    X = (solution.X[0][6:18],)
-    return parameter_uncertainty(
-        replace(problem, tracks=(track,)),
-        ShootingSolution(solution.x, X, solution.at, "converged", 1),
-        calibration(10.0),
-    ), X
+    """The shortened problem with an unsure calibration, its states, and the dispersion of its data."""
+    few, shot = shortened(problem, solution)
+    return parameter_uncertainty(few, shot, calibration(10.0)), shot.X, dispersion(few, shot.at)
 
 
 def test_the_covariance_is_that_of_the_dense_problem(small, solution):
-    uncertain, X = small
-    wanted = dense_covariance(uncertain, solution.x, X)[X[0].size :, X[0].size :]
+    uncertain, X, scatter = small
+    wanted = dense_covariance(uncertain, solution.x, X, scatter)[X[0].size :, X[0].size :]
     scale = np.sqrt(np.diag(wanted))
     assert uncertain.matrix / np.outer(scale, scale) == pytest.approx(wanted / np.outer(scale, scale), abs=1e-6)
 
 
 def test_the_band_of_the_pressure_is_that_of_the_dense_problem(small, solution, monkeypatch):
-    uncertain, X = small
+    uncertain, X, scatter = small
     monkeypatch.setattr(module, "DRAWS", 20000)
-    wanted = 1e5 * np.sqrt(np.diag(dense_covariance(uncertain, solution.x, X))[2 : X[0].size : X[0].shape[1]])
+    wanted = 1e5 * np.sqrt(np.diag(dense_covariance(uncertain, solution.x, X, scatter))[2 : X[0].size : X[0].shape[1]])
     # 20000 draws know a deviation to 0.5 %
     assert pressure_deviations(uncertain)[0] == pytest.approx(wanted, rel=0.02)
 
@@ -141,12 +154,8 @@ def test_the_estimate_moves_with_a_considered_number_as_the_covariance_says(prob
     assert np.abs(happened).max() > 5.0, "a drift moves the load by newtons"
     # both searches stop where a step would gain less than CONVERGED_GAIN, which is the square of its length in
     # deviations
-    tolerance = (
-        np.sqrt(CONVERGED_GAIN)
-        * np.sqrt(
-            np.einsum("ni,ij,nj->n", phi, uncertain.noise_root @ uncertain.noise_root.T / CORRELATED_SAMPLES, phi)
-        ).max()
-    )
+    searched = uncertain.noise_root @ uncertain.noise_root.T / dispersion(problem, solution.at)
+    tolerance = np.sqrt(CONVERGED_GAIN) * np.sqrt(np.einsum("ni,ij,nj->n", phi, searched, phi)).max()
     assert happened == pytest.approx(predicted, abs=tolerance + 0.1 * np.abs(predicted).max())
 
 
@@ -202,21 +211,18 @@ def test_correlations_of_a_calibration_move_the_estimate_as_they_move_that_of_th
     problem, solution, plant
 ):
     # three times as uncertain as they drift, and all together too high or too low
-    names = (*DRIFT_SHARES, *DRIFT_WIDTHS)
+    names = DRIFTING
     width = np.array([drift(plant, name) for name in names])
     covariance = np.outer(3 * width, 3 * width) * (0.1 * np.eye(width.size) + 0.9)
     known = Calibration(names, covariance)
-    track = replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18])
-    X, k = (solution.X[0][6:18],), solution.x.size
-    shot = ShootingSolution(solution.x, X, solution.at, "converged", 1)
-    uncertain = parameter_uncertainty(replace(problem, tracks=(track,)), shot, known)
+    few, shot = shortened(problem, solution)
+    uncertain, k = parameter_uncertainty(few, shot, known), solution.x.size
     # the covariance of what is considered is written down, not multiplied from the root that is under test
     numbers = uncertain.problem.coordinates[k:]
     assert [c.base for c in numbers] == list(names)
     widths = np.array([c.width for c in numbers])
-    A, B = dense_rows(uncertain, solution.x, X, 1.0)
-    gain = (-np.linalg.pinv(A) @ B)[-k:]
-    expected = DEVIATION_FACTOR**2 * gain @ ((covariance + np.diag(width**2)) / np.outer(widths, widths)) @ gain.T
+    gain = dense_gain(uncertain, solution.x, shot.X)[-k:]
+    expected = gain @ ((covariance + np.diag(width**2)) / np.outer(widths, widths)) @ gain.T
     scale = np.sqrt(np.diag(expected))
-    added = uncertain.matrix - DEVIATION_FACTOR**2 * uncertain.noise_root @ uncertain.noise_root.T
+    added = uncertain.matrix - uncertain.noise_root @ uncertain.noise_root.T
     assert added / np.outer(scale, scale) == pytest.approx(expected / np.outer(scale, scale), abs=1e-6)

@@ -18,7 +18,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import DEVIATION_FACTOR, consider_parameters
+from clutchid.uncertainty.consider import DEVIATION_FACTOR, consider_parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +60,7 @@ def parameter_uncertainty(
     """
     k = len(problem.coordinates)
     extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
-    wide = replace(problem, coordinates=(*problem.coordinates, *extra))
+    wide = problem.widened(extra)
     prediction = predict_errors(wide, np.concatenate([solution.x, np.zeros(len(extra))]))
     if isinstance(prediction, Failure):
         return prediction

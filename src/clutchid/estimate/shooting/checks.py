@@ -51,7 +51,7 @@ def checked(
     problem, solution = search_result.problem, search_result.solution
     if isinstance(solution, Failure):
         return result
-    uncertain = parameter_uncertainty(problem, solution, calibration)
+    uncertain = parameter_uncertainty(problem, solution, calibration, search_result.covariance)
     if isinstance(uncertain, Failure):
         return result
     for name in profiled:

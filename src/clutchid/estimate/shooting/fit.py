@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from clutchid.estimate.change import score
 from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.phase import phase_finder
 from clutchid.estimate.problem import fit_problem, start_point
-from clutchid.estimate.search_result import SearchMethod, SearchResult
+from clutchid.estimate.search_result import Hypotheses, SearchMethod, SearchResult
 from clutchid.estimate.shooting.checks import checked
 from clutchid.estimate.shooting.result import result
 from clutchid.log import FloatArray, Log
@@ -17,8 +16,9 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.windows import initial_states
-from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.projection import ShootingSolution
+from clutchid.smoother.blocks import dispersion
+from clutchid.smoother.problem import FitProblem, data_factor
+from clutchid.smoother.projection import ShootingSolution, settled
 from clutchid.smoother.search import FINE_STAGE, STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
 from clutchid.smoother.settling import States
 from clutchid.smoother.trajectory import noise_scales
@@ -102,5 +102,19 @@ def _states(problem: FitProblem, actuators: Sequence[Actuator]) -> States | Fail
     return tuple(X)
 
 
+def refine(found: SearchResult[ShootingSolution], problem: FitProblem, x: FloatArray) -> SearchResult[ShootingSolution]:
+    """The search of `found` continued from x with the prior of `problem`."""
+    X = () if isinstance(found.solution, Failure) else found.solution.X
+    return replace(found, problem=problem, solution=_fine(problem, x, X, None))
+
+
+def _data_factor(problem: FitProblem, solution: ShootingSolution) -> FloatArray:
+    return data_factor(problem, solution.at)
+
+
+def _dispersion(problem: FitProblem, solution: ShootingSolution) -> float:
+    return dispersion(problem, solution.at)
+
+
 #: Multiple shooting with soft continuity.
-SHOOTING = SearchMethod(shoot, result, checked, score)
+SHOOTING = SearchMethod(shoot, result, checked, Hypotheses(refine, _data_factor, _dispersion, settled))

@@ -22,7 +22,7 @@ def result(search_result: SearchResult[ShootingSolution], calibration: Calibrati
     solution = search_result.solution
     if isinstance(solution, Failure):
         return solution
-    uncertain = parameter_uncertainty(search_result.problem, solution, calibration)
+    uncertain = parameter_uncertainty(search_result.problem, solution, calibration, search_result.covariance)
     if isinstance(uncertain, Failure):
         return uncertain
     return posterior(

@@ -9,15 +9,13 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
+from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.elimination import Eliminated, recover
-from clutchid.smoother.problem import Chain, FitProblem, condense, linearise
+from clutchid.smoother.problem import FitProblem, condense, data_factor, linearise
 from clutchid.smoother.projection import ShootingSolution
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.drift import consider_parameters, deviation_factor
-
-#: Residuals are autocorrelated: this many neighbouring samples have the information of one independent sample. The
-#: bootstrap over strokes gives 1 to 4 on trucks.
-CORRELATED_SAMPLES = 2.0
+from clutchid.uncertainty.consider import consider_parameters
+from clutchid.uncertainty.gaussian import gaussian_posterior, square_root
 
 #: Draws from the distribution of the states for the interval of the pressure.
 DRAWS = 48
@@ -41,37 +39,36 @@ class ParameterUncertainty:
     def matrix(self) -> FloatArray:
         """Covariance of x, shape (k, k)."""
         noise, shift = self.noise_root, self.consider_shift
-        return deviation_factor(self.problem.noise) ** 2 * (noise @ noise.T + shift @ shift.T)
+        return noise @ noise.T + shift @ shift.T
 
 
 def parameter_uncertainty(
-    problem: FitProblem, solution: ShootingSolution, calibration: Calibration | None
+    problem: FitProblem,
+    solution: ShootingSolution,
+    calibration: Calibration | None,
+    covariance: FloatArray | None = None,
 ) -> ParameterUncertainty | Failure:
-    """Uncertainty of the free parameters at a solution.
+    """Uncertainty of the free parameters at a solution; with a known `covariance` of x, that of the states remains.
 
     Consider parameters (Schmidt 1966) are fixed at uncertain values; their covariance shifts the estimate through the
     joint information matrix.
     """
     k = len(problem.coordinates)
+    none = np.zeros((k, 0)), np.zeros((0, 0))
+    if covariance is not None:
+        _, chains = condense(problem, solution.at)
+        return ParameterUncertainty(problem, tuple(chains), square_root(covariance), *none)
     extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
-    wide = replace(problem, coordinates=(*problem.coordinates, *extra))
+    wide = problem.widened(extra)
     linear = linearise(wide, np.concatenate([solution.x, np.zeros(len(extra))]), solution.X)
     if isinstance(linear, Failure):
         return linear
     without_extra = [*range(k), *range(k + len(extra), linear.prior.shape[0])]
-    linear = replace(linear, prior=linear.prior[without_extra])
-    factor, _ = condense(wide, linear)
+    factor, chains = condense(wide, replace(linear, prior=linear.prior[without_extra]))
     consider_shift = -np.linalg.pinv(factor[:k, :k]) @ factor[:k, k : k + len(extra)] @ consider_root
-    factor, chains = condense(wide, replace(linear, chains=tuple(_thinned(chain) for chain in linear.chains)))
-    noise_root = np.linalg.pinv(factor[:k, :k]).astype(np.float64)
+    data = data_factor(problem, solution.at) / np.sqrt(dispersion(problem, solution.at))
+    noise_root = square_root(gaussian_posterior(data, solution.at.prior, 0.0).covariance)
     return ParameterUncertainty(wide, tuple(chains), noise_root, consider_shift, consider_root)
-
-
-def _thinned(chain: Chain) -> Chain:
-    """A chain with `CORRELATED_SAMPLES` neighbouring samples weighted as one; the prior of its first state is kept."""
-    weight, linearised = 1.0 / np.sqrt(CORRELATED_SAMPLES), chain.windows.linearised
-    linearised = replace(linearised, jacobian=weight * linearised.jacobian, r=weight * linearised.r)
-    return replace(chain, windows=replace(chain.windows, linearised=linearised), links=weight * chain.links)
 
 
 def pressure_deviations(uncertain: ParameterUncertainty) -> list[FloatArray]:
@@ -90,5 +87,5 @@ def pressure_deviations(uncertain: ParameterUncertainty) -> list[FloatArray]:
         draws = recover(
             replace(chain, state_rows=rows), np.vstack([theta, uncertain.consider_root @ considered]), noise
         )
-        result.append(deviation_factor(problem.noise) * np.std(draws[:, at, :], axis=1) * unit)
+        result.append(np.std(draws[:, at, :], axis=1) * unit)
     return result

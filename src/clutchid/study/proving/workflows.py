@@ -68,7 +68,7 @@ def as_it_is(once: Fit) -> Fit:
 def without_correction(once: Fit) -> Fit:
     """The calibration without the bias correction."""
     assert once.calibration is not None
-    return replace(once, calibration=replace(once.calibration, bias=()))
+    return replace(once, calibration=replace(once.calibration, position_only=None))
 
 
 def with_mean_valves(once: Fit) -> Fit:

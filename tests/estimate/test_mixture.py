@@ -1,0 +1,195 @@
+"""The posterior over hypotheses of a small linear problem, against normal distributions of its data and sampling."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from clutchid.estimate.hypotheses import Explanation, errors_in_x, probabilities
+from clutchid.estimate.mixture import ERRORS_REPEAT, Mixture, changes, mixture
+from clutchid.estimate.problem import with_hypothesis
+from clutchid.estimate.search_result import SearchResult
+from clutchid.model import Actuator
+from clutchid.smoother.problem import FitProblem
+from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.uncertainty.change_prior import change_priors, log_odds, prior_probability
+from clutchid.uncertainty.coordinates import coordinates
+from clutchid.uncertainty.noise import Noise
+
+NAMES = ("theta_1", "P_S@w", "C_vs@w")
+NONE, SUPPLY, VALVES = (), ("supply pressure",), ("valves",)
+HYPOTHESES = (NONE, SUPPLY, VALVES, SUPPLY + VALVES)
+
+#: Rows ``[J | r]`` of the data at x = 0: the supply has changed rather than the valves.
+DATA = np.array([[0.5, 2.0, 1.5, -2.2], [-0.4, 3.0, 2.5, -3.4], [0.3, 1.0, -2.0, -0.6], [0.0, 0.5, 0.5, 0.8]])
+
+
+@pytest.fixture(scope="module")
+def problem():
+    actuator = Actuator()
+    priors = {f"{name}@w": change_priors(actuator)[name] for name in ("P_S", "C_vs")}
+    return FitProblem(
+        actuator=actuator,
+        coordinates=coordinates(actuator, NAMES, {}, priors),
+        tracks=(),
+        stems=("w",),
+        measure=("position",),
+        noise=Noise(),
+        curvature=1.0,
+        changing=NAMES[1:],
+    )
+
+
+def explanations(problem, x=(0.0, 0.0, 0.0), scatter=1.0):
+    """The data linearised at x under every hypothesis."""
+    x = np.array(x)
+    data = DATA.copy()
+    data[:, -1] += DATA[:, :-1] @ x
+    solution = SimpleNamespace(x=x, status="converged", evaluations=1)
+    one = Explanation(SearchResult("shooting", problem, (), solution), solution, data, scatter)
+    return dict.fromkeys(HYPOTHESES, one)
+
+
+def calibration(**errors):
+    known = PositionOnlyErrors(**errors) if errors else None
+    return Calibration((), np.zeros((0, 0)), position_only=known)
+
+
+def gaussians(problem):
+    """Probability, mean and covariance of x under every hypothesis, from the joint distribution of x and data."""
+    J, target = DATA[:, :-1], -DATA[:, -1]
+    weights, means, covariances = [], [], []
+    for hypothesis in HYPOTHESES:
+        root = with_hypothesis(problem, hypothesis).prior_root
+        prior = np.linalg.inv(root.T @ root)
+        data = np.eye(4) + J @ prior @ J.T
+        gain = prior @ J.T @ np.linalg.inv(data)
+        density = multivariate_normal(np.zeros(4), data).logpdf(target)
+        weights.append(np.exp(density + log_odds(hypothesis)))
+        means.append(gain @ target)
+        covariances.append(prior - gain @ J @ prior)
+    return np.array(weights) / np.sum(weights), np.array(means), np.array(covariances)
+
+
+def test_probabilities_are_those_of_the_data_under_each_prior(problem):
+    weights, _, _ = gaussians(problem)
+    found = probabilities(explanations(problem), calibration())
+    assert found == pytest.approx(weights, abs=1e-10)
+    assert found.sum() == pytest.approx(1.0, abs=1e-12)
+    assert found.min() > 1e-3, "all of them have to matter"
+    elsewhere = probabilities(explanations(problem, (0.3, -1.0, 2.0)), calibration())
+    assert elsewhere == pytest.approx(weights, abs=1e-10), "wherever a linear problem is linearised"
+
+
+def test_mean_and_covariance_are_those_of_the_weighted_gaussians(problem):
+    weights, means, covariances = gaussians(problem)
+    found = mixture(explanations(problem), calibration())
+    mean = np.sum(weights[:, None] * means, axis=0)
+    within = np.sum(weights[:, None, None] * covariances, axis=0)
+    between = np.einsum("h,hi,hj->ij", weights, means, means) - np.outer(mean, mean)
+    np.testing.assert_allclose(found.x, mean, atol=1e-10)
+    np.testing.assert_allclose(found.covariance, within + between, atol=1e-10)
+    assert np.abs(between).max() > 0.02, "the hypotheses have to differ"
+    assert found.of_group("supply pressure") == pytest.approx(weights[1] + weights[3])
+    assert found.of_group("temperature and grease") == 0.0
+
+
+def test_evidence_mean_and_covariance_agree_with_brute_force_sampling(problem):
+    rng, draws = np.random.default_rng(7), 400_000
+    found = mixture(explanations(problem), calibration())
+    odds = np.exp([log_odds(hypothesis) for hypothesis in HYPOTHESES])
+    samples, likelihood = [], []
+    for hypothesis in HYPOTHESES:
+        root = with_hypothesis(problem, hypothesis).prior_root
+        x = rng.standard_normal((draws, 3)) @ np.linalg.inv(root).T
+        samples.append(x)
+        likelihood.append(np.exp(-0.5 * np.sum((x @ DATA[:, :-1].T + DATA[:, -1]) ** 2, axis=1)))
+    evidence = odds * np.mean(likelihood, axis=1)
+    # relative standard error of a mean of so many draws; below 1 % for each
+    error = np.std(likelihood, axis=1) / np.mean(likelihood, axis=1) / np.sqrt(draws)
+    assert error.max() < 0.01
+    expected = evidence / evidence.sum()
+    for place, hypothesis in enumerate(HYPOTHESES):
+        assert found.probability[hypothesis] == pytest.approx(expected[place], rel=5.0 * error.max())
+    weights = (odds[:, None] * np.array(likelihood)).ravel() / np.sum(odds[:, None] * np.array(likelihood))
+    x = np.concatenate(samples)
+    mean = weights @ x
+    covariance = (weights[:, None] * (x - mean)).T @ (x - mean)
+    effective = 1.0 / np.sum(weights**2)
+    deviation = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(found.x - mean) < 5.0 * deviation / np.sqrt(effective))
+    # a covariance of so many draws; a mixture has heavier tails than one Gaussian
+    assert found.covariance / np.outer(deviation, deviation) == pytest.approx(
+        covariance / np.outer(deviation, deviation), abs=10.0 / np.sqrt(effective)
+    )
+
+
+def test_data_that_scatter_less_than_assumed_change_the_covariance_only(problem):
+    as_assumed, less = (mixture(explanations(problem, scatter=s), calibration()) for s in (1.0, 0.25))
+    assert less.probability == as_assumed.probability
+    np.testing.assert_array_equal(less.x, as_assumed.x)
+    assert np.all(np.diag(less.covariance) < np.diag(as_assumed.covariance))
+
+
+def test_errors_of_position_alone_are_subtracted_and_a_part_of_them_is_uncertain(problem):
+    errors = {
+        "hypotheses": (NONE, SUPPLY),
+        "names": ("C_vs", "theta_1"),
+        "shifts": np.array([[0.03, 2e3], [-0.02, -5e3]]),
+        "log_evidence": np.zeros(2),
+    }
+    widths = np.array([c.width for c in problem.coordinates])
+    wanted = {NONE: np.array([2e3, 0.0, 0.03]) / widths, SUPPLY: np.array([-5e3, 0.0, -0.02]) / widths}
+    known = explanations(problem)
+    for hypothesis in (NONE, SUPPLY):
+        one = {hypothesis: known[hypothesis]}
+        plain, corrected = mixture(one, calibration()), mixture(one, calibration(**errors))
+        shift = wanted[hypothesis]
+        np.testing.assert_allclose(errors_in_x(problem.coordinates, hypothesis, calibration(**errors)), shift)
+        np.testing.assert_allclose(plain.x - corrected.x, shift, atol=1e-12)
+        added = ERRORS_REPEAT**2 * np.outer(shift, shift)
+        np.testing.assert_allclose(corrected.covariance - plain.covariance, added, atol=1e-9)
+    unknown = errors_in_x(problem.coordinates, VALVES, calibration(**errors))
+    np.testing.assert_array_equal(unknown, wanted[NONE], "a hypothesis that is not known has the errors of none")
+
+
+def test_what_a_change_explains_in_the_calibration_recordings_is_no_evidence_for_it(problem):
+    def errors(gain):
+        return {
+            "hypotheses": (NONE, SUPPLY),
+            "names": (),
+            "shifts": np.zeros((2, 0)),
+            "log_evidence": np.array([-100.0, -100.0 + gain]),
+        }
+
+    plain, more, less = (
+        probabilities(explanations(problem), calibration(**each)) for each in ({}, errors(1.5), errors(-1.5))
+    )
+    assert np.log(more[1] / more[0]) == pytest.approx(np.log(plain[1] / plain[0]) - 1.5)
+    assert more[2] / more[0] == pytest.approx(plain[2] / plain[0])
+    assert less == pytest.approx(plain), "what explained less than nothing there speaks for no change here"
+
+
+def found(x, std, **probability):
+    hypotheses = {"none": NONE, "supply": SUPPLY, "valves": VALVES}
+    return Mixture(np.array(x), np.diag(np.square(std)), {hypotheses[name]: p for name, p in probability.items()})
+
+
+def test_a_change_has_its_value_before_and_after_its_deviation_and_the_probability_of_its_group(problem):
+    (change,) = changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=0.02, supply=0.96, valves=0.02))
+    width = problem.coordinates[1].width
+    after = 9e5 * np.exp(-width)
+    assert (change.recording, change.name, change.unit, change.group) == ("w", "P_S", "Pa", "supply pressure")
+    assert (change.before, change.after) == (9e5, pytest.approx(after))
+    assert change.std == pytest.approx(0.2 * width * after)
+    assert change.probability == pytest.approx(0.96)
+
+
+def test_a_group_is_listed_if_the_data_make_its_change_more_probable(problem):
+    before = prior_probability()
+    below, above = before["supply pressure"] - 0.01, before["valves"] + 0.01
+    assert changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - below, supply=below)) == ()
+    # the valves have moved by less than their standard deviation
+    (change,) = changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - above, valves=above))
+    assert (change.name, change.probability) == ("C_vs", pytest.approx(above))
