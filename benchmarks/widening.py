@@ -4,7 +4,7 @@ Every truck of the proving ground is calibrated once with pressure. Then its wor
 a time and under pairs of them, and the load is read from position alone: by default, which weighs what may have
 changed, and with the supply pressure free with 5 % or measured with a workshop's instrument. Errors as in ``clutchid
 prove``, median / worst over the trucks; covered is the share of the grid where the band holds the true load, width the
-median of the band from low to high in % of the peak.
+median of the band from low to high in % of the peak; trust counts the verdicts good / with care / none.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ from clutchid import Fit, Prior, SolveError, fit
 from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import CHANGES, GRID, Vehicle, drive, truck
+
+#: Verdicts, in the order of the column "trust".
+TRUSTS = ("good", "with care", "none")
 
 #: Wear of the facing in m under every change.
 WEAR = 1.5e-3
@@ -89,7 +92,7 @@ def one_truck(
             peak = worn.truth.load(GRID).max()
             width = float(np.median(np.interp(GRID, curve.position, curve.high - curve.low))) / peak * 100
             values = [*asdict(score(answer, worn.truth, worn.log.time)).values()]
-            rows.append((case, remedy, [*values, width]))
+            rows.append((case, remedy, [*values, width, TRUSTS.index(found.verdict.trust)]))
     return rows
 
 
@@ -113,7 +116,16 @@ def main() -> None:
                 partial(one_truck, family=chosen.family, cases=cases, remedies=remedies, method=chosen.method), numbers
             )
         )
-    titles = ("0.5-20 mm [%]", "5-8 mm [%]", "half load [mm]", "p_A [kPa]", "covered [%]", "width [%]", "failed")
+    titles = (
+        "0.5-20 mm [%]",
+        "5-8 mm [%]",
+        "half load [mm]",
+        "p_A [kPa]",
+        "covered [%]",
+        "width [%]",
+        "trust",
+        "failed",
+    )
     print(f"{'change':<24}{'remedy':<24}" + "".join(f"{title:>16}" for title in titles))
     for case in cases:
         for remedy in remedies:
@@ -123,6 +135,7 @@ def main() -> None:
             cells += [
                 f"{100 * table[:, 4].mean():.0f}",
                 f"{np.median(table[:, 5]):.1f}",
+                " / ".join(str(int(np.sum(table[:, 6] == i))) for i in range(len(TRUSTS))),
                 str(sum(row is None for row in found)),
             ]
             print(f"{case:<24}{remedy:<24}" + "".join(f"{cell:>16}" for cell in cells))

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis
 from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach
+from clutchid.assess.reading import reading_reasons
+from clutchid.assess.reason import Reason
 from clutchid.estimate.result import Fit
+from clutchid.names import base_of
 from clutchid.uncertainty.identifiability import collinear, listed
 from clutchid.uncertainty.information import spectrum
 
@@ -35,11 +38,6 @@ class Verdict:
     unseen: tuple[str, ...] = ()
 
 
-class _Reason(NamedTuple):
-    text: str
-    grave: bool = False
-
-
 def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     """Whether the parameters and the load of a fit can be trusted.
 
@@ -59,7 +57,8 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     -----
     The interval is too narrow if residuals are autocorrelated, correlate with a valve, and correspond to a
     load larger than the width of the interval. If the position follows the measurement, as in multiple shooting, this
-    is tested with the pressure only.
+    is tested with the pressure only. A load from position alone is judged by how far the recording departs from the
+    calibration, `clutchid.assess.reading`: neither bounds nor simulated positions told its error.
 
     Examples
     --------
@@ -75,23 +74,25 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     if fit.status == "failed" or not fit.recordings:
         return Verdict("none", (f"the fit failed: {fit.message}".rstrip(".") + ".",))
     found = evidence(fit) if found is None else found
+    reads = fit.departure is not None
     reasons = [
-        *_not_converged(fit), *_poor_baseline(fit), *_at_bounds(fit), *_rounding(fit), *_undetermined(fit),
-        *_combinations(fit), *_motion_fit(found), *_autocorrelated(fit, found), *_wide_interval(fit), *_reach(fit),
+        *reading_reasons(fit), *_not_converged(fit), *_poor_baseline(fit), *([] if reads else _at_bounds(fit)),
+        *_rounding(fit), *_undetermined(fit), *_combinations(fit),
+        *([] if reads else [*_motion_fit(found), *_autocorrelated(fit, found)]), *_wide_interval(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"
     return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit))
 
 
-def _not_converged(fit: Fit) -> list[_Reason]:
+def _not_converged(fit: Fit) -> list[Reason]:
     return (
         []
         if fit.converged
-        else [_Reason("the search did not converge; continue from its result, or free fewer parameters.")]
+        else [Reason("the search did not converge; continue from its result, or free fewer parameters.")]
     )
 
 
-def _poor_baseline(fit: Fit) -> list[_Reason]:
+def _poor_baseline(fit: Fit) -> list[Reason]:
     """A calibration that did not converge, or that is not to be trusted."""
     known = fit.baseline
     if known is None:
@@ -99,32 +100,41 @@ def _poor_baseline(fit: Fit) -> list[_Reason]:
     name = known.origin.name if known.origin and known.origin.name else "of this fit"
     reasons = []
     if known.origin and known.origin.trust == "none":
-        reasons.append(_Reason(f"the calibration {name} has trust 'none'; calibrate again.", True))
+        reasons.append(Reason(f"the calibration {name} has trust 'none'; calibrate again.", True))
     if not known.converged:
         text = (
             f"the search of the calibration {name} had not converged, and the load may have errors that its interval "
             "does not include; continue the calibration, then read again."
         )
-        reasons.append(_Reason(text))
+        reasons.append(Reason(text))
     return reasons
 
 
-def _at_bounds(fit: Fit) -> list[_Reason]:
-    """Estimates at their bounds."""
+def _at_bounds(fit: Fit) -> list[Reason]:
+    """Estimates at their bounds; with priors a physical limit is none, as of a delay that is not negative."""
     at_bounds = []
     for name, estimate in fit.parameters.items():
         ends = zip(("lower", "upper"), fit.bounds.get(name, ()), strict=False)
-        finite = [(word, bound) for word, bound in ends if np.isfinite(bound)]
+        limits = _limits(fit, base_of(name)) if fit.follows else ()
+        finite = [(word, bound) for word, bound in ends if np.isfinite(bound) and bound not in limits]
         at_bounds += [f"{name} ({word})" for word, bound in finite if abs(estimate.value - bound) <= 1e-9 * abs(bound)]
     if not at_bounds:
         return []
     lies, their = ("lies", "its bound") if len(at_bounds) == 1 else ("lie", "their bounds")
     return [
-        _Reason(f"{listed(at_bounds)} {lies} at {their}: the data favour a value beyond, or the model is incomplete.")
+        Reason(f"{listed(at_bounds)} {lies} at {their}: the data favour a value beyond, or the model is incomplete.")
     ]
 
 
-def _rounding(fit: Fit) -> list[_Reason]:
+def _limits(fit: Fit, name: str) -> tuple[float, ...]:
+    """Physical limits of a parameter; none of a load weight."""
+    if name in fit.actuator.load.names:
+        return ()
+    row = fit.actuator.row(name)
+    return row.low, row.high
+
+
+def _rounding(fit: Fit) -> list[Reason]:
     """Directions in which the Jacobian is singular to rounding, so that the covariance is meaningless."""
     known = [i for i, v in enumerate(np.diag(fit.covariance)) if 0.0 < v < np.inf]
     if len(known) < 2:
@@ -135,7 +145,7 @@ def _rounding(fit: Fit) -> list[_Reason]:
     names = [list(fit.parameters)[i] for i in known]
     mixed = [name for name, part in zip(names, np.abs(vectors[:, -1]), strict=True) if part > 0.1]
     return [
-        _Reason(
+        Reason(
             f"the Jacobian is numerically singular in the direction of {listed(mixed)}: their intervals are "
             "meaningless; fix one of them.",
             any(name in fit.actuator.load.names for name in mixed),
@@ -143,7 +153,7 @@ def _rounding(fit: Fit) -> list[_Reason]:
     ]
 
 
-def _undetermined(fit: Fit) -> list[_Reason]:
+def _undetermined(fit: Fit) -> list[Reason]:
     """Estimates with a standard error as large as the value; with priors, the notes report them."""
     if fit.follows:
         return []
@@ -155,12 +165,10 @@ def _undetermined(fit: Fit) -> list[_Reason]:
     if not undetermined:
         return []
     what = "the standard error of {} is" if len(undetermined) == 1 else "the standard errors of {} are"
-    return [
-        _Reason(f"{what.format(listed(undetermined))} as large as the value: the data do not determine it; fix it.")
-    ]
+    return [Reason(f"{what.format(listed(undetermined))} as large as the value: the data do not determine it; fix it.")]
 
 
-def _combinations(fit: Fit) -> list[_Reason]:
+def _combinations(fit: Fit) -> list[Reason]:
     """Three or more estimates of which only combinations are determined, without priors."""
     found = None if fit.follows else information(fit)
     if found is None:
@@ -169,12 +177,12 @@ def _combinations(fit: Fit) -> list[_Reason]:
     if len(group) < 3:
         return []
     text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "
-    return [_Reason(f"{text}fix some, or calibrate with pressure and start from that.")]
+    return [Reason(f"{text}fix some, or calibrate with pressure and start from that.")]
 
 
-def _motion_fit(found: Evidence) -> list[_Reason]:
+def _motion_fit(found: Evidence) -> list[Reason]:
     return [
-        _Reason(
+        Reason(
             f"{name}: simulated for {HORIZON:g} s at a time, the position fits to {share:.1f} %, less than "
             f"{GOOD_FIT:.0f} %: the model does not reproduce part of the motion, and the load may have similar errors.",
             share < POOR_FIT,
@@ -184,7 +192,7 @@ def _motion_fit(found: Evidence) -> list[_Reason]:
     ]
 
 
-def _autocorrelated(fit: Fit, found: Evidence) -> list[_Reason]:
+def _autocorrelated(fit: Fit, found: Evidence) -> list[Reason]:
     """Residuals that are autocorrelated, correlate with a valve, and correspond to a load larger than the interval."""
     curve = fit.load_curve
     inside = np.isfinite(curve.high - curve.low) & (curve.position <= reach(fit))
@@ -199,7 +207,7 @@ def _autocorrelated(fit: Fit, found: Evidence) -> list[_Reason]:
             load = force[column] * residual.rms * float(np.sqrt(max(np.nan_to_num(residual.fast.first), 0.0)))
             if load > width and _correlates_with_valve(residual):
                 reasons.append(
-                    _Reason(
+                    Reason(
                         f"{name}: the residual of {column} is autocorrelated, correlates with a valve and corresponds "
                         f"to a load of {load:.0f} N, more than the width of the interval, {width:.0f} N: the interval "
                         "is too narrow."
@@ -214,7 +222,7 @@ def _correlates_with_valve(residual: ColumnDiagnosis) -> bool:
     return autocorrelated and any(abs(c.strongest) > BEYOND * c.strongest_bound for c in correlations)
 
 
-def _wide_interval(fit: Fit) -> list[_Reason]:
+def _wide_interval(fit: Fit) -> list[Reason]:
     """An infinite interval of the load, or one that is wide relative to the peak."""
     curve, furthest = fit.load_curve, reach(fit)
     inside = curve.position <= furthest
@@ -223,14 +231,14 @@ def _wide_interval(fit: Fit) -> list[_Reason]:
     if not fit.load_is_fitted:
         return []
     if not known.any() or peak <= 0.0:
-        return [_Reason("the data do not determine the load: its interval is infinite.", True)]
+        return [Reason("the data do not determine the load: its interval is infinite.", True)]
     broad = ~(half <= WIDE * peak)
     if known.all() and np.mean(broad) <= WIDE_SHARE:
         return []
     at = curve.position[inside][broad] * 1e3
     widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if known.all() else "infinite in part"
     return [
-        _Reason(
+        Reason(
             f"the interval of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, wider than the limit of ± "
             f"{100 * WIDE:.0f} %; record longer, or with more strokes.",
             bool(np.median(half) > peak),
@@ -238,12 +246,12 @@ def _wide_interval(fit: Fit) -> list[_Reason]:
     ]
 
 
-def _reach(fit: Fit) -> list[_Reason]:
+def _reach(fit: Fit) -> list[Reason]:
     furthest, (begin, end) = reach(fit), ENGAGING
     if furthest >= end:
         return []
     return [
-        _Reason(
+        Reason(
             f"the recordings reach {furthest * 1e3:.1f} mm; the clutch engages at {begin * 1e3:.0f} to {end * 1e3:.0f} "
             f"mm, so that the load there is not determined: reach {end * 1e3:.0f} mm or more.",
             furthest < begin,

@@ -9,7 +9,8 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimate.automatic import automatic
-from clutchid.estimate.changes import Change
+from clutchid.estimate.changes import Change, Departure
+from clutchid.estimate.departure import departure
 from clutchid.estimate.free import FreeParameters, SearchStart, bounds_of, free_names
 from clutchid.estimate.hypotheses import explained
 from clutchid.estimate.mixture import changes, mixture
@@ -52,7 +53,7 @@ def fit_with_priors(
     request = replace(request, profile=actuator.expanded(request.profile))
     check_size(logs, free)
     _check_profiled(request, free)
-    search_result, found = _searched(method, logs, actuator, free, request.calibration, progress)
+    search_result, found, departs = _searched(method, logs, actuator, free, request.calibration, progress)
     result = method.result(search_result, request.calibration)
     if isinstance(result, Failure):
         bounds = {c.name: (c.low, c.high) for c in search_result.problem.coordinates}
@@ -65,6 +66,7 @@ def fit_with_priors(
         search=result.search and replace(result.search, free=free.names),
         recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
         changes=found,
+        departure=departs,
     )
     if method.check and request.checks:
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
@@ -82,21 +84,23 @@ def _searched(
     free: FreeParameters,
     calibration: Calibration | None,
     progress: Progress | None,
-) -> tuple[SearchResult[SolutionT], tuple[Change, ...]]:
-    """Search; for a load from position alone over all hypotheses about changes, and the changes."""
+) -> tuple[SearchResult[SolutionT], tuple[Change, ...], Departure | None]:
+    """Search; for a load from position alone over all hypotheses, with the changes and the departure."""
     found = method.search(logs, actuator, free, calibration, progress)
     if method.hypotheses is None or calibration is None or not found.problem.changing:
-        return found, ()
+        return found, (), None
     if isinstance(found.solution, Failure):
-        return found, ()
+        return found, (), None
     known = explained(found, method.hypotheses, calibration)
     all_together = mixture(known, calibration)
     best = known[max(all_together.probability, key=all_together.probability.__getitem__)]
     settled = method.hypotheses.settle(best.result.problem, best.solution, all_together.x)
     if isinstance(settled, Failure):
-        return found, ()
+        return found, (), None
     result = replace(best.result, solution=settled, covariance=all_together.covariance)
-    return result, changes(result.problem, all_together)
+    cost = min(method.hypotheses.cost(one.solution) for one in known.values())
+    departs = departure(result.problem, all_together.x, cost, logs, calibration)
+    return result, changes(result.problem, all_together), departs
 
 
 def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest) -> tuple[Actuator, FreeParameters]:

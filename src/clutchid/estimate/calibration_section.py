@@ -88,6 +88,7 @@ def _errors_section(errors: PositionOnlyErrors) -> dict[str, Any]:
         "shifts": errors.shifts.tolist(),
         "log_evidence": errors.log_evidence.tolist(),
         "dispersion": errors.dispersion,
+        **({"misfit": errors.misfit} if np.isfinite(errors.misfit) else {}),
     }
 
 
@@ -97,16 +98,17 @@ def _errors(section: Any) -> PositionOnlyErrors:
         names = tuple(map(str, section["names"]))
         shifts = np.array(section["shifts"], dtype=np.float64).reshape(len(hypotheses), len(names))
         evidence = np.array(section["log_evidence"], dtype=np.float64).reshape(len(hypotheses))
-        dispersion = float(section["dispersion"])
-        known = bool(np.isfinite(shifts).all() and np.isfinite(evidence).all() and 0.0 < dispersion < np.inf)
+        dispersion, misfit = float(section["dispersion"]), float(section.get("misfit", "nan"))
+        finite = bool(np.isfinite(shifts).all() and np.isfinite(evidence).all())
+        known = finite and 0.0 < dispersion < np.inf and not misfit <= 0.0
     except (KeyError, TypeError, ValueError, OverflowError):
         known = False
     if not known or len({*names}) < len(names) or len({*hypotheses}) < len(hypotheses) or hypotheses[:1] != ((),):
         raise ParameterError(
             "[fit.calibration.position_only]: hypotheses (the first empty), names, finite shifts of each name and "
-            "log_evidence of each hypothesis, and a dispersion above 0 are needed; save the calibration again."
+            "log_evidence of each hypothesis, a dispersion and a misfit above 0 are needed; save the calibration again."
         )
-    return PositionOnlyErrors(hypotheses, names, shifts, evidence, dispersion)
+    return PositionOnlyErrors(hypotheses, names, shifts, evidence, dispersion, misfit)
 
 
 def _older(section: Any, load_names: Sequence[str]) -> PositionOnlyErrors | None:

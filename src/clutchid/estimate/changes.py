@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,3 +30,16 @@ class Change:
     unit: str
     probability: float
     group: str
+
+
+class Departure(NamedTuple):
+    """Departure of recordings from a calibration.
+
+    `distance` is the squared Mahalanobis distance of the `parameters` that may change from their calibrated values,
+    under the prior that all groups have changed: about their number where the truck has. `misfit` is the cost for each
+    second in motion over that of the calibration recordings read from position alone; NaN if that is not known.
+    """
+
+    distance: float
+    parameters: int
+    misfit: float

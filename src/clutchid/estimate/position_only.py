@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from clutchid.estimate.departure import misfit
 from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.hypotheses import explanation
 from clutchid.estimate.search_result import Hypotheses, SearchMethod, SearchResult, SolutionT
@@ -38,7 +39,7 @@ def position_only_errors(
     for log in logs:
         found = method.search([log.without("pressure_a")], actuator, free, kept, progress)
         if not isinstance(found.solution, Failure):
-            each.append(_errors(found, found.solution, method.hypotheses))
+            each.append(_errors(found, found.solution, method.hypotheses, log))
     if not each:
         return None
     names = tuple(name for name in each[0].names if all(name in one.names for one in each))
@@ -49,11 +50,12 @@ def position_only_errors(
         np.mean([[one.shift(h, names) for h in hypotheses] for one in each], axis=0),
         np.mean([one.log_evidence for one in each], axis=0),
         float(np.mean([one.dispersion for one in each])),
+        float(np.mean([one.misfit for one in each])),
     )
 
 
 def _errors(
-    found: SearchResult[SolutionT], solution: SolutionT, method: Hypotheses[SolutionT] | None
+    found: SearchResult[SolutionT], solution: SolutionT, method: Hypotheses[SolutionT] | None, log: Log
 ) -> PositionOnlyErrors:
     """Errors in one recording, all hypotheses by the linearisation at the solution without a change.
 
@@ -71,4 +73,5 @@ def _errors(
     posteriors = [one.under(hypothesis) for hypothesis in HYPOTHESES]
     shifts: FloatArray = np.array([(solution.x + posterior.step)[at] * widths for posterior in posteriors])
     evidence = np.array([posterior.log_evidence for posterior in posteriors])
-    return PositionOnlyErrors(HYPOTHESES, names, shifts, evidence, dispersion)
+    usual = misfit(method.cost(solution), [log])
+    return PositionOnlyErrors(HYPOTHESES, names, shifts, evidence, dispersion, usual)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from clutchid.errors import SolveError
-from clutchid.estimate.changes import Change
+from clutchid.estimate.changes import Change, Departure
 from clutchid.estimate.search_state import SearchState
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -97,7 +97,8 @@ class Fit:
     scales by which residuals of position (m) and pressure (Pa) were divided, `bounds` the bounds of the free
     parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
     `converged` says that the search ended within its limits, `search` how, with what a later search needs to continue
-    it. `baseline` is the calibration that the fit started from, `changes` are what has changed, or may have, since.
+    it. `baseline` is the calibration that the fit started from, `changes` are what has changed, or may have, since,
+    and `departure` says how far a load from position alone departs from it.
     """
 
     status: Status
@@ -120,6 +121,7 @@ class Fit:
     changes: tuple[Change, ...] = ()
     baseline: Calibration | None = None
     search: SearchState | None = None
+    departure: Departure | None = None
 
     def __repr__(self) -> str:
         names = [repr(name) for name in self.recordings]

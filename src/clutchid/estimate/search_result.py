@@ -54,11 +54,12 @@ class SearchResult(Generic[SolutionT]):
 class Hypotheses(Generic[SolutionT]):
     """How a method of search weighs hypotheses about what has changed.
 
-    `refine` goes on from a result with another prior, from x; `data_factor` is the triangular factor ``[R | q]`` of the
-    data alone at a solution; `dispersion` that of `clutchid.smoother.blocks`; `settle` moves a solution to x, with the
-    states that belong to it.
+    `cost` is that of a solution. `refine` goes on from a result with another prior, from x; `data_factor` is the
+    triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of `clutchid.smoother.blocks`;
+    `settle` moves a solution to x, with the states that belong to it.
     """
 
+    cost: Callable[[SolutionT], float]
     refine: Callable[[SearchResult[SolutionT], FitProblem, FloatArray], SearchResult[SolutionT]]
     data_factor: Callable[[FitProblem, SolutionT], FloatArray]
     dispersion: Callable[[FitProblem, SolutionT], float]

@@ -30,6 +30,8 @@ class PositionOnlyErrors:
         Logarithm of the evidence.
     dispersion : 1
         See `clutchid.smoother.blocks`.
+    misfit : 1/s
+        Cost for each second in motion, without a change; NaN if it is not known.
     """
 
     hypotheses: tuple[tuple[str, ...], ...]
@@ -37,6 +39,7 @@ class PositionOnlyErrors:
     shifts: FloatArray
     log_evidence: FloatArray
     dispersion: float = 1.0
+    misfit: float = float("nan")
 
     def shift(self, hypothesis: tuple[str, ...], names: Sequence[str]) -> FloatArray:
         """Errors of `names` under a hypothesis, 0 where they are not known."""

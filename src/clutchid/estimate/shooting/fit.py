@@ -108,6 +108,10 @@ def refine(found: SearchResult[ShootingSolution], problem: FitProblem, x: FloatA
     return replace(found, problem=problem, solution=_fine(problem, x, X, None))
 
 
+def _cost(solution: ShootingSolution) -> float:
+    return solution.at.cost
+
+
 def _data_factor(problem: FitProblem, solution: ShootingSolution) -> FloatArray:
     return data_factor(problem, solution.at)
 
@@ -117,4 +121,4 @@ def _dispersion(problem: FitProblem, solution: ShootingSolution) -> float:
 
 
 #: Multiple shooting with soft continuity.
-SHOOTING = SearchMethod(shoot, result, checked, Hypotheses(refine, _data_factor, _dispersion, settled))
+SHOOTING = SearchMethod(shoot, result, checked, Hypotheses(_cost, refine, _data_factor, _dispersion, settled))

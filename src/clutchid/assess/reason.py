@@ -1,0 +1,12 @@
+"""A reason that lowers the trust in a fit."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Reason(NamedTuple):
+    """A sentence for the user; a grave one takes the trust."""
+
+    text: str
+    grave: bool = False

@@ -1,0 +1,68 @@
+"""Reasons against a load from position alone: another truck's calibration, a poor fit, and a wide band."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.assess.evidence import reach
+from clutchid.assess.reading import expected_error, reading_reasons
+from clutchid.assess.verdict import verdict
+from clutchid.estimate import LoadCurve, fit
+from clutchid.estimate.changes import Departure
+from fixtures.baselines import ORIGIN, with_baseline
+
+NEAR = Departure(distance=5.0, parameters=24, misfit=1.0)
+
+
+@pytest.fixture(scope="module")
+def reading(drive, with_noise):
+    """A fit that passes for a reading with a calibration whose recordings it resembles."""
+    found = fit(with_noise(drive, 1).slice(0, 4000), measure=("position", "pressure_a"))
+    return replace(with_baseline(found, origin=ORIGIN, converged=True), departure=NEAR)
+
+
+def with_error(result, percent):
+    """`result` with a band of the same standard deviation everywhere, in % of the peak."""
+    curve = result.load_curve
+    half = 1.96 * percent / 100 * curve.force[curve.peak(reach(result))]
+    return replace(result, load_curve=LoadCurve(curve.position, curve.force, curve.force - half, curve.force + half))
+
+
+def test_a_reading_near_its_calibration_is_good(reading):
+    assert reading_reasons(reading) == []
+    assert verdict(reading).trust == "good"
+
+
+def test_another_fit_has_no_reason_of_a_reading(reading):
+    assert reading_reasons(replace(with_error(reading, 9.0), departure=None)) == []
+
+
+@pytest.mark.parametrize(("distance", "trust"), [(36.0, "good"), (45.0, "with care"), (60.0, "none")])
+def test_parameters_far_from_the_calibration_are_those_of_another_truck(reading, distance, trust):
+    judged = verdict(replace(reading, departure=NEAR._replace(distance=distance)))
+    assert judged.trust == trust
+    if trust == "none":
+        assert "CAL.toml seems to be of another truck" in judged.reasons[0]
+        assert f"squared distance {distance:.0f} over 24 parameters" in judged.reasons[0]
+
+
+@pytest.mark.parametrize(("ratio", "trust"), [(1.4, "good"), (1.6, "with care"), (3.0, "none"), (np.nan, "good")])
+def test_a_cost_that_the_calibration_did_not_have_is_a_reason(reading, ratio, trust):
+    judged = verdict(replace(reading, departure=NEAR._replace(misfit=ratio)))
+    assert judged.trust == trust
+    assert [f"costs {ratio:.1f} times as much" in reason for reason in judged.reasons] == [True] * (trust != "good")
+
+
+@pytest.mark.parametrize(("percent", "trust"), [(1.0, "good"), (2.5, "with care"), (4.0, "none")])
+def test_the_expected_error_is_that_of_the_band(reading, percent, trust):
+    wide = with_error(reading, percent)
+    assert expected_error(wide) == pytest.approx(percent, rel=1e-3)
+    assert verdict(wide).trust == trust
+
+
+def test_a_bound_does_not_lower_the_trust_in_a_reading(reading):
+    name = "theta_1"
+    at_bound = replace(reading, bounds={**reading.bounds, name: (0.0, reading.parameters[name].value)})
+    assert verdict(at_bound).trust == "good"
+    assert verdict(replace(at_bound, departure=None)).trust == "with care"
