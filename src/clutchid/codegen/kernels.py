@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
@@ -46,9 +48,16 @@ def _compiled(function: _Function, **options: Any) -> _Function:
     return cast(_Function, made)
 
 
+#: One thread loads at a time: Python 3.11 cannot parse in two at once.
+_loading = RLock()
+
+
 @cache
 def kernels_in(name: str) -> ModuleType:
     """The module `name` of this package, loaded from the cache folder, so that its machine code is kept there too.
+
+    Kernels that it imports from other modules are compiled with it: their text stands in place of the import, so that
+    no machine code calls an older version of them.
 
     Raises
     ------
@@ -57,8 +66,37 @@ def kernels_in(name: str) -> ModuleType:
     OSError
         If no cache folder can be written, not even a temporary one.
     """
+    with _loading:
+        texts = _texts(name)
+        return load_module(name.rsplit(".", 1)[-1], list(texts), lambda: "\n\n".join((_FIRST, *texts.values())))
+
+
+#: First line of a module of kernels.
+_FIRST = "from __future__ import annotations"
+
+
+def _texts(name: str) -> dict[Path, str]:
+    """The texts of the modules whose kernels a module imports, in the order of their use, and last its own."""
+    path = _file(name)
+    text, texts = path.read_text(encoding="utf-8"), dict[Path, str]()
+    lines = text.splitlines()
+    for node in ast.parse(text).body:
+        module = node.module if isinstance(node, ast.ImportFrom) else None
+        kernels = module is not None and module.startswith("clutchid.") and _has_kernels(_file(module))
+        if module and kernels:
+            texts |= _texts(module)
+        if kernels or module == "__future__":
+            for number in range(node.lineno - 1, node.end_lineno or node.lineno):
+                lines[number] = ""
+    return {**texts, path: "\n".join(lines)}
+
+
+def _has_kernels(path: Path) -> bool:
+    return "\n@kernel\n" in path.read_text(encoding="utf-8")
+
+
+def _file(name: str) -> Path:
     found = find_spec(name)
     if found is None or found.origin is None:
         raise ModuleNotFoundError(f"no module named {name}")
-    source = Path(found.origin)
-    return load_module(source.stem, [source], lambda: source.read_text(encoding="utf-8"))
+    return Path(found.origin)
