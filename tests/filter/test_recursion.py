@@ -7,7 +7,7 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
-from clutchid.filter.filtering import FilterState
+from clutchid.filter.setup import FilterState, scratch
 from clutchid.simulation.sensors import lag_coefficients
 
 #: States of the model, and with two outputs of sensors; free parameters.
@@ -63,11 +63,6 @@ def drawn_state(given=False):
     return FilterState(rng.standard_normal(SIZE), rng.standard_normal((SIZE, K if given else K + SIZE)))
 
 
-def scratch(state, given=False):
-    width = state.S.shape[1]
-    return np.empty((2, 1 + width)), np.empty((0, 0) if given else (SIZE, SIZE + N)), np.empty(width)
-
-
 def pass_over(samples, given=False):
     """Arguments of `follow` but for the step, and arrays that it changes, for some samples."""
     rng, state, dt = np.random.default_rng(2), drawn_state(given), np.full(samples - 1, 1e-3)
@@ -81,13 +76,15 @@ def pass_over(samples, given=False):
     )  # fmt: skip
     arguments = (
         tuple(state), model_arrays(), (u, dt, np.ones(samples - 1, np.int32), sigma, lags), SENSORS,
-        (values, np.array([[0.1, 0.6], [0.3, 0.7]]), 1.0), gains, output, scratch(state, given), (0, samples, 2),
+        (values, np.array([[0.1, 0.6], [0.3, 0.7]]), 1.0), gains, output,
+        scratch(SIZE, N, state.S.shape[1], 2, given), (0, samples, 2),
     )  # fmt: skip
     return arguments, [*state, gains, *output]
 
 
 def test_a_triangle_has_the_same_covariance_as_the_wide_matrix(kernels):
-    W = np.random.default_rng(0).standard_normal((SIZE, SIZE + N))
+    random = np.random.default_rng(0)
+    W = np.hstack([random.standard_normal((SIZE, SIZE)), np.tril(random.standard_normal((SIZE, N)))])
     before = W @ W.T
     kernels.triangularise(W)
     assert np.array_equal(W, np.tril(W))
@@ -101,11 +98,11 @@ def test_a_row_of_zeros_is_no_trouble_to_a_triangle(kernels):
     assert pytest.approx(np.array([[0.0, 0.0], [0.0, 9.0]]), rel=1e-14) == W @ W.T
 
 
-def test_a_prediction_moves_state_derivatives_and_covariance_as_the_textbook_says(kernels):
+def test_a_prediction_moves_state_derivatives_and_covariance_as_the_textbook_says(kernels, compiled_step):
     state, lags = drawn_state(), np.concatenate([lag_coefficients(tau, np.array([1e-3])) for tau in (5e-4, 2e-3)])
     x, S, u, sigma = *state.copy(), np.array([0.4]), np.array([0.1, 0.2, 0.3])
-    arrays = scratch(state)
-    kernels.predict.py_func(linear_step, x, S, model_arrays(), (u, 1e-3, 1, sigma, lags), SENSORS, arrays)
+    arrays = scratch(SIZE, N, K + SIZE, 2)
+    kernels.predict(compiled_step, x, S, model_arrays(), (u, 1e-3, 1, sigma, lags), SENSORS, arrays)
     F, G, forced = np.zeros((SIZE, SIZE)), np.zeros((SIZE, N)), np.zeros(SIZE)
     F[:N, :N], G[:N], forced[:N] = A, np.eye(N), B * u[0] + D * 0.7
     by_parameter = np.zeros((SIZE, K))

@@ -4,42 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.filter.arrays import FilterOutput, IntArray, Intervals, Measurements, ModelArrays, Scratch
+from clutchid.filter.setup import FilterState, first_state, intervals, measurements, model_arrays, scratch, sensor_rows
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
-from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels, step
+from clutchid.model.compiled import step
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.parameter_map import ParameterMap
-from clutchid.simulation.plan import Segment
-from clutchid.simulation.process_noise import process_noise, start_deviations
-from clutchid.simulation.run import Columns, columns, inputs_of, start_sensitivities, start_state
-from clutchid.simulation.sensors import lag_coefficients
+from clutchid.simulation.process_noise import start_deviations
+from clutchid.simulation.run import columns, inputs_of
 from clutchid.simulation.simulation import failure_message
 from clutchid.simulation.windows import Track
 from clutchid.uncertainty.noise import Noise
 
 _KERNELS = "clutchid.filter.recursion"
 
+#: Sensors whose outputs are in the state, in the order of the rows of `Filtered`.
+_SENSORS = tuple(MEASURED)
+
 #: Samples whose rows are compressed together.
 BLOCK = 2048
-
-
-class FilterState(NamedTuple):
-    """State of the filter between two samples, see `recursion`: x (size,) and S = [dx | L] (size, columns), in SI."""
-
-    x: FloatArray
-    S: FloatArray
-
-    def copy(self) -> FilterState:
-        """An independent copy, to return to."""
-        return FilterState(self.x.copy(), self.S.copy())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,24 +122,20 @@ class _Pass:
     ) -> _Pass:
         """The filter at the start of a segment."""
         segment, actuator = track.segment, mapped.actuator
-        which, sensors = columns(actuator, mapped.bases), _sensors(mapped)
+        which, sensors = columns(actuator, mapped.bases), sensor_rows(mapped, _SENSORS)
         with_pressure, given = "pressure_a" in measure, fixed_gains is not None
         L = np.diag(start_deviations(segment, actuator, with_pressure, noise))
-        state = _start(segment, mapped, which, L[:, :0] if given else L)
+        state = first_state(segment, mapped, which, L[:, :0] if given else L, _SENSORS)
         size, width, n = state.x.size, state.S.shape[1], len(actuator.states)
         return cls(
             step=step(actuator.model),
             state=state,
-            model=_model_arrays(mapped, which, width),
-            intervals=_intervals(segment, actuator, noise),
+            model=model_arrays(mapped, which, width),
+            intervals=intervals(segment, actuator, noise, _SENSORS),
             sensors=sensors,
-            measurements=_measurements(track, actuator, measure, noise),
+            measurements=measurements(track, actuator, measure, noise, _SENSORS),
             gains=np.zeros((len(segment), len(MEASURED), size + 1)) if fixed_gains is None else fixed_gains,
-            scratch=(
-                np.empty((len(MEASURED), 1 + width)),
-                np.empty((0, 0) if given else (size, size + n)),
-                np.empty(width),
-            ),
+            scratch=scratch(size, n, width, len(MEASURED), given),
         )
 
     def follow(self, begin: int, end: int, output: FilterOutput) -> int:
@@ -160,62 +146,3 @@ class _Pass:
             output, self.scratch, (begin, end, watched),
         )  # fmt: skip
         return end - 1 if failed < 0 and not np.isfinite(self.state.S).all() else failed
-
-
-def _sensors(mapped: ParameterMap) -> IntArray:
-    """Rows and columns of each sensor, see `recursion.STATE`; the outputs stand behind the states of the model."""
-    states, column = mapped.actuator.states, {name: c for c, name in enumerate(mapped.bases)}
-    rows = [
-        (len(states) + m, states.index(sensor.state), column.get(sensor.lag, -1), column.get(sensor.offset, -1))
-        for m, sensor in enumerate(MEASURED.values())
-    ]
-    return np.array(rows, dtype=np.int64)
-
-
-def _model_arrays(mapped: ParameterMap, which: Columns, width: int) -> ModelArrays:
-    """Arguments of the generated step for `width` columns."""
-    arrays, module = mapped.arrays, kernels(mapped.actuator.model)
-    work = np.empty(module.work_size(width))
-    module.prepare(arrays.parameters, which.fill_slot, work)
-    return (
-        arrays.parameters, arrays.breakpoints, arrays.load, arrays.basis, which.table_basis, which.table_column,
-        which.fill_slot, which.fill_row, which.fill_column, work,
-    )  # fmt: skip
-
-
-def _intervals(segment: Segment, actuator: Actuator, noise: Noise) -> Intervals:
-    lags = [lag_coefficients(actuator.value(sensor.lag), segment.dt) for sensor in MEASURED.values()]
-    sigma = process_noise(segment, actuator, noise)
-    return segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1)
-
-
-def _measurements(track: Track, actuator: Actuator, measure: Sequence[str], noise: Noise) -> Measurements:
-    inside = slice(track.segment.start, track.segment.stop)
-    values = np.full((len(track.segment), len(MEASURED)), np.nan)
-    for m, name in enumerate(MEASURED):
-        if name in measure:
-            recorded = track.measured[name][inside]
-            values[:, m] = np.where(np.isfinite(recorded), recorded, np.nan)
-    of_sensor = [(actuator.value(s.offset), noise.measured.get(name, np.inf)) for name, s in MEASURED.items()]
-    return values, np.array(of_sensor), float(noise.outlier)
-
-
-def _start(segment: Segment, mapped: ParameterMap, which: Columns, L: FloatArray) -> FilterState:
-    """State of the filter at the start, with L for the states of the model (n, n), or (n, 0) with given gains.
-
-    The output of a sensor is what it measures, less the lag times the velocity for the position; of the pressure no
-    rate is known.
-    """
-    actuator, k = mapped.actuator, len(mapped.bases)
-    states, n = actuator.states, len(actuator.states)
-    outputs = np.zeros((len(MEASURED), n))
-    outputs[np.arange(len(MEASURED)), [states.index(sensor.state) for sensor in MEASURED.values()]] = 1.0
-    position, lag = list(MEASURED).index("position"), MEASURED["position"].lag
-    outputs[position, states.index("v")] = -actuator.value(lag)
-    both = np.vstack([np.eye(n), outputs])
-    x = both @ start_state(segment, actuator)
-    dx = both @ start_sensitivities(segment, actuator, which, estimated=False)[:, :k]
-    if lag in mapped.bases:
-        dx[n + position, mapped.bases.index(lag)] -= x[states.index("v")]
-    of_outputs = np.zeros((x.size, len(MEASURED) if L.shape[1] else 0))
-    return FilterState(x, np.column_stack([dx, both @ L, of_outputs]))

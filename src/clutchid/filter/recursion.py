@@ -15,35 +15,12 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernel
 from clutchid.filter.arrays import FilterOutput, IntArray, Intervals, Measurements, ModelArrays, Scratch
+from clutchid.filter.triangle import triangularise
 from clutchid.log import FloatArray
 
 #: Columns of `sensors`, one row a sensor: row of its output in x, row of the state that it measures, columns in S of
 #: its lag and its offset, -1 if they are fixed.
 OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
-
-
-@kernel
-def triangularise(W: FloatArray) -> None:
-    """Make a wide matrix lower triangular in place by Householder reflections of its columns, which keep W W'."""
-    n, width = W.shape
-    for i in range(n):
-        square = 0.0
-        for c in range(i, width):
-            square += W[i, c] * W[i, c]
-        if square == 0.0:
-            continue
-        norm = -math.copysign(math.sqrt(square), W[i, i])
-        beta = 1.0 / (square - W[i, i] * norm)
-        W[i, i] -= norm
-        for j in range(i + 1, n):
-            dot = 0.0
-            for c in range(i, width):
-                dot += W[j, c] * W[i, c]
-            for c in range(i, width):
-                W[j, c] -= beta * dot * W[i, c]
-        W[i, i] = norm
-        for c in range(i + 1, width):
-            W[i, c] = 0.0
 
 
 @kernel
@@ -70,14 +47,16 @@ def move_sensors(x: FloatArray, S: FloatArray, before: FloatArray, sensors: IntA
 
 
 @kernel
-def add_process_noise(S: FloatArray, sigma: FloatArray, sensors: IntArray, lags: FloatArray, W: FloatArray) -> None:
+def add_process_noise(S: FloatArray, sigma: FloatArray, sensors: IntArray, shares: FloatArray, W: FloatArray) -> None:
     """Replace L in S by the lower triangular square root of ``L L' + Q Q'``.
 
     Parameters
     ----------
     sigma : (n,)
         Standard deviation of the process noise of each state of the model. The noise moves a state at the end of the
-        interval, and the output of its sensor by the coefficient c of its lag.
+        interval.
+    shares : (sensors,)
+        Of the noise of a measured state in the output of its sensor: the coefficients c of its lag.
     W : (size, size + n)
         Scratch, ``[L | Q]``.
     """
@@ -91,11 +70,37 @@ def add_process_noise(S: FloatArray, sigma: FloatArray, sensors: IntArray, lags:
     for i in range(n):
         W[i, size + i] = sigma[i]
     for m in range(sensors.shape[0]):
-        W[sensors[m, OUTPUT], size + sensors[m, STATE]] = lags[m, 2] * sigma[sensors[m, STATE]]
+        W[sensors[m, OUTPUT], size + sensors[m, STATE]] = shares[m] * sigma[sensors[m, STATE]]
     triangularise(W)
     for i in range(size):
         for j in range(size):
             S[i, k + j] = W[i, j]
+
+
+@kernel
+def move(
+    step: Callable[..., bool],
+    x: FloatArray,
+    S: FloatArray,
+    model: ModelArrays,
+    interval: tuple[FloatArray, float, int],
+    sensors: IntArray,
+    lags: FloatArray,
+    before: FloatArray,
+) -> bool:
+    """`predict` without process noise; `interval` are its inputs, length in s and steps."""
+    u, length, substeps = interval
+    p, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row, fill_column, work = model
+    for m in range(sensors.shape[0]):
+        before[m, 0] = x[sensors[m, STATE]]
+        for j in range(S.shape[1]):
+            before[m, 1 + j] = S[sensors[m, STATE], j]
+    finite = step(
+        x, S, u, p, length, substeps, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row,
+        fill_column, work,
+    )  # fmt: skip
+    move_sensors(x, S, before, sensors, lags)
+    return finite
 
 
 @kernel
@@ -120,19 +125,10 @@ def predict(
         A row of each of `Intervals`.
     """
     u, length, substeps, sigma, lags = interval
-    p, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row, fill_column, work = model
-    before, W, _ = scratch
-    for m in range(sensors.shape[0]):
-        before[m, 0] = x[sensors[m, STATE]]
-        for j in range(S.shape[1]):
-            before[m, 1 + j] = S[sensors[m, STATE], j]
-    finite = step(
-        x, S, u, p, length, substeps, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row,
-        fill_column, work,
-    )  # fmt: skip
-    move_sensors(x, S, before, sensors, lags)
+    _, W, _ = scratch
+    finite = move(step, x, S, model, (u, length, substeps), sensors, lags, scratch[0])
     if W.shape[0] > 0:
-        add_process_noise(S, sigma, sensors, lags, W)
+        add_process_noise(S, sigma, sensors, lags[:, 2], W)
     return finite
 
 
@@ -194,6 +190,15 @@ def update_covariance(S: FloatArray, h: FloatArray, e: float, sigma: float, outl
         predicted += h[j] * h[j]
     s = predicted + sigma * sigma
     weighted = s * max(1.0, abs(e) / math.sqrt(s) / outlier)
+    update_root(S, h, predicted, weighted, gain)
+    gain[size] = s
+
+
+@kernel
+def update_root(S: FloatArray, h: FloatArray, predicted: float, weighted: float, gain: FloatArray) -> None:
+    """Gain of a measurement and L after it, if its innovation has variance `weighted`, of which `predicted` is L's."""
+    size = S.shape[0]
+    k = S.shape[1] - size
     share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
     for i in range(size):
         covariance = 0.0
@@ -202,7 +207,6 @@ def update_covariance(S: FloatArray, h: FloatArray, e: float, sigma: float, outl
         gain[i] = covariance / weighted
         for j in range(k, k + size):
             S[i, j] -= share * gain[i] * h[j]
-    gain[size] = s
 
 
 @kernel
