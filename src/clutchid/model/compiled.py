@@ -112,6 +112,23 @@ def step(model: Model) -> Any:
 
 
 @cache
+def prepare(model: Model) -> Any:
+    """The kernel ``prepare`` of `model`, as `step`: it computes what `step` needs of changed parameters.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such variant.
+    """
+    from numba import types
+
+    from clutchid.codegen.callback import Callback
+
+    x, places = types.Array(types.float64, 1, "C"), types.Array(types.int64, 1, "C")
+    return Callback(kernels(model).prepare, (x, places, x))
+
+
+@cache
 def functions() -> ModuleType:
     """What is made of the equations for all variants.
 
@@ -141,7 +158,7 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
         module.run.compile((x, *plan, fixed, matrix, matrix))
         module.run_all.compile((x, matrix, *plan, fixed, matrix, basis, *[places] * 5, places, matrix, cube))
         module.linearise.compile((matrix, matrix, x, fixed, matrix, matrix, cube))
-        module.prepare.compile((x, places, x))
+        prepare(model)
         step(model)
     functions().opening.compile((x, types.float64, types.float64))
     functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))

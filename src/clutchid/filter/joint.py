@@ -1,0 +1,275 @@
+"""The recursion of the joint filter: states, load weights and parameters, corrected by one measurement after another.
+
+The filter is the two-stage one of Friedland (1969), which is the Kalman filter of states and parameters together. The
+error of the state x is ``D dtheta + L n``, with dtheta the error of the parameters, whose covariance is T T', and n
+independent of it. So D are derivatives with respect to the parameters that the model moves like L, and T does
+not change between corrections. Potter's update keeps both L and T roots of covariances. Nothing is allocated.
+
+D is with respect to the parameters in SI, theta are their coordinates with a prior of about 0 ± 1, and T is in theta.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from clutchid.codegen.kernels import kernel
+from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
+from clutchid.filter.joint_arrays import Derived, FreeArrays, JointOutput, JointScratch, SettingsArrays, StateArrays
+from clutchid.filter.joint_parameters import move_parameters, refresh
+from clutchid.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, update_root
+from clutchid.filter.triangle import triangularise
+from clutchid.log import FloatArray
+from clutchid.simulation.comparison import lag_coefficients
+
+#: Samples between two additions of the drift of the parameters.
+DRIFT_SAMPLES = 1000
+
+
+@kernel
+def predict_jointly(
+    step: Callable[..., bool],
+    state: StateArrays,
+    model: ModelArrays,
+    interval: tuple[FloatArray, FloatArray, int, FloatArray, FloatArray],
+    lags: FloatArray,
+    sensors: IntArray,
+    scratch: JointScratch,
+) -> bool:
+    """Move the state over an interval, see `recursion.predict`; its process noise waits for `correct_sample_jointly`.
+
+    Parameters
+    ----------
+    interval
+        Inputs, length in s (1,), steps, process noise, coefficients of the sensors' lags, as in `recursion.predict`.
+    lags : (sensors,)
+        Of the sensors in s: where one is free, its coefficients are computed anew.
+    """
+    x, S, _, _, waiting = state
+    u, length, substeps, sigma, coefficients = interval
+    for m in range(sensors.shape[0]):
+        if sensors[m, LAG] >= 0:
+            lag_coefficients(lags[m], length, coefficients[m : m + 1])
+    for i in range(sigma.size):
+        waiting[i] += sigma[i] * sigma[i]
+    for m in range(sensors.shape[0]):
+        waiting[sigma.size + m] = coefficients[m, 2]
+    return move(step, x, S, model, (u, length[0], substeps), sensors, coefficients, scratch[0][0])
+
+
+@kernel
+def add_waiting_noise(state: StateArrays, sensors: IntArray, scratch: JointScratch) -> None:
+    """Add the process noise since the last correction to the covariance of the states."""
+    _, S, _, _, waiting = state
+    _, W, sigma = scratch[0]
+    n = waiting.size - sensors.shape[0]
+    for i in range(n):
+        sigma[i] = math.sqrt(waiting[i])
+        waiting[i] = 0.0
+    add_process_noise(S, sigma[:n], sensors, waiting[n:], W)
+
+
+@kernel
+def project_parameters(T: FloatArray, h: FloatArray, slopes: FloatArray, w: FloatArray) -> float:
+    """The variance w' w of a predicted measurement due to the parameters, and w, with its derivatives h in SI."""
+    w[:] = 0.0
+    for i in range(w.size):
+        for j in range(w.size):
+            w[j] += T[i, j] * (h[i] * slopes[i])
+    variance = 0.0
+    for j in range(w.size):
+        variance += w[j] * w[j]
+    return variance
+
+
+@kernel
+def update_parameters(
+    T: FloatArray, w: FloatArray, e: float, weighted: float, predicted: float, step: FloatArray
+) -> None:
+    """Step of theta by an innovation e of variance `weighted`, of which `predicted` is T's, and T after it (Potter)."""
+    share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
+    for i in range(w.size):
+        covariance = 0.0
+        for j in range(w.size):
+            covariance += T[i, j] * w[j]
+        covariance /= weighted
+        step[i] = covariance * e
+        for j in range(w.size):
+            T[i, j] -= share * covariance * w[j]
+
+
+@kernel
+def correct_jointly(
+    state: StateArrays,
+    sensor: IntArray,
+    measurement: tuple[float, float, float, float],
+    adapts: bool,
+    free: FreeArrays,
+    slopes: FloatArray,
+    scratch: JointScratch,
+) -> float:
+    """Correct states and, if it `adapts`, parameters by one measurement; the innovation, in its unit.
+
+    Parameters
+    ----------
+    state
+        In place.
+    sensor
+        A row of `sensors`, see `recursion`.
+    measurement
+        Value; offset and standard deviation of the sensor; standard deviations beyond which an innovation is an outlier
+        (Huber, see `recursion.update_covariance`).
+    slopes : (k,)
+        Derivatives of the free parameters in SI with respect to theta.
+    scratch
+        Its gain receives the gain of x with fixed parameters and the variance of the innovation.
+    """
+    x, S, theta, T, _ = state
+    value, offset, sigma, outlier = measurement
+    (_, _, h), gain, w, step, _ = scratch
+    size, k = x.size, theta.size
+    for j in range(k + size):
+        h[j] = S[sensor[OUTPUT], j]
+    if sensor[OFFSET] >= 0:
+        h[sensor[OFFSET]] += 1.0
+    e = value - (x[sensor[OUTPUT]] + offset)
+    by_states = 0.0
+    for j in range(k, k + size):
+        by_states += h[j] * h[j]
+    by_parameters = project_parameters(T, h, slopes, w)
+    s = by_states + by_parameters + sigma * sigma
+    weighted = s * max(1.0, abs(e) / math.sqrt(s) / outlier)
+    update_root(S, h, by_states, weighted - by_parameters, gain)
+    gain[size] = s
+    for i in range(size):
+        x[i] += gain[i] * e
+        for j in range(k):
+            S[i, j] -= gain[i] * h[j]
+    if adapts:
+        update_parameters(T, w, e, weighted, by_parameters, step)
+        move_parameters(x, S, theta, free, step)
+    return float(e)
+
+
+@kernel
+def correct_sample_jointly(
+    prepare: Callable[..., None],
+    state: StateArrays,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    sensors: IntArray,
+    values: FloatArray,
+    settings: SettingsArrays,
+    errors: FloatArray,
+    scratch: JointScratch,
+) -> None:
+    """Add the process noise since the last correction, and correct by each measurement of a sample.
+
+    Parameters
+    ----------
+    values : (sensors,)
+        NaN for none.
+    errors : (sensors, 2)
+        Receives the innovations and their variances, NaN for none.
+    """
+    _, outlier, least_speed, at_speed, _ = settings
+    _, _, of_sensor, slopes = derived
+    add_waiting_noise(state, sensors, scratch)
+    adapts = abs(state[0][at_speed]) > least_speed
+    for m in range(sensors.shape[0]):
+        errors[m] = np.nan
+        if not math.isnan(values[m]):
+            measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], outlier
+            errors[m, 0] = correct_jointly(state, sensors[m], measurement, adapts, free, slopes, scratch)
+            errors[m, 1] = scratch[1][state[0].size]
+            if adapts:
+                refresh(prepare, state[2], free, derived, model)
+
+
+@kernel
+def drift(state: StateArrays, slopes: FloatArray, variance: float, W: FloatArray) -> None:
+    """Add a `variance` to that of each theta: the covariance of parameters and states is triangularised.
+
+    Parameters
+    ----------
+    slopes : (k,)
+        Derivatives of the free parameters in SI with respect to theta.
+    W : (k + size, 2 k + size)
+        Scratch, ``[T, 0, Q; D T, L, 0]``.
+    """
+    _, S, theta, T, _ = state
+    k, size = theta.size, S.shape[0]
+    W[:] = 0.0
+    for i in range(k):
+        W[i, :k] = T[i]
+        W[i, k + size + i] = math.sqrt(variance)
+    for i in range(size):
+        for q in range(k):
+            for j in range(k):
+                W[k + i, j] += S[i, q] * slopes[q] * T[q, j]
+        W[k + i, k : k + size] = S[i, k:]
+    triangularise(W)
+    for i in range(k):
+        T[i] = W[i, :k]
+    for i in range(size):
+        for j in range(k - 1, -1, -1):
+            rest = W[k + i, j]
+            for q in range(j + 1, k):
+                rest -= S[i, q] * slopes[q] * T[q, j]
+            S[i, j] = rest / (T[j, j] * slopes[j])
+        S[i, k:] = W[k + i, k : k + size]
+
+
+@kernel
+def follow_jointly(
+    step: Callable[..., bool],
+    prepare: Callable[..., None],
+    state: StateArrays,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    intervals: Intervals,
+    sensors: IntArray,
+    values: FloatArray,
+    settings: SettingsArrays,
+    output: JointOutput,
+    scratch: JointScratch,
+    span: tuple[int, int],
+) -> int:
+    """Filter some samples of a segment in place; the first that is not finite, or -1.
+
+    Parameters
+    ----------
+    step, prepare
+        Generated functions of the model variant.
+    state
+        After the sample before; before the first sample, that predicted for it.
+    values : (samples, sensors)
+        Measurements, NaN for none.
+    span
+        First sample, and the one after the last.
+    """
+    u, length, substeps, sigma, lags = intervals
+    errors, states = output
+    every, _, _, _, drift_rate = settings
+    begin, end = span
+    n, (_, taus, _, slopes) = states.shape[1], derived
+    refresh(prepare, state[2], free, derived, model)
+    for i in range(begin, end):
+        errors[i - begin] = np.nan
+        if i > 0:
+            interval = u[i - 1], length[i - 1 : i], int(substeps[i - 1]), sigma[i - 1], lags[i - 1]
+            if not predict_jointly(step, state, model, interval, taus, sensors, scratch):
+                return i
+        if i % every == 0:
+            correct_sample_jointly(
+                prepare, state, model, free, derived, sensors, values[i], settings, errors[i - begin], scratch
+            )
+        if drift_rate > 0.0 and i > 0 and (i % DRIFT_SAMPLES) == 0:
+            drift(state, slopes, drift_rate * DRIFT_SAMPLES * length[i - 1], scratch[4])
+        for j in range(n):
+            states[i - begin, j] = state[0][j]
+    return -1

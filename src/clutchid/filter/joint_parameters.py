@@ -1,0 +1,83 @@
+"""Free parameters of the joint filter: from their coordinates theta to the arrays of the model, and a step of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from clutchid.codegen.kernels import kernel
+from clutchid.filter.arrays import IntArray, ModelArrays
+from clutchid.filter.joint_arrays import (
+    HIGH,
+    LAG_OF,
+    LEAST,
+    LOW,
+    MEAN,
+    MOST,
+    OFFSET_OF,
+    PARAMETER,
+    POSITIVE,
+    WEIGHT,
+    WIDTH,
+    Derived,
+    FreeArrays,
+)
+from clutchid.log import FloatArray
+
+
+@kernel
+def value_in_si(numbers: FloatArray, theta: float) -> float:
+    """A free parameter in SI; `numbers` is its row, see `joint_arrays`."""
+    step = numbers[WIDTH] * theta
+    value = numbers[MEAN] + step
+    if numbers[POSITIVE] > 0.0:
+        value = numbers[MEAN] * math.exp(min(max(step, -50.0), 50.0))
+    return float(min(max(value, numbers[LOW]), numbers[HIGH]))
+
+
+@kernel
+def combine_load(load: FloatArray, basis: FloatArray, pieces: IntArray, weights: FloatArray) -> None:
+    """The table of the load from that of its basis functions, whose pieces outside of `pieces` are 0."""
+    load[:] = 0.0
+    for b in range(weights.size):
+        for s in range(pieces[b, 0], pieces[b, 1] + 1):
+            for c in range(4):
+                load[s, c] += weights[b] * basis[b, s, c]
+
+
+@kernel
+def refresh(
+    prepare: Callable[..., None], theta: FloatArray, free: FreeArrays, derived: Derived, model: ModelArrays
+) -> None:
+    """Parameters, load and sensors of the model at theta, from theta alone."""
+    numbers, places, pieces = free
+    weights, lags, sensors, slopes = derived
+    p, _, load, basis, _, _, fill_slot, _, _, work = model
+    by_weight, by_parameter = False, False
+    for j in range(theta.size):
+        value = value_in_si(numbers[j], theta[j])
+        slopes[j] = numbers[j, WIDTH] * (value if numbers[j, POSITIVE] > 0.0 else 1.0)
+        if places[j, WEIGHT] >= 0:
+            weights[places[j, WEIGHT]], by_weight = value, True
+        else:
+            p[places[j, PARAMETER]], by_parameter = value, True
+        if places[j, LAG_OF] >= 0:
+            lags[places[j, LAG_OF]] = value
+        if places[j, OFFSET_OF] >= 0:
+            sensors[places[j, OFFSET_OF], 0] = value
+    if by_weight:
+        combine_load(load, basis, pieces, weights)
+    if by_parameter:
+        prepare(p, fill_slot, work)
+
+
+@kernel
+def move_parameters(x: FloatArray, S: FloatArray, theta: FloatArray, free: FreeArrays, step: FloatArray) -> None:
+    """Move theta by `step`, within its bounds, and x with it along D."""
+    numbers = free[0]
+    for j in range(theta.size):
+        before = value_in_si(numbers[j], theta[j])
+        theta[j] = min(max(theta[j] + step[j], numbers[j, LEAST]), numbers[j, MOST])
+        change = value_in_si(numbers[j], theta[j]) - before
+        for i in range(x.size):
+            x[i] += S[i, j] * change
