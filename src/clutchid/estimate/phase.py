@@ -8,18 +8,21 @@ from functools import partial
 import numpy as np
 
 from clutchid.estimate.free import FreeParameters
+from clutchid.estimate.one_pass import with_window_steps
 from clutchid.estimate.prediction_error.problem import predict_errors
 from clutchid.estimate.problem import fit_problem
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.carrier import centred
 from clutchid.preparation.pulses import FindPhase, find_phase
-from clutchid.simulation.windows import Track
+from clutchid.signals.duty_cycle import resolves_carrier
+from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 
 #: Phases that are tried, Gauss-Newton steps at each, and the length in s of the part of a recording that they are tried
-#: on. With one step cold recordings of two of the trucks 12 to 15 were 0.3 to 0.5 of a period off, with two up to 0.25.
+#: on. Provenance: docs/derivations.md.
 PHASES, STEPS, DURATION = 10, 2, 10.0
 
 #: Largest step of a parameter in standard deviations of its prior.
@@ -37,7 +40,8 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     """Phase of a carrier of known period for which a Kalman filter predicts the position best, in [-0.5, 0.5).
 
     At each of ten phases load and viscous friction take two Gauss-Newton steps towards smaller prediction errors: wear
-    or cold grease would otherwise be taken for another phase. The phase is refined by a parabola.
+    or cold grease would otherwise be taken for another phase. The costs that are predicted after the second step are
+    compared; the phase is refined by a parabola.
 
     Parameters
     ----------
@@ -55,7 +59,8 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     """
     step = float(np.median(np.diff(log.time)))
     part = log.slice(0, min(len(log), round(DURATION / step)))
-    costs = np.array([_cost(part, actuator, calibration, at / PHASES) for at in range(PHASES)])
+    problems = _problems(part, actuator, calibration)
+    costs = np.array(map_pairs(_least_cost, problems, range(PHASES), smallest=1))
     return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
 
 
@@ -66,28 +71,38 @@ def _vertex(costs: FloatArray) -> float:
     return 0.5 * float((before - after) / (before + after)) if 0.0 < before + after < np.inf else 0.0
 
 
-def _cost(part: Log, actuator: Actuator, calibration: Calibration, phase: float) -> float:
-    """Least cost of the prediction errors at a phase, over the Gauss-Newton steps; infinite if the first pass fails."""
+def _problems(part: Log, actuator: Actuator, calibration: Calibration) -> list[FitProblem]:
+    """The problem of each phase; the recording is prepared once if its samples do not depend on the phase."""
     free = FreeParameters((*actuator.load.names, "D_v"), ("position",))
-    problem, _ = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: centred(phase))
-    problem = replace(problem, tracks=tuple(map(_with_few_steps, problem.tracks)))
+
+    def prepared(phase: float) -> FitProblem:
+        problem, _ = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: phase)
+        return replace(problem, tracks=tuple(map(with_window_steps, problem.tracks)))
+
+    phases = [centred(at / PHASES) for at in range(PHASES)]
+    if not resolves_carrier(part, actuator.parameters.T_pwm):
+        return [prepared(phase) for phase in phases]
+    once = prepared(phases[0])
+    return [_at_phase(once, phase) for phase in phases]
+
+
+def _at_phase(problem: FitProblem, phase: float) -> FitProblem:
+    """`problem` with another phase of the carrier as prior mean."""
+    coordinates = tuple(replace(c, mean=phase) if c.base == "s_pwm" else c for c in problem.coordinates)
+    return replace(problem, actuator=problem.actuator.replace({"s_pwm": phase}), coordinates=coordinates)
+
+
+def _least_cost(problem: FitProblem, _phase: int) -> float:
+    """Cost of the prediction errors as predicted after the last Gauss-Newton step, infinite if the first pass fails."""
     low, high = problem.bounds()
     x, least = np.zeros(len(problem.coordinates)), np.inf
-    for _ in range(1 + STEPS):
+    for _ in range(STEPS):
         prediction = predict_errors(problem, x)
         if isinstance(prediction, Failure):
             break
-        least = min(least, prediction.cost)
         at = prediction.linearisation()
-        step = np.linalg.lstsq(at.R, -at.q, rcond=None)[0]
-        x = np.clip(x + np.clip(step, -LARGEST_STEP, LARGEST_STEP), low, high)
+        step = np.clip(np.linalg.lstsq(at.R, -at.q, rcond=None)[0], -LARGEST_STEP, LARGEST_STEP)
+        after = at.R @ step + at.q
+        least = prediction.cost - float(at.q @ at.q - after @ after)
+        x = np.clip(x + step, low, high)
     return least
-
-
-def _with_few_steps(track: Track) -> Track:
-    """`track` with the integration steps of its windows, which are fewer than those of the plan."""
-    substeps = track.segment.substeps.copy()
-    for window in track.windows:
-        begin = window.start - track.segment.start
-        substeps[begin : begin + len(window.substeps)] = window.substeps
-    return replace(track, segment=replace(track.segment, substeps=substeps))

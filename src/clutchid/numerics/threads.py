@@ -18,11 +18,17 @@ PARTS_PER_THREAD, MIN_PAIRS_PER_PART = 4, 4
 
 
 def map_pairs(
-    work: Callable[[First, Second], Answer], first: Iterable[First], second: Iterable[Second]
+    work: Callable[[First, Second], Answer],
+    first: Iterable[First],
+    second: Iterable[Second],
+    smallest: int = MIN_PAIRS_PER_PART,
 ) -> list[Answer]:
-    """``work(a, b)`` for each pair, in order, on as many threads as linear algebra may use (OMP_NUM_THREADS)."""
+    """``work(a, b)`` for each pair, in order, on as many threads as linear algebra may use (OMP_NUM_THREADS).
+
+    A thread is given at least `smallest` pairs at once.
+    """
     pairs = list(zip(first, second, strict=True))
-    threads, count = _threads(), len(pairs) // MIN_PAIRS_PER_PART
+    threads, count = _threads(), len(pairs) // smallest
     if min(threads, count) < 2:
         return [work(a, b) for a, b in pairs]
     count = min(PARTS_PER_THREAD * threads, count)
