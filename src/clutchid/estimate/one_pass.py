@@ -13,8 +13,8 @@ from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.windows import Track
 from clutchid.smoother.problem import FitProblem, prior_rows
 
-#: Parameters that adapt beside the load, if they are free. With the load alone the errors on the trucks of the proving
-#: ground were 1.0 to 2.1 % of the peak, with these 0.1 to 1.8, with all that may change 0.2 to 1.9.
+#: Parameters that adapt beside the load, if they are free. Provenance: docs/derivations.md, chosen on the seven trucks
+#: of its table.
 ADAPTED = ("F_C", "V_0A", "y_max", "s_pwm")
 
 #: Correlation time in s of what the model misses in a measurement, as in the search by shooting.
