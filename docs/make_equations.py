@@ -9,6 +9,7 @@ from pathlib import Path
 
 from clutchid.codegen.latex import latex_source
 from clutchid.model.compiled import system
+from clutchid.model.opening import port_opening, spool_rate
 from clutchid.parameters import Parameters
 
 PAGE = Path(__file__).parent / "equations.md"
@@ -36,6 +37,12 @@ pressure in the reservoir. What is not listed is as in the paper's model.
 
 """
 
+PROPORTIONAL = """## What `-proportional` changes
+
+The spool of each valve follows its duty cycle, and takes its place in Eq. (11); there is no carrier.
+
+"""
+
 SWITCHED = """With a carrier (T_pwm above 0) the opening of a valve is the mean over a sample of the switched valve. The
 share a of a period that the valve is open is a line as in Eq. (11) but for short pulses, which lift the valve in part
 only, and short gaps, after which it has fallen by h only; b is that of the period before, whose pulse may outlast its
@@ -51,7 +58,7 @@ def page() -> str:
     parts.append(STRIBECK + _own("isothermal-stribeck"))
     parts.append(BALANCE + _own("energy-balance"))
     if len(system("energy-balance").inputs) > 2:
-        from clutchid.model.opening import (
+        from clutchid.model.pulses import (
             bridged_share,
             continued_share,
             fall,
@@ -62,6 +69,7 @@ def page() -> str:
 
         laws = (pulse_share, fall, continued_share, bridged_share, passed_pulses, switched_opening)
         parts.append(SWITCHED + "\n\n".join(_math(_formula(law)) for law in laws))
+    parts.append(PROPORTIONAL + "\n\n".join(_math(_formula(law)) for law in (spool_rate, port_opening)))
     return "\n\n".join([*parts, "## Parameters", _rows()]) + "\n"
 
 

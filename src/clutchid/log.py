@@ -36,6 +36,8 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "pressure_supply": "Pa",
         "pressure_governor": "Pa",
         "deflection_bearing": "m",
+        "spool_supply": "1",
+        "spool_exhaust": "1",
         "force": "N",
         "pressure_a low": "Pa",
         "pressure_a high": "Pa",

@@ -179,6 +179,8 @@ class Parameters:
     )
     n_vs: float = _row(1.0, "1", "supply valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE)
     n_ve: float = _row(1.0, "1", "exhaust valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE)
+    tau_vs: float = _row(2e-3, "s", "proportional supply valve: lag of its spool", 5e-4, 0.05, source=_BALANCE)
+    tau_ve: float = _row(2e-3, "s", "proportional exhaust valve: lag of its spool", 5e-4, 0.05, source=_BALANCE)
     tau_y: float = _row(0.0, "s", "lag of the recorded position", 0, 0.05, source=_SENSORS)
     tau_p: float = _row(0.0, "s", "lag of the recorded pressure", 0, 0.05, source=_SENSORS)
     e_y: float = _row(0.0, "m", "offset of the recorded position", -2e-3, 2e-3, source=_SENSORS)

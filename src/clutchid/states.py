@@ -94,4 +94,12 @@ STATES: Mapping[str, State] = MappingProxyType({
         unit="m", meaning="deflection of release bearing and fork", column="deflection_bearing",
         scale=1e-4, noise=5e-6, start=1e-4, unknown_start=1e-4, fast=0.25,
     ),
+    "x_vs": State(
+        unit="1", meaning="position of the supply valve's spool", column="spool_supply",
+        scale=0.1, noise=1e-3, start=1e-2, unknown_start=0.1, fast=1e3,
+    ),
+    "x_ve": State(
+        unit="1", meaning="position of the exhaust valve's spool", column="spool_exhaust",
+        scale=0.1, noise=1e-3, start=1e-2, unknown_start=0.1, fast=1e3,
+    ),
 })  # fmt: skip

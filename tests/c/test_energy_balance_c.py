@@ -71,7 +71,9 @@ def test_c_in_float_stays_within_float_rounding_of_the_ten_states(build, job):
 def test_the_c_of_every_variant_compiles_strictly_and_has_the_rates_of_its_kernel(build, variant):
     actuator = Actuator(load=Load.on_b_splines(), model=variant)
     random = np.random.default_rng(7)
-    state = np.array([3e-3, 4e-3, 4e5, 1.2e5, 1e-4, 320.0, 280.0, 8.5e5, 8.8e5, 2e-5])[: len(VARIANTS[variant])]
+    state = np.array([3e-3, 4e-3, 4e5, 1.2e5, 1e-4, 320.0, 280.0, 8.5e5, 8.8e5, 2e-5, 0.3, 0.2])[
+        : len(VARIANTS[variant])
+    ]
     u, p = np.zeros(len(system(variant).inputs)), actuator.parameters.array()
     u[:2] = random.uniform(0.2, 0.9, 2)
     table = (actuator.load.breakpoints, actuator.load.combined())

@@ -7,6 +7,7 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.estimate.automatic import (
+    AUTOMATIC,
     AVERAGED,
     BALANCE,
     CARRIER,
@@ -17,6 +18,7 @@ from clutchid.estimate.automatic import (
     SHAPES,
     STRIBECK,
     VENTED_STD,
+    WITH_CARRIER,
     automatic,
 )
 from clutchid.model import Actuator, Load
@@ -28,11 +30,14 @@ from clutchid.simulation.sensors import lagged
 from clutchid.truck import drive, truck
 from clutchid.uncertainty.coordinates import SHARES, WIDTHS
 
+EXPONENTS = ("n_vs", "n_ve")
+
 FREED = {
     "isothermal": {*PAPER, *SHAPES},
     "isothermal-stribeck": {*PAPER, *SHAPES, *STRIBECK},
-    "energy-balance": {*PAPER, *BALANCE, *AVERAGED},
-    "energy-balance-stribeck": {*PAPER, *BALANCE, *AVERAGED, *STRIBECK},
+    "energy-balance": {*PAPER, *BALANCE, *EXPONENTS},
+    "energy-balance-stribeck": {*PAPER, *BALANCE, *EXPONENTS, *STRIBECK},
+    "energy-balance-stribeck-proportional": {*PAPER, *BALANCE, *AVERAGED, *STRIBECK},
 }
 
 
@@ -99,8 +104,19 @@ def test_without_a_carrier_the_valves_are_averaged(drive_log, plant):
     begin, free, _ = automatic([drive_log], plant)
     assert begin.value("T_pwm") == 0.0
     assert not set(CARRIER) & set(free)
-    assert set(AVERAGED) <= set(free)
+    assert set(EXPONENTS) <= set(free)
     assert (begin.value("n_vs"), begin.value("n_ve")) == (1.0, 1.0)
+
+
+def test_the_default_model_follows_the_valves(drive_log, plant, recorded_by):
+    begin, free, _ = automatic([drive_log], Actuator(model=AUTOMATIC))
+    assert begin.model == AUTOMATIC == "energy-balance-stribeck-proportional"
+    assert set(AVERAGED) <= set(free)
+    log = recorded_by(plant.replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07}), seconds=6.0)
+    begin, free, _ = automatic([log], Actuator(model=AUTOMATIC))
+    assert begin.model == WITH_CARRIER == "energy-balance-stribeck"
+    assert set(CARRIER) <= set(free)
+    assert not set(AVERAGED) & set(free)
 
 
 def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, recorded_by):

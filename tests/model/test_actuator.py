@@ -109,5 +109,8 @@ def test_unknown_names_are_refused_with_the_nearest():
 
 
 def test_the_variant_of_the_paper_comes_first_and_is_the_default():
-    assert list(VARIANTS) == ["isothermal", "isothermal-stribeck", "energy-balance", "energy-balance-stribeck"]
+    assert list(VARIANTS) == [
+        "isothermal", "isothermal-stribeck", "energy-balance", "energy-balance-stribeck",
+        "energy-balance-stribeck-proportional",
+    ]  # fmt: skip
     assert Actuator().model == "isothermal"

@@ -29,7 +29,7 @@ APPENDIX = {
 BEYOND = {
     "gamma": 1.4, "T_w": 293.0, "h_A": 50.0, "h_B": 50.0, "V_S": 10e-3, "tau_S": 0.6, "tau_G": 10.0, "R_S": 1.3,
     "v_S": 0.01, "c_F": 1.5e-4, "b_vs": 0.3, "m_vs": 0.5, "b_ve": 0.3, "m_ve": 0.5, "F_h": 25.0, "mu_h": 0.03,
-    "K_h": 5e5, "n_vs": 1.0, "n_ve": 1.0,
+    "K_h": 5e5, "n_vs": 1.0, "n_ve": 1.0, "tau_vs": 2e-3, "tau_ve": 2e-3,
 }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
 from clutchid.states import STATES
 
-STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 
 
 def stack(log: Log) -> np.ndarray:
@@ -67,7 +67,7 @@ def off(driven) -> Log:
 def test_ballistic_sensitivities_to_every_parameter_are_exact_even_through_the_end_stop(truth, rough):
     assert simulate(truth, rough).log["position"].max() > 25.1e-3
     worst = mistaken(truth, rough)
-    assert len(worst) == 53  # every number that is not 0
+    assert len(worst) == 55  # every number that is not 0
     assert {name: error for name, error in worst.items() if error > 1} == {}
 
 
@@ -86,11 +86,12 @@ def used_by(variant: str) -> set[str]:
 
     A simulation starts with the governor at its mean, P_S, and stays there, whatever tau_G is.
     """
-    stribeck = {"R_S", "v_S", "c_F"} if variant.endswith("stribeck") else set()
+    stribeck = {"R_S", "v_S", "c_F"} if "stribeck" in variant else set()
     if not variant.startswith("energy"):
         return stribeck | {"B_vs", "B_ve"}
     valves = {f"{letter}_{valve}" for letter in "bmn" for valve in ("vs", "ve")}
-    return stribeck | valves | {"gamma", "T_w", "h_A", "h_B", "V_S", "tau_S", "F_h", "mu_h", "K_h"}
+    spools = {"tau_vs", "tau_ve"} if variant.endswith("proportional") else set()
+    return stribeck | spools | valves | {"gamma", "T_w", "h_A", "h_B", "V_S", "tau_S", "F_h", "mu_h", "K_h"}
 
 
 def test_sensitivities_of_every_variant_are_exact_through_valves_stop_and_both_kinds_of_friction(rich, rough):
@@ -104,7 +105,7 @@ def test_sensitivities_of_every_variant_are_exact_through_valves_stop_and_both_k
     worst = mistaken(rich, rough)
     assert {name: error for name, error in worst.items() if error > 1} == {}
     whole = simulate(rich, rough, sensitivities=Parameters.names()).sensitivities
-    beyond = used_by("isothermal") | used_by("energy-balance-stribeck")
+    beyond = used_by("isothermal") | used_by("energy-balance-stribeck-proportional")
     carrier = {"tau_G", "t_vs", "t_ve"}  # and what has no part in a simulation with averaged valves at all
     moving = {name for name in beyond | carrier if np.abs(whole[name]).max() > 0}
     assert moving == used_by(rich.model)

@@ -85,7 +85,8 @@ def fit(
         position` the measured position is an input, and only the air is simulated.
     model
         Model variant: isothermal (the paper), energy-balance, either with -stribeck; or FILE.py:NAME, a model of your
-        own, whose file is executed. By default isothermal, and energy-balance-stribeck for `--free auto`.
+        own, whose file is executed. By default isothermal; for `--free auto` energy-balance-stribeck, without a carrier
+        energy-balance-stribeck-proportional.
     method
         simulation (the paper), shooting (multiple shooting with soft continuity) or prediction-error (a Kalman filter
         that predicts every sample). By default that of the calibration in --start, if there is one; else shooting if

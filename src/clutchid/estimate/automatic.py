@@ -18,8 +18,8 @@ from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.signals.runs import runs
 from clutchid.uncertainty.coordinates import Prior, far_stop
 
-#: The default model of a calibration.
-AUTOMATIC = "energy-balance-stribeck"
+#: The default model of a calibration, and the one in its place where the valves have a carrier.
+AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balance-stribeck"
 
 #: Parameters that a calibration frees, if the model has them: those that differ between trucks and are not on a
 #: drawing, as areas are. Mass and damping of the stops have little influence.
@@ -30,7 +30,7 @@ PAPER = (
 SHAPES = ("B_vs", "B_ve")
 BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "tau_S", "gamma")
 STRIBECK = ("c_F", "R_S", "v_S")
-AVERAGED = ("n_vs", "n_ve")
+AVERAGED = ("n_vs", "n_ve", "tau_vs", "tau_ve")
 CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "t_vs", "t_ve")
 
 #: Start values: lag of a sensor in s; decay time of a valve's current and travel time of its armature in carrier
@@ -61,9 +61,10 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     _check(logs, actuator)
     ambient = float(np.median([_vented_pressure(log) for log in logs]))
     changes = {"P_0": ambient, "tau_y": LAG, "tau_p": LAG}
+    pulsed = replace(actuator, model=WITH_CARRIER) if actuator.model == AUTOMATIC else actuator
+    found = _carrier(logs[0], pulsed) if set(pulsed.in_equations) >= set(CARRIER) else {}
+    actuator, changes = (pulsed if found else actuator), changes | found
     known = {*actuator.in_equations, *SENSOR_PARAMETERS}
-    found = _carrier(logs[0], actuator) if known >= set(CARRIER) else {}
-    changes |= found
     candidates = (*PAPER, *SHAPES, *BALANCE, *(CARRIER if found else AVERAGED), *STRIBECK)
     free = [name for name in candidates if name in known]
     free += [name for name in actuator.parameter_names if (own := actuator.own_row(name)) and own.std]

@@ -7,11 +7,11 @@ import sympy as sp
 from clutchid.codegen.system import Expr
 from clutchid.model.friction import coulomb_force, deflection_rate, friction_force, stribeck_force
 from clutchid.model.motion import stop_force
-from clutchid.model.opening import (
+from clutchid.model.opening import opening, port_opening
+from clutchid.model.pulses import (
     bridged_share,
     continued_share,
     fall,
-    opening,
     passed_pulses,
     pulse_share,
     switched_opening,
@@ -62,6 +62,13 @@ def openings(b: Book, switched: bool = False) -> None:
         phase = b["s_pwm"] + b[f"s_{valve}"]
         passed = b.define(f"i_{valve}", passed_pulses(share, before, phase, travel, *b.all("c_pwm", "d_pwm")))
         b.define(f"y_{valve}", switched_opening(share, passed, *b.all("d_pwm", f"n_{valve}")))
+
+
+def spool_openings(b: Book) -> None:
+    """Opening degrees of proportional valves by the positions of their spools."""
+    for valve in ("vs", "ve"):
+        share = b.define(f"a_{valve}", opening(*b.all(f"x_{valve}", f"R_0{valve}", f"R_1{valve}")))
+        b.define(f"y_{valve}", port_opening(share, b[f"n_{valve}"]))
 
 
 def gated(opening_degree: Expr, flow: Expr) -> Expr:

@@ -183,7 +183,8 @@ def _functions_text() -> str:
 
     from clutchid.codegen.numba_source import elementwise_source, function_source, module_head
     from clutchid.model.load import table_expressions
-    from clutchid.model.opening import opening, passed_pulses
+    from clutchid.model.opening import opening
+    from clutchid.model.pulses import passed_pulses
 
     knots = sp.symbols("t_1:5 phi2_slope", real=True)
     u, R_0, R_1, a, b, s, e, c, d = sp.symbols("u R_0 R_1 a b s e c d", real=True)

@@ -6,8 +6,8 @@ from functools import cache
 
 import sympy as sp
 
-from clutchid.codegen.system import System, Table
-from clutchid.model.assembly import INPUTS, Book, friction_and_stops, gated, openings
+from clutchid.codegen.system import Expr, System, Table
+from clutchid.model.assembly import INPUTS, Book, friction_and_stops, gated, openings, spool_openings
 from clutchid.model.chambers import (
     heat_flow,
     heated_pressure_rate,
@@ -19,15 +19,17 @@ from clutchid.model.chambers import (
 from clutchid.model.friction import bearing_force, deflection_rate
 from clutchid.model.isothermal import resets
 from clutchid.model.motion import acceleration
+from clutchid.model.opening import spool_rate
 from clutchid.model.supply import governor_rate, reservoir_rate
 from clutchid.model.valves import iso_flow, orifice_flow, thermal_factor
 from clutchid.parameters import Parameters
 
 STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h")
+SPOOLS = ("x_vs", "x_ve")
 
 
 @cache
-def energy_balance(stribeck: bool = False) -> System:
+def energy_balance(stribeck: bool = False, proportional: bool = False) -> System:
     r"""The paper's model with the energy balance in place of Eqs. (4) and (5), and a supply that sags.
 
     .. math:: \dot x = f(x, u; p), \quad x = (y, v, p_A, p_B, z, T_A, T_B, p_S, p_G, z_h), \quad
@@ -37,6 +39,9 @@ def energy_balance(stribeck: bool = False) -> System:
     ----------
     stribeck : bool
         Whether friction has static friction and pressed seals, `clutchid.model.friction.stribeck_force`.
+    proportional : bool
+        Whether the valves are proportional, each with a spool that follows its duty cycle; then x_vs and x_ve are
+        states too.
 
     Returns
     -------
@@ -53,44 +58,57 @@ def energy_balance(stribeck: bool = False) -> System:
     >>> [str(state) for state in energy_balance().states]
     ['y', 'v', 'p_A', 'p_B', 'z', 'T_A', 'T_B', 'p_S', 'p_G', 'z_h']
     """
-    b = Book(STATES)
-    openings(b, switched=True)
+    states = (*STATES, *SPOOLS) if proportional else STATES
+    b = Book(states)
+    if proportional:
+        spool_openings(b)
+    else:
+        openings(b, switched=True)
     _flows(b)
     _heat(b)
-    V_A, V_B, Q_A, Q_B = b.all("V_A", "V_B", "Q_A", "Q_B")
     friction_and_stops(b, stribeck)
     f_h = b.define("f_h", b["K_h"] * b["z_h"])
     loaded = b["f_l"] + f_h
     slips_at = bearing_force(*b.all("f_l", "F_h", "mu_h"))
-    c_p = b["R"] * b["gamma"] / (b["gamma"] - 1)
-    V_A_dot, V_B_dot = b["A_A"] * b["v"], -b["A_B"] * b["v"]
-    H_A = c_p * (b["T_0"] * b["w_vs"] - b["T_A"] * b["w_ve"])
-    H_B = c_p * b["T_r"] * b["w_r"]
-    p_A_dot = b.define("p_A_dot", heated_pressure_rate(b["p_A"], V_A, V_A_dot, H_A, Q_A, b["gamma"]))
-    p_B_dot = b.define("p_B_dot", heated_pressure_rate(b["p_B"], V_B, V_B_dot, H_B, Q_B, b["gamma"]))
+    p_A_dot, p_B_dot, T_A_dot, T_B_dot = _gas_rates(b)
     rates = (
         b["v"],
         acceleration(b["p_A"], b["p_B"], loaded, *b.all("f_f", "f_s", "A_A", "A_B", "P_0", "M")),
         p_A_dot,
         p_B_dot,
         b["z_dot"],
-        temperature_rate(b["T_A"], b["p_A"], p_A_dot, V_A, V_A_dot, b["w_vs"] - b["w_ve"], b["R"]),
-        temperature_rate(b["T_B"], b["p_B"], p_B_dot, V_B, V_B_dot, b["w_r"], b["R"]),
+        T_A_dot,
+        T_B_dot,
         reservoir_rate(*b.all("p_S", "p_G", "tau_S", "w_vs", "V_S", "R", "T_0")),
         governor_rate(*b.all("p_G", "P_S", "tau_G")),
         deflection_rate(b["v"], b["z_h"], b["K_h"], slips_at),
+        *(spool_rate(b[f"u_{valve}"], b[f"x_{valve}"], b[f"tau_{valve}"]) for valve in ("vs", "ve") if proportional),
     )
     return System(
-        name="energy_balance_stribeck" if stribeck else "energy_balance",
-        states=b.all(*STATES),
+        name="energy_balance" + "_stribeck" * stribeck + "_proportional" * proportional,
+        states=b.all(*states),
         inputs=b.all(*INPUTS),
         parameters=b.all(*Parameters.names()),
         definitions=tuple(b.rows),
         derivatives=rates,
         table=Table(b["f_l"], b["y"]),
         measured=b.all("y_measured", "p_A_measured"),
-        jumps=resets(b, STATES),
+        jumps=resets(b, states),
     )
+
+
+def _gas_rates(b: Book) -> tuple[Expr, Expr, Expr, Expr]:
+    """Rates of the pressures of chambers A and B, and of their temperatures."""
+    V_A, V_B, Q_A, Q_B = b.all("V_A", "V_B", "Q_A", "Q_B")
+    c_p = b["R"] * b["gamma"] / (b["gamma"] - 1)
+    V_A_dot, V_B_dot = b["A_A"] * b["v"], -b["A_B"] * b["v"]
+    H_A = c_p * (b["T_0"] * b["w_vs"] - b["T_A"] * b["w_ve"])
+    H_B = c_p * b["T_r"] * b["w_r"]
+    p_A_dot = b.define("p_A_dot", heated_pressure_rate(b["p_A"], V_A, V_A_dot, H_A, Q_A, b["gamma"]))
+    p_B_dot = b.define("p_B_dot", heated_pressure_rate(b["p_B"], V_B, V_B_dot, H_B, Q_B, b["gamma"]))
+    T_A_dot = temperature_rate(b["T_A"], b["p_A"], p_A_dot, V_A, V_A_dot, b["w_vs"] - b["w_ve"], b["R"])
+    T_B_dot = temperature_rate(b["T_B"], b["p_B"], p_B_dot, V_B, V_B_dot, b["w_r"], b["R"])
+    return p_A_dot, p_B_dot, T_A_dot, T_B_dot
 
 
 def _heat(b: Book) -> None:

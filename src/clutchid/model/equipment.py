@@ -22,7 +22,7 @@ VALVES = MappingProxyType(
 NO_CHAMBER_B = MappingProxyType({"A_B": 1e-9, "V_0B": 1.0, "C_r": 0.0, "h_B": 0.0})
 
 _OF_CHAMBER_B = (*NO_CHAMBER_B, "B_in", "B_out")
-_OF_VALVE = ("R_0{}", "R_1{}", "B_{}", "C_{}", "b_{}", "m_{}", "s_{}", "t_{}", "a_0{}")
+_OF_VALVE = ("R_0{}", "R_1{}", "B_{}", "C_{}", "b_{}", "m_{}", "s_{}", "t_{}", "a_0{}", "n_{}", "tau_{}")
 _OF_SUPPLY = (*(name.format("vs") for name in _OF_VALVE), "P_S", "V_S", "tau_S", "tau_G")
 _OF_EXHAUST = tuple(name.format("ve") for name in _OF_VALVE)
 

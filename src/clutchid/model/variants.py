@@ -12,9 +12,13 @@ _GAS = {
     "energy-balance": ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h"),
 }
 _STRIBECK = "-stribeck"
+_PROPORTIONAL = "-proportional"
 
-#: Model variants by name, with their states.
-VARIANTS = {f"{gas}{friction}": states for gas, states in _GAS.items() for friction in ("", _STRIBECK)}
+#: Model variants by name, with their states. The one of proportional valves has the spools of both.
+VARIANTS = {
+    **{f"{gas}{friction}": states for gas, states in _GAS.items() for friction in ("", _STRIBECK)},
+    f"energy-balance{_STRIBECK}{_PROPORTIONAL}": (*_GAS["energy-balance"], "x_vs", "x_ve"),
+}
 
 
 def variant_system(variant: str) -> System:
@@ -29,6 +33,8 @@ def variant_system(variant: str) -> System:
     from clutchid.model.isothermal import isothermal
 
     check_variant(variant)
+    if variant.endswith(_PROPORTIONAL):
+        return energy_balance(stribeck=True, proportional=True)
     gas = {"isothermal": isothermal, "energy-balance": energy_balance}[variant.removesuffix(_STRIBECK)]
     return gas(stribeck=variant.endswith(_STRIBECK))
 

@@ -82,8 +82,10 @@ def local_stiffness(actuator: Actuator, speed: float, reach: tuple[float, float]
         "p_G": (p.P_S,),
     }
     x = np.array(list(product(*(ranges.get(name, (0.0,)) for name in actuator.states))))
+    spools = [i for i, name in enumerate(actuator.states) if name in ("x_vs", "x_ve")]
     largest = 0.0
     for duty in ((1.0, 0.0), (0.0, 1.0)):
+        x[:, spools] = duty[: len(spools)]
         _, jacobian = _linearised(actuator, _with_own_states(x, actuator, duty), duty)
         finite = jacobian[np.all(np.isfinite(jacobian), axis=(1, 2))]
         largest = max(largest, float(np.abs(np.linalg.eigvals(finite)).max(initial=0.0)))

@@ -20,6 +20,7 @@ SHARES: Mapping[str, float] = {
     "rho_0": 0.02, "y_max": 0.02, "K_stop": 0.5, "D_stop": 0.5, "d_stop": 0.5, "T_w": 0.03, "h_A": 0.5,
     "h_B": 0.5, "V_S": 0.6, "tau_S": 0.6, "v_S": 0.7, "c_F": 0.7, "B_0": 0.1,
     "m_vs": 0.25, "m_ve": 0.25, "K_h": 0.5, "F_h": 0.5, "tau_G": 0.5, "n_vs": 0.2, "n_ve": 0.2,
+    "tau_vs": 0.5, "tau_ve": 0.5,
 }  # fmt: skip
 
 #: Standard deviation of parameters that may be 0 or change sign, in their unit; the prior is normal.
