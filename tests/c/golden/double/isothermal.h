@@ -17,7 +17,7 @@ extern "C" {
 enum {
     isothermal_n_states = 5,
     isothermal_n_inputs = 2,
-    isothermal_n_parameters = 62,
+    isothermal_n_parameters = 64,
     isothermal_n_free = 3 /* parameters with a column of derivatives */
 };
 
@@ -96,10 +96,12 @@ enum {
     isothermal_p_a_0ve = 55,
     isothermal_p_n_vs = 56,
     isothermal_p_n_ve = 57,
-    isothermal_p_tau_y = 58,
-    isothermal_p_tau_p = 59,
-    isothermal_p_e_y = 60,
-    isothermal_p_e_p = 61
+    isothermal_p_tau_vs = 58,
+    isothermal_p_tau_ve = 59,
+    isothermal_p_tau_y = 60,
+    isothermal_p_tau_p = 61,
+    isothermal_p_e_y = 62,
+    isothermal_p_e_p = 63
 };
 
 /* What depends on the parameters only. */
