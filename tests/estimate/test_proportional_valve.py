@@ -1,21 +1,21 @@
-"""A proportional valve whose port opens with a power of its stroke: a calibration finds the exponent."""
+"""A proportional valve with a spool that lags and a port that opens with a power: a calibration finds both."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from clutchid.estimate.automatic import AVERAGED, BALANCE, PAPER, automatic
+from clutchid.estimate.automatic import AUTOMATIC, AVERAGED, BALANCE, PAPER, STRIBECK, automatic
 from clutchid.estimate.calibrate import fit_with_priors
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.shooting.fit import SHOOTING
 
-EXPONENT = 1.3
+EXPONENT, LAGS = 1.3, {"tau_vs": 4e-3, "tau_ve": 1.5e-3}
 
 
 @pytest.fixture(scope="module")
 def proportional(plant):
-    return replace(plant, model="energy-balance").replace({"n_vs": EXPONENT, "n_ve": EXPONENT})
+    return replace(plant, model=AUTOMATIC).replace({"n_vs": EXPONENT, "n_ve": EXPONENT, **LAGS})
 
 
 @pytest.fixture(scope="module")
@@ -25,19 +25,19 @@ def log(proportional, recorded_by):
 
 @pytest.fixture(scope="module")
 def found(proportional, log):
-    """A calibration that starts from lines, as without knowledge of the valves."""
-    start = proportional.replace({"n_vs": 1.0, "n_ve": 1.0})
+    """A calibration that starts from lines and the usual lag, as without knowledge of the valves."""
+    start = proportional.replace({"n_vs": 1.0, "n_ve": 1.0, "tau_vs": 2e-3, "tau_ve": 2e-3})
     return fit_with_priors(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
 
 
-def test_the_exponents_are_free_in_its_calibration(proportional, log):
+def test_exponents_and_lags_are_free_in_its_calibration(proportional, log):
     _, free, _ = automatic([log], proportional)
-    assert {*PAPER, *BALANCE, *AVERAGED} == set(free) - set(proportional.load.names)
+    assert {*PAPER, *BALANCE, *STRIBECK, *AVERAGED} == set(free) - set(proportional.load.names)
 
 
-def test_the_calibration_finds_the_exponents_and_the_supply_pressure(found, proportional):
+def test_the_calibration_finds_exponents_lags_and_supply_pressure(found, proportional):
     assert found.status == "ok"
-    for name in ("n_vs", "n_ve", "gamma", "P_S"):
+    for name in ("n_vs", "n_ve", *LAGS, "gamma", "P_S"):
         estimate = found.parameters[name]
         assert abs(estimate.value - proportional.value(name)) < 3.0 * estimate.std, name
     # a line is excluded by far: its prior allows a fifth

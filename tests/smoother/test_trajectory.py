@@ -17,7 +17,7 @@ def exact(plant, recorded_by, problem_of):
     log = recorded_by(plant, seconds=3.0, seed=None)
     problem = problem_of([log], plant, ("tau_y", "tau_p", "e_y", "e_p"))
     simulated = simulate(plant, log).log
-    columns = [state.column for state in STATES.values()]
+    columns = [STATES[name].column for name in plant.states]
     states = np.column_stack([simulated[name] for name in columns])
     X = tuple(states[[window.start for window in track.windows]] for track in problem.tracks)
     x = np.zeros(4)
