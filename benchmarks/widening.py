@@ -55,9 +55,19 @@ def around(once: Fit, shares: Mapping[str, float], factor: float = 1.0) -> dict[
     return {"free": ("load", *shares), "priors": priors}
 
 
+def left_out(remedy: str) -> tuple[str, ...]:
+    """Columns that the recordings lack."""
+    return () if remedy == CONDITIONS else ("temperature_ambient", "pressure_supply")
+
+
+#: The remedy for which calibration and recording have ambient temperature and supply pressure.
+CONDITIONS = "conditions recorded"
+
+
 #: What a user might do about it, from the calibration and how much the supply really changed.
 REMEDIES: dict[str, Callable[[Fit, float], dict[str, Any]]] = {
     "default": lambda _once, _supply: {},
+    CONDITIONS: lambda _once, _supply: {},
     "P_S free, 5 %": lambda once, _supply: around(once, {"P_S": 0.05}),
     "P_S measured, 1 %": lambda once, supply: around(once, {"P_S": 0.01}, supply),
 }
@@ -69,20 +79,24 @@ def one_truck(
     """Errors of a truck under every change with every remedy; None where the search failed."""
     kind = truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    log = drive(kind, seconds=SECONDS, seed=seeds[0], name="calibration").log
-    once = fit(log, measure=("position", "pressure_a"), free=("auto",), method=method)
+    log = drive(kind, seconds=SECONDS, seed=seeds[0], name="calibration", conditions=True).log
+    calibrations = {
+        columns: fit(log.without(*columns), measure=("position", "pressure_a"), free=("auto",), method=method)
+        for columns in {left_out(remedy) for remedy in remedies}
+    }
     rows: list[tuple[str, str, list[float] | None]] = []
     for case in cases:
         changes, options = CASES[case]
         worn = drive(
             kind, seconds=SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, change=changes,
-            name="worn", **options(kind),
+            name="worn", conditions=True, **options(kind),
         )  # fmt: skip
         supply = worn.truth.supply / kind.P_S
         for remedy in remedies:
+            once = calibrations[left_out(remedy)]
             try:
                 wanted = {"calibration": once.calibration, **REMEDIES[remedy](once, supply)}
-                found = fit(worn.log, once.actuator, **wanted)
+                found = fit(worn.log.without(*left_out(remedy)), once.actuator, **wanted)
             except SolveError:
                 rows.append((case, remedy, None))
                 continue

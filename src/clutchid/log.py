@@ -34,6 +34,7 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "temperature_a": "K",
         "temperature_b": "K",
         "pressure_supply": "Pa",
+        "temperature_ambient": "K",
         "pressure_governor": "Pa",
         "deflection_bearing": "m",
         "spool_supply": "1",

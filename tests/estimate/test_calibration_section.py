@@ -11,6 +11,7 @@ from clutchid.estimate.calibration_section import calibration_section
 from clutchid.estimate.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.model import Actuator
 from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
+from clutchid.uncertainty.conditions import NOT_RECORDED, Conditions
 
 #: A calibration of one parameter and of the load, and its section in a file.
 KEPT = Calibration(
@@ -190,3 +191,18 @@ def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
     path.write_text(about + SECTION + origin)
     origin = read_parameters(path).calibration.origin
     assert (origin.name, origin.created, origin.trust) == ("CAL.toml", "", "good")
+
+
+def test_the_conditions_of_a_calibration_are_read_as_they_were(tmp_path):
+    for conditions in (Conditions(281.5, 9.4e5), Conditions(temperature=281.5), NOT_RECORDED):
+        kept = replace(KEPT, conditions=conditions)
+        assert calibration_of(tmp_path / "CAL.toml", kept).conditions == conditions
+    assert "conditions" not in calibration_section(KEPT), "as in an earlier version"
+
+
+@pytest.mark.parametrize("wrong", ["temperature = 'warm'", "supply = -1.0", "humidity = 0.5", "temperature = true"])
+def test_wrong_conditions_of_a_calibration_are_one_sentence(tmp_path, wrong):
+    path = tmp_path / "CAL.toml"
+    path.write_text(f"{SECTION}[fit.calibration.conditions]\n{wrong}\n")
+    with pytest.raises(ParameterError, match="temperature in K and supply in Pa, above 0"):
+        _ = read_parameters(path).calibration

@@ -25,6 +25,7 @@ def drive(
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
     pressure: bool = True,
+    conditions: Annotated[bool, Parameter(negative="")] = False,
     bus: Annotated[bool, Parameter(negative="")] = False,
     dropouts: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -58,6 +59,8 @@ def drive(
         JSON file with the true load over the position to write.
     pressure
         Record the chamber pressure as well.
+    conditions
+        Record ambient temperature and supply pressure as well.
     bus
         Record on the bus at 100 Hz with its own clock, instead of in the controller at 1 kHz.
     dropouts
@@ -76,21 +79,22 @@ def drive(
         done = virtual.drive(
             virtual.truck(truck, family), manoeuvre=manoeuvre, seconds=seconds, seed=seed, wear=wear * 1e-3,
             cycles=cycles, temperature=None if temperature is None else temperature + 273.15, pressure=pressure,
-            recorder="bus" if bus else "controller", dropouts=dropouts, change=change or (), name=out.stem,
+            recorder="bus" if bus else "controller", dropouts=dropouts, conditions=conditions, change=change or (),
+            name=out.stem,
         )  # fmt: skip
         write(done.log, out)
         if truth is not None:
             done.write_truth(truth)
-        if json:
-            _print_json(f"recording of truck {truck} of family {family}", out, truth)
-        else:
-            print_written(out, truth)
+        _print(json, f"recording of truck {truck} of family {family}", out, truth)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
 
 
-def _print_json(message: str, *files: Path | None) -> None:
+def _print(json: bool, message: str, *files: Path | None) -> None:
+    if not json:
+        print_written(*files)
+        return
     written = [str(path.resolve()) for path in files if path is not None]
     print_json({**EMPTY, "status": "ok", "message": message, "written": written})
 

@@ -27,6 +27,7 @@ from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.conditions import CONDITIONS, condition_warnings, conditions_of
 from clutchid.uncertainty.consider import calibrated_deviation
 from clutchid.uncertainty.coordinates import Prior
 
@@ -53,6 +54,7 @@ def fit_with_priors(
     request = replace(request, profile=actuator.expanded(request.profile))
     check_size(logs, free)
     _check_profiled(request, free)
+    conditions = conditions_of(logs, actuator)
     search_result, found, departs = _searched(method, logs, actuator, free, request.calibration, progress)
     result = method.result(search_result, request.calibration)
     if isinstance(result, Failure):
@@ -71,10 +73,19 @@ def fit_with_priors(
     if method.check and request.checks:
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
-        return replace(result, calibration=request.calibration)
-    kept = calibration_of(result, actuator)
+        return _with_condition_warnings(replace(result, calibration=request.calibration), logs, free)
+    kept = replace(calibration_of(result, actuator), conditions=conditions)
     errors = position_only_errors(method, logs, result.actuator, kept, progress)
     return replace(result, calibration=replace(kept, position_only=errors))
+
+
+def _with_condition_warnings(result: Fit, logs: Sequence[Log], free: FreeParameters) -> Fit:
+    """`result` with warnings about recorded conditions that its calibration lacks, if it has read a load."""
+    if result.calibration is None or not free.reads_load(result.actuator):
+        return result
+    found = condition_warnings(logs, result.calibration.conditions, free.conditions)
+    warnings = (*result.warnings, *found)
+    return replace(result, warnings=warnings, status="warning" if found and result.status == "ok" else result.status)
 
 
 def _searched(
@@ -123,15 +134,18 @@ def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest
         free = tuple(name for item in free for name in (automatically if item == "auto" else (item,)))
         priors = {**result, **priors}
     names = _without_shared(free_names(free, actuator, stems))
+    given = {name: prior for name, prior in priors.items() if name in CONDITIONS and name not in names}
+    conditions = given if request.calibration and "pressure_a" not in request.measure else {}
+    priors = {name: prior for name, prior in priors.items() if name not in conditions}
     unknown = [name for name in priors if name not in names]
     if unknown:
         known = ", ".join(names) or "none"
         raise ParameterError(f"prior for {', '.join(unknown)}, which is not free; free are {known}.")
-    given = bounds_of(names, actuator, request.bounds) if request.bounds else {}
-    bounds = {name: given[name] for name in request.bounds}
+    all_bounds = bounds_of(names, actuator, request.bounds) if request.bounds else {}
+    bounds = {name: all_bounds[name] for name in request.bounds}
     if request.calibration:
         priors = {**_calibrated(names, actuator, request.calibration), **priors}
-    return actuator, FreeParameters(names, request.measure, bounds, priors)
+    return actuator, FreeParameters(names, request.measure, bounds, priors, conditions=conditions)
 
 
 def _without_shared(names: Sequence[str]) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
+from clutchid.uncertainty.conditions import Conditions
 
 
 def calibration_section(kept: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
@@ -27,6 +28,9 @@ def calibration_section(kept: Calibration, baseline: Calibration | None = None) 
     origin = Origin() if kept.origin is None and kept is baseline else kept.origin
     if origin is not None:
         section["origin"] = origin._asdict()
+    conditions = {name: value for name, value in kept.conditions._asdict().items() if value is not None}
+    if conditions:
+        section["conditions"] = conditions
     if kept.position_only is not None:
         section["position_only"] = _errors_section(kept.position_only)
     return section
@@ -56,7 +60,8 @@ def calibration_in(section: Any, load_names: Sequence[str], method: str, file: O
     errors = _errors(section["position_only"]) if "position_only" in section else _older(section, load_names)
     converged = section.get("converged", True) is not False
     origin = file._replace(**text_entries(section.get("origin"), Origin._fields))
-    return Calibration(names, covariance, None, method, errors, theta, spread, converged=converged, origin=origin)
+    conditions = _conditions(section.get("conditions", {}))
+    return Calibration(names, covariance, None, method, errors, theta, spread, converged, origin, conditions)
 
 
 def text_entries(section: Any, known: Iterable[str]) -> dict[str, str]:
@@ -79,6 +84,17 @@ def _load(section: Any) -> tuple[tuple[float, ...], FloatArray]:
             "calibration again."
         )
     return theta, covariance
+
+
+def _conditions(section: Any) -> Conditions:
+    """Conditions of the calibration recordings."""
+    known = isinstance(section, Mapping) and set(section) <= set(Conditions._fields)
+    if not known or not all(type(value) in (int, float) and 0.0 < value < np.inf for value in section.values()):
+        raise ParameterError(
+            "[fit.calibration.conditions]: temperature in K and supply in Pa, above 0, are allowed; save the "
+            "calibration again."
+        )
+    return Conditions(**{name: float(value) for name, value in section.items()})
 
 
 def _errors_section(errors: PositionOnlyErrors) -> dict[str, Any]:

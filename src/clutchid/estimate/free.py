@@ -29,7 +29,7 @@ class SearchStart:
 class FreeParameters:
     """Free parameters (NAME or NAME@STEM), measured columns in use, bounds and priors in SI, and start of the search.
 
-    By default a search starts at the means of the priors.
+    By default a search starts at the means of the priors. `conditions` are values of T_0 and P_S that the user knows.
     """
 
     names: tuple[str, ...]
@@ -37,6 +37,7 @@ class FreeParameters:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     priors: Mapping[str, Prior] = field(default_factory=dict)
     start: SearchStart | None = None
+    conditions: Mapping[str, Prior] = field(default_factory=dict)
 
     def free_in(self, recording: str) -> frozenset[str]:
         """Parameters that are free in `recording`, shared or of that recording."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from clutchid.simulation.plan import Plan
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.change_prior import Hypothesis, change_covariance, change_priors
+from clutchid.uncertainty.conditions import known_conditions
 from clutchid.uncertainty.coordinates import Prior, coordinates, far_stop
 from clutchid.uncertainty.noise import Noise
 
@@ -56,6 +57,7 @@ def fit_problem(
         curvature=CURVATURE,
         reference=_reference(actuator, free) if calibration else (0.0,) * len(actuator.load.theta),
         changing=tuple(changing),
+        known=_known(changing, free, logs, actuator, calibration),
     )
     return with_hypothesis(problem, ()), plans
 
@@ -127,3 +129,18 @@ def _changing(
     taken = {base_of(name) for name in free.names}
     priors = {name: prior for name, prior in change_priors(actuator).items() if name not in taken}
     return {str(ParameterName(name, log.name)): prior for log in logs for name, prior in priors.items()}
+
+
+def _known(
+    changing: Container[str],
+    free: FreeParameters,
+    logs: Sequence[Log],
+    actuator: Actuator,
+    calibration: Calibration | None,
+) -> dict[str, Prior]:
+    """Measurements of what may have changed, in each recording, from its conditions and those of the calibration."""
+    if calibration is None or not free.reads_load(actuator):
+        return {}
+    known = {log.name: known_conditions(log, actuator, calibration.conditions, free.conditions) for log in logs}
+    named = {str(ParameterName(n, stem)): prior for stem, own in known.items() for n, prior in own.items()}
+    return {name: prior for name, prior in named.items() if name in changing}

@@ -20,7 +20,7 @@ from clutchid.smoother.elimination import Eliminated, eliminate
 from clutchid.smoother.linearised_windows import LinearisedWindows
 from clutchid.smoother.links import first_rows, link_costs, link_rows, link_sigma
 from clutchid.smoother.window_rows import window_rows
-from clutchid.uncertainty.coordinates import Coordinate, smoothness
+from clutchid.uncertainty.coordinates import Coordinate, Prior, measured_rows, smoothness
 from clutchid.uncertainty.noise import Noise
 
 #: Bound of every free parameter in standard deviations of its prior. Without it, parameters that the data do not
@@ -38,7 +38,8 @@ class FitProblem:
     `stems` are the names of the recordings. `curvature` is the prior standard deviation, in N/m², of the load's second
     derivative from that of the weights `reference`. `prior_root` W, shape (k, k), is that of a joint prior of the
     coordinates x, of covariance ``inv(W' W)``; without it they are independent with standard deviation 1. `changing`
-    are the names of parameters that may have changed since a calibration, which the joint prior is of.
+    are the names of parameters that may have changed since a calibration, which the joint prior is of. `known` are
+    measurements of free parameters, in addition to their prior.
     """
 
     actuator: Actuator
@@ -51,6 +52,7 @@ class FitProblem:
     reference: tuple[float, ...] = field(default=())
     prior_root: FloatArray | None = None
     changing: tuple[str, ...] = ()
+    known: Mapping[str, Prior] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -243,13 +245,13 @@ def total_cost(
 
 
 def prior_rows(problem: FitProblem, x: FloatArray) -> FloatArray:
-    """Prior rows ``[theta | r]``: of every parameter, and of the smoothness of the load."""
+    """Prior rows ``[theta | r]``: of every parameter, of their measurements, and of the smoothness of the load."""
     return problem.prior_at(x.tobytes())
 
 
 def _prior(problem: FitProblem, x: FloatArray) -> FloatArray:
     root = np.eye(x.size) if problem.prior_root is None else problem.prior_root
-    rows = np.column_stack([root, root @ x])
+    rows = np.vstack([np.column_stack([root, root @ x]), measured_rows(problem.coordinates, problem.known, x)])
     if problem.actuator.load.basis == "b-spline" and set(problem.names) & set(problem.actuator.load.names):
         value = dict(zip(problem.names, problem.si(x).tolist(), strict=True))
         actuator = problem.actuator.replace({n: v for n, v in value.items() if n in problem.actuator.load.names})

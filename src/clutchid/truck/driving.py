@@ -60,6 +60,7 @@ def drive(
     recorder: Literal["controller", "bus"] = "controller",
     dropouts: int = 0,
     stuck: tuple[float, float] | None = None,
+    conditions: bool = False,
     change: str | Sequence[str] = (),
     name: str = "drive",
 ) -> Drive:
@@ -85,6 +86,8 @@ def drive(
         Number of intervals of 5 to 60 ms without measurements (NaN).
     stuck : (s, s), optional
         Start and end of the time for which the position sensor is stuck, also for the controller.
+    conditions : bool
+        Whether the recording includes ambient temperature and supply pressure.
     change : str or several
         What has changed since the calibration, by the names in `clutchid.truck.CHANGES`.
     name : str
@@ -109,7 +112,8 @@ def drive(
     truck = changed(truck, *((change,) if isinstance(change, str) else change))
     family = family_of(truck)
     curve = family.load_curve(truck)
-    of_course, of_noise, of_air, of_recorder = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4))
+    seeds = np.random.SeedSequence(seed).spawn(5)
+    of_course, of_noise, of_air, of_recorder, of_conditions = map(np.random.default_rng, seeds)
     points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
     wanted = set_point(manoeuvre, seconds, points, of_course)
     noise = family.position_noise(truck, wanted.size, of_noise)
@@ -118,6 +122,9 @@ def drive(
     done = run(truck, course, start=start, working=working)
     read = family.measured_pressure(truck, done.pressure, of_air) if pressure else None
     log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
+    if conditions:
+        supply = family.true_states(truck, done.columns)["pressure_supply"]
+        log = log.with_columns(**sensors.measured_conditions(truck, supply, of_conditions))
     if recorder == "bus":
         log = sensors.bus_log(truck, log, of_recorder)
     if dropouts:

@@ -9,6 +9,10 @@ from clutchid.truck.law import SAMPLE
 from clutchid.truck.parameters import Truck
 from clutchid.truck.vehicle import Vehicle
 
+#: Standard deviations of offset and noise of the sensors of ambient temperature in K and supply pressure in Pa, and
+#: what a bus message resolves. Guessed from data sheets; the offset is drawn for every recording.
+AMBIENT, SUPPLY = (1.5, 0.05, 0.1), (3e3, 1e3, 5e2)
+
 #: Period of a message on the bus in s.
 BUS = 0.01
 
@@ -27,6 +31,16 @@ def measured_pressure(truck: Truck, pressure: FloatArray, rng: np.random.Generat
     """Measured pressure in Pa from the lagged one: offset, noise and quantisation."""
     noisy: FloatArray = pressure + truck.e_p + truck.s_p * rng.standard_normal(pressure.size)
     return truck.q_p * np.round(noisy / truck.q_p) if truck.q_p > 0 else noisy
+
+
+def measured_conditions(truck: Vehicle, supply: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Measured ambient temperature in K, and supply pressure in Pa of the true one."""
+    true = {"temperature_ambient": np.full(supply.size, truck.T_0), "pressure_supply": supply}
+    columns = {}
+    for (name, values), (offset, noise, step) in zip(true.items(), (AMBIENT, SUPPLY), strict=True):
+        noisy = values + offset * rng.standard_normal() + noise * rng.standard_normal(supply.size)
+        columns[name] = step * np.round(noisy / step)
+    return columns
 
 
 def with_dropouts(log: Log, count: int, rng: np.random.Generator) -> Log:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.uncertainty.conditions import NOT_RECORDED, Conditions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,6 +89,8 @@ class Calibration:
         Whether the search of the calibration converged.
     origin : Origin, optional
         Its file, if it is from one.
+    conditions : Conditions
+        Of the calibration recordings, where the vehicle measures them.
     """
 
     names: tuple[str, ...]
@@ -99,6 +102,7 @@ class Calibration:
     theta_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     converged: bool = True
     origin: Origin | None = None
+    conditions: Conditions = NOT_RECORDED
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`; 0 for those that were not calibrated."""

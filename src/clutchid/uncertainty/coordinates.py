@@ -134,6 +134,21 @@ def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | Non
     return Coordinate(base, stem or None, mean, width, positive, low, high)
 
 
+def measured_rows(coordinates: Sequence[Coordinate], known: Mapping[str, Prior], x: FloatArray) -> FloatArray:
+    """Rows ``[d r / d x | r]`` at x of measurements `known` of coordinates by their name, shape (m, k + 1).
+
+    They are linear in x; a standard deviation is that at the measured value.
+    """
+    at = [i for i, c in enumerate(coordinates) if c.name in known]
+    rows = np.zeros((len(at), x.size + 1))
+    for row, i in zip(rows, at, strict=True):
+        measured = known[coordinates[i].name]
+        mean = coordinates[i].of(measured.mean)
+        row[i] = coordinates[i].slope(mean) / measured.std
+        row[-1] = row[i] * (x[i] - mean)
+    return rows
+
+
 def smoothness(actuator: Actuator, names: Sequence[str], reference: Sequence[float], curvature: float) -> FloatArray:
     """Rows ``[d r / d theta | r]`` of a prior on the curvature of a B-spline load, centred on that of `reference`.
 

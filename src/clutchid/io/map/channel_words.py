@@ -23,6 +23,8 @@ _CHAMBER = _words("chamber cham kammer cylinder cyl zylinder zyl a")
 _TANK = _words("supply sup reservoir res tank vorrat versorgung pneumatic circuit kreis system")
 _POSITION = _words("position pos travel stroke displacement weg hub lage kolbenweg x y desl")
 _FORCE = _words("force kraft friction reibung reibkraft")
+_TEMPERATURE = _words("temperature temp")
+_AMBIENT = _words("ambient amb outside outdoor aussen umgebung umgebungs")
 _OTHERS = _words(
     "brake bremse oil oel fuel engine motor tire tyre reifen boost coolant wheel steering pedal throttle suspension "
     "intake barometric trailer parking park gearbox crankcase turbo manifold rail latitude longitude gnss gps altitude "
@@ -49,6 +51,7 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
         "duty_exhaust": _Quantity((_DUTY, _EXHAUST), _CLUTCH | _words("duty dc pwm")),
         "pressure_a": _Quantity((_PRESSURE,), _CLUTCH | _CHAMBER, _OTHERS | _TANK),
         "pressure_supply": _Quantity((_PRESSURE, _TANK), _words("reservoir tank vorrat supply")),
+        "temperature_ambient": _Quantity((_TEMPERATURE, _AMBIENT), frozenset()),
         "force": _Quantity((_FORCE,)),
     }
 )  # fmt: skip

@@ -77,6 +77,7 @@ def guessed_unit(name: str, seen: Range) -> str | None:
         "m": lambda: "m" if size < 0.3 else "mm" if 1.0 < size < 500.0 else None,
         "1": lambda: "1" if low >= 0.0 and high <= 1.0 else "%" if low >= 0.0 and 1.0 < high <= 100.0 else None,
         "Pa": lambda: "Pa" if size > 5e4 else "kPa" if 50.0 < size < 2000.0 else "bar" if 0.5 < size < 20.0 else None,
+        "K": lambda: "K" if low > 150.0 else "degC" if low >= -60.0 and high < 90.0 else None,
     }
     chosen = guess.get(QUANTITIES[name])
     unit = chosen() if chosen else None

@@ -1,0 +1,152 @@
+"""Conditions of a recording that the vehicle measures: ambient temperature and supply pressure.
+
+A calibrated supply pressure is an effective one, and a calibration fixes the ambient temperature. So only the
+difference between a recording and the calibration recordings is a measurement, of `P_S` and `T_0` in that recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.uncertainty.coordinates import Prior
+
+#: Column of each parameter that a vehicle may measure.
+CONDITIONS: Mapping[str, str] = {"T_0": "temperature_ambient", "P_S": "pressure_supply"}
+
+#: Standard deviation of the mean of such a column over a recording, in SI: an ambient temperature sensor in the sun or
+#: behind the engine, and a pressure sensor of a brake system (0.5 % of 10 bar). Guessed from data sheets.
+ACCURACY: Mapping[str, float] = {"T_0": 2.0, "P_S": 5e3}
+
+#: Air temperatures in K that trucks are built for, with a margin: -60 to 90 degC.
+COLDEST, WARMEST = 213.15, 363.15
+
+#: Largest range of the air temperature in a recording: 5 K, and 0.2 K more a second (out of a warm hall).
+SWING, RATE = 5.0, 0.2
+
+
+class Conditions(NamedTuple):
+    """Mean ambient temperature in K and mean supply pressure at rest in Pa of recordings; None where not recorded."""
+
+    temperature: float | None = None
+    supply: float | None = None
+
+    def value(self, name: str) -> float | None:
+        """The condition that belongs to the parameter T_0 or P_S."""
+        return {"T_0": self.temperature, "P_S": self.supply}[name]
+
+
+#: Conditions of recordings of a vehicle that measures none.
+NOT_RECORDED = Conditions()
+
+
+def conditions_of(logs: Sequence[Log], actuator: Actuator) -> Conditions:
+    """Conditions of recordings, as means over those that have the column.
+
+    Raises
+    ------
+    DataError
+        If a column contradicts itself, see `condition_problems`.
+    """
+    problems = [f"{log.name}: {sentence}" for log in logs for sentence in condition_problems(log, actuator).values()]
+    if problems:
+        raise DataError("\n".join(problems))
+    means = [[mean for log in logs if (mean := _mean(log, name)) is not None] for name in CONDITIONS]
+    return Conditions(*(float(np.mean(each)) if each else None for each in means))
+
+
+def condition_problems(log: Log, actuator: Actuator) -> dict[str, str]:
+    """A sentence for each column of a condition that cannot be right."""
+    found: dict[str, str] = {}
+    temperature, supply = _measured(log, "temperature_ambient"), _measured(log, "pressure_supply")
+    if temperature.size:
+        low, high, seconds = temperature.min(), temperature.max(), log.time[-1] - log.time[0]
+        if low < COLDEST or high > WARMEST:
+            found["temperature_ambient"] = (
+                f"temperature_ambient is {low - 273.15:.4g} to {high - 273.15:.4g} degC, outside "
+                f"{COLDEST - 273.15:g} to {WARMEST - 273.15:g} degC; correct the unit in the heading (K or degC), or "
+                "remove the column."
+            )
+        elif high - low > SWING + RATE * seconds:
+            found["temperature_ambient"] = (
+                f"temperature_ambient changes by {high - low:.3g} K in {seconds:.3g} s, where at most "
+                f"{SWING + RATE * seconds:.3g} K are possible; remove what is not the temperature of the air."
+            )
+    ambient = actuator.parameters.P_0
+    if supply.size and supply.min() < ambient:
+        found["pressure_supply"] = (
+            f"pressure_supply falls to {supply.min() * 1e-5:.3g} bar, below the ambient pressure of "
+            f"{ambient * 1e-5:.3g} bar; correct the unit in the heading (bar is absolute, bar(g) gauge), or remove the "
+            "column."
+        )
+    return found
+
+
+def known_conditions(
+    log: Log, actuator: Actuator, calibrated: Conditions, given: Mapping[str, Prior]
+) -> dict[str, Prior]:
+    """Measurements of T_0 and P_S in a recording, by how its conditions differ from the `calibrated` ones.
+
+    Parameters
+    ----------
+    log : Log
+        The recording.
+    actuator : Actuator
+        As calibrated.
+    calibrated : Conditions
+        Of the calibration recordings.
+    given : {name: Prior}
+        From the user, in place of a column; compared to the value of `actuator` where the calibration has none.
+
+    Raises
+    ------
+    DataError
+        As `conditions_of`.
+    """
+    now = conditions_of([log], actuator)
+    known: dict[str, Prior] = {}
+    for name in CONDITIONS:
+        before, own, value = calibrated.value(name), now.value(name), actuator.value(name)
+        here = given.get(name) or (Prior(own, ACCURACY[name]) if own is not None and before is not None else None)
+        if here is None:
+            continue
+        std = here.std if before is None else hypot(here.std, ACCURACY[name])
+        at = value if before is None else before
+        # a supply pressure acts by its ratio: the calibrated one may be some percent beside the set pressure
+        scale = value / at if name == "P_S" else 1.0
+        known[name] = Prior(value + scale * (here.mean - at), scale * std)
+    return known
+
+
+def condition_warnings(logs: Sequence[Log], calibrated: Conditions, given: Mapping[str, Prior]) -> list[str]:
+    """A sentence for each condition that a recording has and its calibration lacks."""
+    return [
+        f"{log.name}: {column} is not used, because the calibration does not have it; record it in the calibration "
+        "recording too, and save the calibration again."
+        for log in logs
+        for name, column in CONDITIONS.items()
+        if name not in given and calibrated.value(name) is None and _measured(log, column).size
+    ]
+
+
+def _measured(log: Log, column: str) -> FloatArray:
+    """Finite samples of a column; none where it is missing or empty."""
+    values = log.columns.get(column, np.zeros(0))
+    result: FloatArray = values[np.isfinite(values)]
+    return result
+
+
+def _mean(log: Log, name: str) -> float | None:
+    """Mean of a condition in SI; of the supply pressure while no valve is open, if there is such a time."""
+    values = log.columns.get(CONDITIONS[name], np.zeros(len(log)) * np.nan)
+    known = np.isfinite(values)
+    if name == "P_S":
+        closed = np.all([log.columns.get(duty, np.zeros(len(log))) <= 0.0 for duty in INPUTS], axis=0)
+        known = known & closed if np.any(known & closed) else known
+    return float(np.mean(values[known])) if known.any() else None

@@ -1,0 +1,103 @@
+"""Ambient temperature and supply pressure of recordings: means, differences to a calibration, and bad columns."""
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.inspection import inspect
+from clutchid.log import Log
+from clutchid.model import Actuator
+from clutchid.uncertainty.conditions import (
+    ACCURACY,
+    NOT_RECORDED,
+    Conditions,
+    condition_warnings,
+    conditions_of,
+    known_conditions,
+)
+from clutchid.uncertainty.coordinates import Prior
+
+ACTUATOR = Actuator(model="energy-balance")
+CALIBRATED = Conditions(293.0, 9.5e5)
+ROOT_2 = np.sqrt(2.0)
+
+
+def recorded(temperature=None, supply=None, duty=0.0, name="run"):
+    """1 s with these columns."""
+    columns = {"duty_supply": duty, "duty_exhaust": 0.0, "temperature_ambient": temperature, "pressure_supply": supply}
+    ones = np.ones(100)
+    return Log(np.arange(100) / 100, {n: v * ones for n, v in columns.items() if v is not None}, name)
+
+
+def test_conditions_are_means_over_the_recordings_that_have_them():
+    logs = [recorded(290.0, 9e5), recorded(294.0), recorded()]
+    assert conditions_of(logs, ACTUATOR) == Conditions(292.0, 9e5)
+    assert conditions_of([recorded()], ACTUATOR) == NOT_RECORDED
+
+
+def test_a_supply_pressure_counts_while_no_valve_is_open_and_always_where_one_is_always_open():
+    duty = np.repeat([0.0, 1.0], 50)
+    supply = np.where(duty > 0.0, 7e5, 9e5)
+    assert conditions_of([recorded(supply=supply, duty=duty)], ACTUATOR).supply == 9e5
+    assert conditions_of([recorded(supply=supply, duty=0.5)], ACTUATOR).supply == 8e5
+
+
+def test_missing_samples_do_not_count_and_an_empty_column_is_none():
+    holes = np.where(np.arange(100) % 2 == 0, 280.0, np.nan)
+    assert conditions_of([recorded(holes, np.nan)], ACTUATOR) == Conditions(280.0, None)
+    assert condition_warnings([recorded(np.nan, np.nan)], NOT_RECORDED, {}) == []
+
+
+def test_the_temperature_counts_by_its_difference_and_the_supply_by_its_ratio():
+    known = known_conditions(recorded(263.0, 0.95 * 9.5e5), ACTUATOR, CALIBRATED, {})
+    assert known["T_0"].mean == pytest.approx(ACTUATOR.value("T_0") - 30.0, abs=1e-9)
+    assert known["T_0"].std == pytest.approx(ROOT_2 * ACCURACY["T_0"])
+    assert known["P_S"].mean == pytest.approx(0.95 * ACTUATOR.value("P_S"))
+    assert known["P_S"].std == pytest.approx(ROOT_2 * ACCURACY["P_S"] * ACTUATOR.value("P_S") / 9.5e5)
+
+
+def test_what_either_recording_lacks_is_not_known():
+    assert known_conditions(recorded(), ACTUATOR, CALIBRATED, {}) == {}
+    assert known_conditions(recorded(263.0, 9e5), ACTUATOR, NOT_RECORDED, {}) == {}
+    assert [*known_conditions(recorded(263.0, 9e5), ACTUATOR, Conditions(supply=9.5e5), {})] == ["P_S"]
+
+
+def test_a_value_of_the_user_replaces_the_column_and_without_a_calibrated_one_it_is_the_parameter_itself():
+    given = {"T_0": Prior(278.0, 1.5)}
+    known = known_conditions(recorded(263.0), ACTUATOR, CALIBRATED, given)
+    assert known["T_0"].mean == pytest.approx(ACTUATOR.value("T_0") - 15.0, abs=1e-9)
+    assert known["T_0"].std == pytest.approx(2.5)
+    assert known_conditions(recorded(), ACTUATOR, NOT_RECORDED, given) == given
+
+
+def test_a_condition_that_the_calibration_lacks_is_one_sentence():
+    (sentence,) = condition_warnings([recorded(263.0, 9e5)], Conditions(supply=9e5), {})
+    assert sentence == (
+        "run: temperature_ambient is not used, because the calibration does not have it; record it in the calibration "
+        "recording too, and save the calibration again."
+    )
+    assert condition_warnings([recorded(263.0)], NOT_RECORDED, {"T_0": Prior(263.0, 1.0)}) == []
+
+
+@pytest.mark.parametrize(
+    ("columns", "check", "part"),
+    [
+        ({"temperature": 20.0}, "ambient temperature", "outside -60 to 90 degC; correct the unit in the heading"),
+        ({"temperature": np.linspace(280.0, 300.0, 100)}, "ambient temperature", "changes by 20 K in 0.99 s"),
+        ({"supply": 8.5e5 - 8e5}, "recorded supply pressure", "falls to 0.5 bar, below the ambient pressure"),
+    ],
+)
+def test_a_column_that_contradicts_itself_is_one_sentence(columns, check, part):
+    log = recorded(**columns)
+    with pytest.raises(DataError, match="run: ") as error:
+        conditions_of([log], ACTUATOR)
+    assert part in str(error.value)
+    assert "\n" not in str(error.value)
+    found = {one.name: one for one in inspect(log, ACTUATOR).checks}[check]
+    assert (found.grade, part in found.sentence) == ("bad", True)
+
+
+def test_an_inspection_shows_what_is_recorded():
+    found = {one.name: one for one in inspect(recorded(263.15, 9e5), ACTUATOR).checks}
+    assert (found["ambient temperature"].value, found["recorded supply pressure"].value) == ("-10 degC", "9 bar")
+    assert found["ambient temperature"].grade == "good"
