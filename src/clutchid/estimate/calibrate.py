@@ -74,9 +74,10 @@ def fit_with_priors(
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
         return _with_condition_warnings(replace(result, calibration=request.calibration), logs, free)
-    kept = replace(calibration_of(result, actuator), conditions=conditions)
+    kept = calibration_of(result, actuator)
+    # without the conditions, so that the errors hold for readings of recordings that lack them
     errors = position_only_errors(method, logs, result.actuator, kept, progress)
-    return replace(result, calibration=replace(kept, position_only=errors))
+    return replace(result, calibration=replace(kept, position_only=errors, conditions=conditions))
 
 
 def _with_condition_warnings(result: Fit, logs: Sequence[Log], free: FreeParameters) -> Fit:
