@@ -4,33 +4,46 @@ Every truck of the proving ground is calibrated once with pressure. Then its wor
 a time and under pairs of them, and the load is read from position alone: by default, which weighs what may have
 changed, and with the supply pressure free with 5 % or measured with a workshop's instrument. Errors as in ``clutchid
 prove``, median / worst over the trucks; covered is the share of the grid where the band holds the true load, width the
-median of the band from low to high in % of the peak; trust counts the verdicts good / with care / none.
+median of the band from low to high in % of the peak; trust counts the verdicts good / with care / none; seconds are
+those of a reading, median / worst. Below the table: how well the verdicts tell good from bad, over all rows together.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
+from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from clutchid import Fit, Prior, SolveError, fit
+from clutchid import DataError, Fit, Prior, SolveError, fit
+from clutchid.estimate.fit import MethodName
+from clutchid.log import INPUTS
 from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.ground import SECONDS, STROKES
-from clutchid.truck import CHANGES, GRID, Vehicle, drive, truck
+from clutchid.truck import CHANGES, GRID, Drive, Vehicle, drive, truck
+
+#: Columns of the table.
+TITLES = (
+    "0.5-20 mm [%]", "5-8 mm [%]", "half load [mm]", "p_A [kPa]", "covered [%]", "width [%]", "trust", "seconds",
+    "refused",
+)  # fmt: skip
 
 #: Verdicts, in the order of the column "trust".
 TRUSTS = ("good", "with care", "none")
 
 #: Wear of the facing in m under every change.
 WEAR = 1.5e-3
+
+#: Cases that `drive` does not make: duty cycles that are recorded late, and a calibration of the truck before.
+LATE, ANOTHER = "duty one sample late", "another truck's calibration"
 
 
 def _as_usual(_: Vehicle) -> Mapping[str, Any]:
@@ -45,6 +58,8 @@ CASES: dict[str, tuple[tuple[str, ...], Callable[[Vehicle], Mapping[str, Any]]]]
     "supply and warm": (("supply", "warm"), _as_usual),
     "5 K warmer": ((), lambda kind: {"temperature": kind.T_0 + 5.0}),
     "100 Hz bus log": ((), lambda _: {"recorder": "bus"}),
+    LATE: ((), _as_usual),
+    ANOTHER: ((), _as_usual),
 }
 
 
@@ -73,41 +88,113 @@ REMEDIES: dict[str, Callable[[Fit, float], dict[str, Any]]] = {
 }
 
 
-def one_truck(
-    number: int, family: str, cases: Sequence[str], remedies: Sequence[str], method: str
-) -> list[tuple[str, str, list[float] | None]]:
-    """Errors of a truck under every change with every remedy; None where the search failed."""
-    kind = truck(number, family)
-    seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    log = drive(kind, seconds=SECONDS, seed=seeds[0], name="calibration", conditions=True).log
+class Reading(NamedTuple):
+    """A load read from position alone: errors as in ``clutchid prove``, band, verdict and time."""
+
+    error: float
+    error_5_to_8: float
+    half_load: float
+    pressure: float
+    covered: float
+    width: float
+    trust: int
+    seconds: float
+
+
+class Row(NamedTuple):
+    """A case with a remedy on one truck; without a reading if it was refused or its search failed."""
+
+    case: str
+    remedy: str
+    reading: Reading | None
+
+
+def one_truck(number: int, family: str, cases: Sequence[str], remedies: Sequence[str], method: MethodName) -> list[Row]:
+    """Every case with every remedy on one truck."""
     calibrations = {
-        columns: fit(log.without(*columns), measure=("position", "pressure_a"), free=("auto",), method=method)
-        for columns in {left_out(remedy) for remedy in remedies}
+        columns: calibrated(number, family, columns, method) for columns in {left_out(remedy) for remedy in remedies}
     }
-    rows: list[tuple[str, str, list[float] | None]] = []
+    rows = []
     for case in cases:
-        changes, options = CASES[case]
-        worn = drive(
-            kind, seconds=SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, change=changes,
-            name="worn", conditions=True, **options(kind),
-        )  # fmt: skip
-        supply = worn.truth.supply / kind.P_S
+        worn = worn_clutch(number + 1 if case == ANOTHER else number, family, case)
+        supply = worn.truth.supply / truck(number, family).P_S
         for remedy in remedies:
-            once = calibrations[left_out(remedy)]
-            try:
-                wanted = {"calibration": once.calibration, **REMEDIES[remedy](once, supply)}
-                found = fit(worn.log.without(*left_out(remedy)), once.actuator, **wanted)
-            except SolveError:
-                rows.append((case, remedy, None))
-                continue
-            curve = found.load_curve
-            pressure = found.recordings["worn"].simulated["pressure_a"]
-            answer = Answer(curve.position, curve.force, curve.low, curve.high, pressure)
-            peak = worn.truth.load(GRID).max()
-            width = float(np.median(np.interp(GRID, curve.position, curve.high - curve.low))) / peak * 100
-            values = [*asdict(score(answer, worn.truth, worn.log.time)).values()]
-            rows.append((case, remedy, [*values, width, TRUSTS.index(found.verdict.trust)]))
+            columns = left_out(remedy)
+            wanted = REMEDIES[remedy](calibrations[columns], supply)
+            rows.append(Row(case, remedy, reading(worn, columns, calibrations[columns], wanted)))
     return rows
+
+
+def calibrated(number: int, family: str, without: Sequence[str], method: MethodName) -> Fit:
+    """A calibration of a truck from a recording without some columns."""
+    seed = _seeds(number)[0]
+    log = drive(truck(number, family), seconds=SECONDS, seed=seed, name="calibration", conditions=True).log
+    return fit(log.without(*without), measure=("position", "pressure_a"), free=("auto",), method=method)
+
+
+def worn_clutch(number: int, family: str, case: str) -> Drive:
+    """A recording of a truck's worn clutch."""
+    changes, options = CASES[case]
+    kind = truck(number, family)
+    worn = drive(
+        kind, seconds=SECONDS, seed=_seeds(number)[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False,
+        change=changes, name="worn", conditions=True, **options(kind),
+    )  # fmt: skip
+    if case != LATE:
+        return worn
+    late = {name: np.append(worn.log[name][:1], worn.log[name][:-1]) for name in INPUTS}
+    return replace(worn, log=worn.log.with_columns(**late))
+
+
+def _seeds(number: int) -> list[int]:
+    seeds: list[int] = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
+    return seeds
+
+
+def reading(worn: Drive, without: Sequence[str], once: Fit, wanted: Mapping[str, Any]) -> Reading | None:
+    """The load of a worn clutch from position alone, against the truth; None if it is refused or the search fails."""
+    begin = time.perf_counter()
+    try:
+        found = fit(worn.log.without(*without), once.actuator, **{"calibration": once.calibration, **wanted})
+    except (SolveError, DataError):
+        return None
+    seconds = time.perf_counter() - begin
+    curve, pressure = found.load_curve, found.recordings["worn"].simulated["pressure_a"]
+    answer = Answer(curve.position, curve.force, curve.low, curve.high, pressure)
+    of_band = np.median(np.interp(GRID, curve.position, curve.high - curve.low)) / worn.truth.load(GRID).max()
+    errors = score(answer, worn.truth, worn.log.time)
+    return Reading(
+        errors.load, abs(errors.load_touch), abs(errors.half_load), errors.pressure, errors.coverage,
+        100 * float(of_band), TRUSTS.index(found.verdict.trust), seconds,
+    )  # fmt: skip
+
+
+def line(rows: Sequence[Row]) -> list[str]:
+    """Cells of a case with a remedy over all trucks."""
+    table = np.array([row.reading for row in rows if row.reading is not None])
+    if not len(table):
+        return [""] * 7 + [str(len(rows))]
+    median_and_worst = [f"{np.median(column):.2f} /{column.max():6.2f}" for column in table.T]
+    trusts = " / ".join(str(int(np.sum(table[:, 6] == i))) for i in range(len(TRUSTS)))
+    covered, width = f"{table[:, 4].mean() * 100:.0f}", f"{np.median(table[:, 5]):.1f}"
+    return [*median_and_worst[:4], covered, width, trusts, median_and_worst[7], str(len(rows) - len(table))]
+
+
+def judged(rows: Sequence[Row]) -> str:
+    """How well the verdicts tell good readings from bad ones."""
+    known = [row.reading for row in rows if row.reading is not None]
+    error, trust = np.array([r.error for r in known]), np.array([r.trust for r in known])
+
+    def share(of: np.ndarray, which: np.ndarray) -> str:
+        return f"{100 * np.mean(which[of]):.0f} % of {int(of.sum())}" if of.any() else "none"
+
+    bad = error > 2.0
+    apart = np.sign(trust[bad][:, None] - trust[~bad][None, :])
+    area = f"{np.mean(0.5 + 0.5 * apart):.2f}" if apart.size else "-"
+    return (
+        f"below 1 %: {share(error < 1.0, trust == 0)} good; good: {share(trust == 0, bad)} above 2 %; "
+        f"above 5 %: {share(error > 5.0, trust == 2)} none; AUC of the verdict for above 2 %: {area}"
+    )
 
 
 def main() -> None:
@@ -118,41 +205,22 @@ def main() -> None:
     options.add_argument("--family", default="A", choices=("A", "B"))
     options.add_argument("--case", action="append", choices=tuple(CASES), help="default: all")
     options.add_argument("--remedy", action="append", choices=tuple(REMEDIES), help="default: all")
-    options.add_argument("--method", default="shooting")
+    options.add_argument("--method", default="shooting", choices=get_args(MethodName))
     options.add_argument("--workers", type=int, default=1)
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     cases, remedies = chosen.case or list(CASES), chosen.remedy or list(REMEDIES)
     numbers = range(chosen.seed, chosen.seed + chosen.trucks)
+    of_a_truck = partial(one_truck, family=chosen.family, cases=cases, remedies=remedies, method=chosen.method)
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
-        trucks = list(
-            pool.map(
-                partial(one_truck, family=chosen.family, cases=cases, remedies=remedies, method=chosen.method), numbers
-            )
-        )
-    titles = (
-        "0.5-20 mm [%]",
-        "5-8 mm [%]",
-        "half load [mm]",
-        "p_A [kPa]",
-        "covered [%]",
-        "width [%]",
-        "trust",
-        "failed",
-    )
-    print(f"{'change':<24}{'remedy':<24}" + "".join(f"{title:>16}" for title in titles))
+        rows = [row for found in pool.map(of_a_truck, numbers) for row in found]
+    print(f"{'change':<28}{'remedy':<24}" + "".join(f"{title:>16}" for title in TITLES))
     for case in cases:
         for remedy in remedies:
-            found = [row for rows in trucks for c, r, row in rows if (c, r) == (case, remedy)]
-            table = np.abs([row for row in found if row is not None])
-            cells = [f"{np.median(column):.2f} /{column.max():6.2f}" for column in table[:, :4].T]
-            cells += [
-                f"{100 * table[:, 4].mean():.0f}",
-                f"{np.median(table[:, 5]):.1f}",
-                " / ".join(str(int(np.sum(table[:, 6] == i))) for i in range(len(TRUSTS))),
-                str(sum(row is None for row in found)),
-            ]
-            print(f"{case:<24}{remedy:<24}" + "".join(f"{cell:>16}" for cell in cells))
+            cells = line([row for row in rows if (row.case, row.remedy) == (case, remedy)])
+            print(f"{case:<28}{remedy:<24}" + "".join(f"{cell:>16}" for cell in cells))
+    for remedy in remedies:
+        print(f"\n{remedy}: {judged([row for row in rows if row.remedy == remedy])}")
 
 
 if __name__ == "__main__":
