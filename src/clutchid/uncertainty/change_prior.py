@@ -26,10 +26,10 @@ Hypothesis = tuple[str, ...]
 #: Standard deviation of the drift of each parameter between two recordings of an actuator in which nothing has changed.
 #: Provenance: docs/derivations.md.
 DRIFT: Direction = {
-    "P_S": 0.003, "D_v": 0.02, "T_0": 0.002, "T_w": 0.002, "h_A": 0.03, "C_vs": 0.002, "C_ve": 0.002, "R_0vs": 6e-4,
-    "R_0ve": 6e-4, "R_1vs": 6e-4, "R_1ve": 6e-4, "a_0vs": 1e-3, "a_0ve": 1e-3, "t_vs": 1e-3, "t_ve": 1e-3, "s_vs": 1e-3,
-    "s_ve": 1e-3, "n_vs": 1e-3, "n_ve": 1e-3, "tau_vs": 0.01, "tau_ve": 0.01, "F_C": 0.15, "c_F": 0.06, "V_0A": 0.05,
-    "tau_y": 3e-5, "V_S": 0.06, "mu_h": 3e-4,
+    "P_S": 0.003, "D_v": 0.02, "T_0": 0.002, "T_w": 0.002, "h_A": 0.03, "C_vs": 0.002, "C_ve": 0.002, "C_r": 0.002,
+    "R_0vs": 6e-4, "R_0ve": 6e-4, "R_1vs": 6e-4, "R_1ve": 6e-4, "a_0vs": 1e-3, "a_0ve": 1e-3, "t_vs": 1e-3,
+    "t_ve": 1e-3, "s_vs": 1e-3, "s_ve": 1e-3, "n_vs": 1e-3, "n_ve": 1e-3, "tau_vs": 0.01, "tau_ve": 0.01, "F_C": 0.15,
+    "c_F": 0.06, "V_0A": 0.05, "tau_y": 3e-5, "V_S": 0.06, "mu_h": 3e-4,
 }  # fmt: skip
 
 #: The same of parameters that are not estimated from position alone, but considered as uncertain.
@@ -38,9 +38,13 @@ DRIFT_CONSIDERED: Direction = {"A_A": 0.0003, "P_0": 0.0006, "m_ve": 0.006}
 #: Directions in which the parameters of a group change, independent of each other. Provenance: docs/derivations.md.
 GROUPS: Mapping[str, tuple[Direction, ...]] = {
     "supply pressure": ({"P_S": 0.05},),
-    # 25 K: density and enthalpy of the air, flow with the inverse root of the temperature, grease that halves in 40 K
+    # 25 K: density and enthalpy of the air, flow with the inverse root of the temperature, grease that halves in 40 K,
+    # seals that slide more easily
     "temperature and grease": (
-        {"T_0": 0.085, "T_w": 0.085, "C_vs": -0.0425, "C_ve": -0.0425, "D_v": -0.5},
+        {
+            "T_0": 0.085, "T_w": 0.085, "C_vs": -0.0425, "C_ve": -0.0425, "C_r": -0.0425, "D_v": -0.5, "F_C": -0.1,
+            "c_F": -0.1,
+        },
         {"D_v": 0.3},
     ),
     "valves": (

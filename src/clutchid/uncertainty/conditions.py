@@ -118,9 +118,8 @@ def known_conditions(
             continue
         std = here.std if before is None else hypot(here.std, ACCURACY[name])
         at = value if before is None else before
-        # a supply pressure acts by its ratio: the calibrated one may be some percent beside the set pressure
-        scale = value / at if name == "P_S" else 1.0
-        known[name] = Prior(value + scale * (here.mean - at), scale * std)
+        # both act by their ratio: the calibrated values may be some percent beside the recorded ones
+        known[name] = Prior(value / at * here.mean, value / at * std)
     return known
 
 
