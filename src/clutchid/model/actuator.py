@@ -30,6 +30,9 @@ class Actuator:
         A variant by name, or an `OwnModel`.
     own
         Values of the parameters of an `OwnModel` in SI, in its order; by default its defaults.
+    duty_period : s
+        Period at which the control unit renews the duty cycles, as a calibration at 1 kHz shows it; 0 if they change
+        continuously. By default that of the valves' carrier, `T_pwm`.
 
     Raises
     ------
@@ -47,9 +50,12 @@ class Actuator:
     model: Model = "isothermal"
     equipment: Equipment = field(default_factory=Equipment)
     own: tuple[float, ...] = ()
+    duty_period: float | None = None
 
     def __post_init__(self) -> None:
         check_model(self.model)
+        if self.duty_period is not None and not 0.0 <= self.duty_period < np.inf:
+            raise ParameterError(f"duty_period = {self.duty_period} s: a period is at least 0 s and finite.")
         object.__setattr__(self, "parameters", self.equipment.fitted(self.parameters))
         rows = self._own_rows
         values = tuple(map(float, self.own)) or tuple(float(row.default) for row in rows.values())
@@ -72,7 +78,7 @@ class Actuator:
         usual = Actuator(model=self.model, equipment=self.equipment)
         defaults = {
             "parameters": usual.parameters, "load": usual.load, "model": "isothermal", "equipment": Equipment(),
-            "own": usual.own,
+            "own": usual.own, "duty_period": None,
         }  # fmt: skip
         changed = [f"{name}={value!r}" for name, d in defaults.items() if (value := getattr(self, name)) != d]
         return f"Actuator({', '.join(changed)})"

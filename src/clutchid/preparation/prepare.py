@@ -99,7 +99,8 @@ def prepare(log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhas
     pulsed_log = pulsed(log, actuator, with_pressure, find)
     step = float(np.median(np.diff(pulsed_log.log.time))) if len(pulsed_log.log) > 1 else RESET_INTERVAL
     resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
-    prepared = plan(pulsed_log.log, pulsed_log.actuator, MARGIN * stiffness(pulsed_log.actuator), resets, with_pressure)
+    rate = MARGIN * stiffness(pulsed_log.actuator)
+    prepared = plan(pulsed_log.log, pulsed_log.actuator, rate, resets, with_pressure, pulsed_log.open_std)
     warnings = (*prepared.warnings, pulsed_log.warning) if pulsed_log.warning else prepared.warnings
     return replace(prepared, warnings=warnings, phase_std=pulsed_log.phase_std)
 

@@ -1,20 +1,23 @@
 """Pulses of the valves in a recording: phase of the carrier, and a time grid that resolves it.
 
-A recording slower than the pulses, such as that of a bus at 100 Hz, still contains the duty cycle of each period, and
-its positions determine the load as well as ten times more samples do. It is therefore resampled on a finer time grid,
-on which the duty cycles change at the start of a period and the position is missing between the samples.
+A recording slower than the changes of the duty cycles, such as that of a bus at 100 Hz, is put on a finer time grid, on
+which the position is missing between the samples; its positions determine the load as well as ten times more samples
+do. Where the control unit renews the duty cycles once a period, each period has its own; otherwise they are
+interpolated, and what the recording does not show of them is process noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
+from clutchid.preparation.time_grid import interpolated, latched
 from clutchid.signals.duty_cycle import grid_phase, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
@@ -23,9 +26,17 @@ from clutchid.simulation.sensors import without_sensors
 from clutchid.simulation.stiffness import stiffness
 from clutchid.uncertainty.coordinates import WIDTHS
 
-#: Shortest carrier period in samples whose duty cycles are all recorded, and the time grid in s for the simulation of
-#: pulses: on a grid of 1 ms the duty cycles change half a millisecond late, an error of several percent of the load.
-MIN_PERIOD, FINE_STEP = 0.95, 2.5e-4
+#: Shortest period in samples with duty cycles of its own: in a sample of 10 ms the middle of a period of 2 ms is known
+#: to 1 ms, as are the time stamps.
+MIN_PERIOD = 0.4
+
+#: Time grid in s for the simulation of pulses: on a grid of 1 ms the duty cycles change half a millisecond late, an
+#: error of several percent of the load. Time grid in s for interpolated duty cycles of valves without a carrier.
+FINE_STEP, COARSE_STEP = 2.5e-4, 1e-3
+
+#: Interval in s for which a control unit holds duty cycles that change continuously, and the longest between samples
+#: that have all of these changes.
+CONTROL_STEP, CONTINUOUS_STEP = 1e-3, 1.5e-3
 
 #: Standard deviation in s of the time stamps of a slow recording: messages on the bus wait for each other.
 STAMP_STD = 1e-3
@@ -38,17 +49,24 @@ RESET_INTERVAL = 0.02
 FindPhase = Callable[[Log, Actuator], float]
 
 
+class Duties(Enum):
+    """What a recording has of the duty cycles: every change, those of periods, those at samples, or too few."""
+
+    RECORDED, LATCHED, INTERPOLATED, UNKNOWN = range(4)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Pulsed:
     """A recording on a time grid that resolves the pulses, if possible, and the actuator with the phase in it.
 
-    `phase_std` is the standard deviation of the phase, 0 if it is known exactly; `warning` is given if the recording is
-    too slow.
+    `phase_std` is the standard deviation of the phase, 0 if it is known exactly; `open_std` as in
+    `clutchid.simulation.plan.Segment`, for every interval; `warning` is given if the recording is too slow.
     """
 
     log: Log
     actuator: Actuator
     phase_std: float = 0.0
+    open_std: FloatArray | None = None
     warning: str | None = None
 
 
@@ -62,16 +80,16 @@ def find_phase(log: Log, actuator: Actuator) -> float:
     DataError
         If the recording lacks a duty cycle.
     """
-    p, step = actuator.parameters, float(np.median(np.diff(log.time)))
+    p, step, period = actuator.parameters, float(np.median(np.diff(log.time))), _period(actuator)
     part, rate = log.slice(0, min(len(log), round(MAX_DURATION / step))), stiffness(actuator)
-    slow = not resolves_carrier(log, p.T_pwm)
+    slow = duties_in(log, actuator) is not Duties.RECORDED
     part = part.with_columns(position=part["position"] - p.e_y) if slow else without_sensors(part, p)
-    every = Partition(every=max(2, round(RESET_INTERVAL / (FINE_STEP if slow else step))))
+    every = Partition(every=max(2, round(RESET_INTERVAL / (_step(actuator) if slow else step))))
 
     def misfit(phase: float) -> float:
         # compensate the lag of the sensor, which acts like another phase
-        compared = resampled(part, p.T_pwm, phase, p.tau_y) if slow else part
-        candidate = actuator.replace({"s_pwm": centred(phase + p.tau_y / p.T_pwm if slow else phase)})
+        compared, _ = on_time_grid(part, actuator.replace({"s_pwm": centred(phase)}), p.tau_y)
+        candidate = actuator.replace({"s_pwm": centred(phase + p.tau_y / period if slow else phase)})
         total = 0.0
         for segment in plan(compared, candidate, rate, every).segments:
             states, _ = run(segment, KernelArrays.of(candidate), start_state(segment, candidate))
@@ -85,6 +103,27 @@ def find_phase(log: Log, actuator: Actuator) -> float:
     return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
 
 
+def duties_in(log: Log, actuator: Actuator) -> Duties:
+    """What a recording has of the duty cycles of a calibrated `actuator`.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    carrier, renewed = actuator.parameters.T_pwm, actuator.duty_period
+    renewed = carrier if renewed is None else renewed
+    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
+    if step == 0.0 or (actuator.duty_period is None and carrier == 0.0):
+        return Duties.RECORDED
+    period = carrier or renewed
+    if resolves_carrier(log, period) if period else step <= CONTINUOUS_STEP:
+        return Duties.RECORDED
+    if on_off(log):
+        return Duties.UNKNOWN
+    return Duties.LATCHED if renewed > 0.0 and period >= MIN_PERIOD * step else Duties.INTERPOLATED
+
+
 def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = find_phase) -> Pulsed:
     """The recording with the pulses of the valves of a calibrated `actuator`.
 
@@ -95,11 +134,11 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
     DataError
         If the recording lacks a column that the phase is estimated from.
     """
-    period = actuator.parameters.T_pwm
+    period, known = actuator.parameters.T_pwm, duties_in(log, actuator)
+    if known is not Duties.RECORDED:
+        return _slow(log, actuator, known, find)
     if period == 0.0 or len(log) < 2:
         return Pulsed(log, actuator)
-    if not resolves_carrier(log, period):
-        return _resampled_pulses(log, actuator, find)
     if (grid := grid_phase(log, period)) is not None:
         return Pulsed(log, actuator.replace({"s_pwm": centred(grid)}))
     if with_pressure:
@@ -110,53 +149,48 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
     return Pulsed(log, actuator.replace({"s_pwm": phase}), WIDTHS["s_pwm"])
 
 
-def _resampled_pulses(log: Log, actuator: Actuator, find: FindPhase) -> Pulsed:
-    """A recording slower than the pulses, resampled if the duty cycle of each period is known."""
-    period, step = actuator.parameters.T_pwm, float(np.median(np.diff(log.time)))
-    if period < MIN_PERIOD * step or on_off(log):
-        warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not resolve the pulses of valves with a "
-        warning += (
-            f"carrier period of {period * 1e3:.3g} ms; they are averaged, which can cause large errors of the load. "
-        )
-        warning += "Record at 1 kHz."
+def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulsed:
+    """A recording slower than the changes of the duty cycles, on a finer time grid if it has enough of them."""
+    period = actuator.parameters.T_pwm
+    if known is Duties.UNKNOWN:
+        step = float(np.median(np.diff(log.time)))
+        warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the valves switch; their duty "
+        warning += "cycles are averaged, which can cause large errors of the load. Record at 1 kHz."
         return Pulsed(log, actuator, warning=warning)
-    phase = find(log, actuator)
-    return Pulsed(
-        resampled(log, period, phase), actuator.replace({"s_pwm": phase}), max(WIDTHS["s_pwm"], STAMP_STD / period)
-    )
+    if period > 0.0 or known is Duties.LATCHED:
+        actuator = actuator.replace({"s_pwm": find(log, actuator)})
+    fine, open_std = on_time_grid(log, actuator)
+    std = max(WIDTHS["s_pwm"], STAMP_STD / period) if period > 0.0 else 0.0
+    return Pulsed(fine, actuator, std, open_std)
 
 
-def resampled(log: Log, period: float, phase: float, delay: float = 0.0) -> Log:
-    """`log` with additional samples at about `FINE_STEP` s, at which only the duty cycles are known.
+def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log, FloatArray | None]:
+    """A slow recording on a time grid that resolves the pulses with the phase of `actuator`, and `Pulsed.open_std`.
 
-    Parameters
-    ----------
-    log : Log
-        Its samples are kept with their time stamps.
-    period : s
-        Of the carrier, at least `MIN_PERIOD` samples.
-    phase : 1
-        Of the carrier relative to the time stamps. Each period has the duty cycle that was recorded last, or that of
-        the period before.
-    delay : s
-        Of the duty cycles, to match a position that was recorded late.
+    Other recordings are returned as they are. `delay` of the duty cycles in s matches a position recorded late.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
     """
-    gaps = np.diff(log.time)
-    step = float(np.median(gaps))
-    parts = np.where(gaps <= HOLE * step, max(1, round(step / FINE_STEP)), 1)
-    first = np.concatenate([[0], np.cumsum(parts)])
-    of = np.repeat(np.arange(gaps.size), parts)
-    time = np.append(log.time[of] + gaps[of] * (np.arange(first[-1]) - first[of]) / parts[of], log.time[-1])
-    numbers = _period_number(log.time, period, phase)
-    latched = np.searchsorted(numbers, _period_number(time - delay, period, phase), side="right") - 1
-    columns = {}
-    for name, values in log.columns.items():
-        if name in INPUTS:
-            columns[name] = values[np.maximum(latched, 0)]
-        else:
-            columns[name] = np.full(time.size, np.nan)
-            columns[name][first] = values
-    return Log(time, columns, log.name, log.metadata)
+    known, p = duties_in(log, actuator), actuator.parameters
+    closed = {"duty_supply": p.R_0vs, "duty_exhaust": p.R_0ve}
+    if known is Duties.LATCHED:
+        return latched(log, _period(actuator), p.s_pwm, _step(actuator), closed, delay)
+    if known is Duties.INTERPOLATED:
+        return interpolated(log, actuator.duty_period or CONTROL_STEP, _step(actuator), closed, delay)
+    return log, None
+
+
+def _period(actuator: Actuator) -> float:
+    """Period in s that a phase refers to: of the valves' carrier, else at which the duty cycles are renewed."""
+    return actuator.parameters.T_pwm or actuator.duty_period or 0.0
+
+
+def _step(actuator: Actuator) -> float:
+    latches = actuator.parameters.T_pwm > 0.0 or actuator.duty_period
+    return FINE_STEP if latches else COARSE_STEP
 
 
 def pulsed_without_sensors(log: Log, actuator: Actuator) -> Pulsed:
@@ -169,12 +203,5 @@ def pulsed_without_sensors(log: Log, actuator: Actuator) -> Pulsed:
     """
     # the phase is estimated from the position, which is always recorded
     pulsed_log = pulsed(log, actuator, False)
-    p = pulsed_log.actuator.parameters
-    moved = without_sensors(log, p)
-    return replace(pulsed_log, log=moved if len(pulsed_log.log) == len(log) else resampled(moved, p.T_pwm, p.s_pwm))
-
-
-def _period_number(time: FloatArray, period: float, phase: float) -> FloatArray:
-    """Number of the carrier period at each time stamp."""
-    number: FloatArray = np.floor(time / period - phase + 1e-9)
-    return number
+    moved = without_sensors(log, pulsed_log.actuator.parameters)
+    return replace(pulsed_log, log=on_time_grid(moved, pulsed_log.actuator)[0])

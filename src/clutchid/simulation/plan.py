@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +42,15 @@ class Segment:
 
     `start` and `stop` are sample numbers in the recording; `jump` and `measured` say where and with what the state is
     re-initialised. `vented`: Eq. (24) gives the start; else position and pressure there are unknown, unless
-    `pressure_start` is measured.
+    `pressure_start` is measured. `open_std` (n - 1,) is the standard deviation in s of the time that a fully open valve
+    is open in each interval, 0 where the recording has every change of the duty cycles.
     """
 
     start: int
     stop: int
     inputs: FloatArray
     dt: FloatArray
+    open_std: FloatArray
     substeps: NDArray[np.int32]
     jump: NDArray[np.uint8]
     measured: FloatArray
@@ -75,7 +77,12 @@ class Plan:
 
 
 def plan(
-    log: Log, actuator: Actuator, rate: float, partition: Partition | None = None, use_pressure: bool = False
+    log: Log,
+    actuator: Actuator,
+    rate: float,
+    partition: Partition | None = None,
+    use_pressure: bool = False,
+    open_std: FloatArray | None = None,
 ) -> Plan:
     """Cut `log` into segments and fix steps, resets and starts.
 
@@ -91,6 +98,8 @@ def plan(
         Where the measured position is taken again; ballistic without.
     use_pressure : bool
         Whether the measured pressure of chamber A is in use: then starts and resets take it.
+    open_std : (n - 1,) in s, optional
+        Standard deviation of the time that a fully open valve is open in each interval, see `Segment`; default 0.
 
     Raises
     ------
@@ -106,8 +115,12 @@ def plan(
     y_max = actuator.parameters.y_max
     jump, measured = _resets(log, partition, use_pressure)
     measured[:, 0] = np.clip(measured[:, 0], -OUTSIDE, y_max + OUTSIDE)
+    uncertain = np.zeros(len(log) - 1) if open_std is None else open_std
     segments = tuple(
-        _segment(log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure)
+        replace(
+            _segment(log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure),
+            open_std=uncertain[start : stop - 1],
+        )
         for start, stop in bounds
     )
     warnings = []
@@ -191,6 +204,7 @@ def _segment(
         stop=stop,
         inputs=inputs,
         dt=dt,
+        open_std=np.zeros(dt.size),
         substeps=substeps(dt, rate),
         jump=jump,
         measured=np.ascontiguousarray(measured),

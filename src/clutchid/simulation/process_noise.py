@@ -33,7 +33,7 @@ def process_noise(segment: Segment, actuator: Actuator, noise: Noise) -> FloatAr
     """
     # as white noise the flow error accumulates to the same value over the span
     opened = opening_of_valves(segment, actuator) * np.sqrt(segment.dt * NOISE_SPAN)
-    return state_deviations(actuator, noise, segment.dt, opened)
+    return state_deviations(actuator, noise, segment.dt, np.hypot(noise.flow * opened, segment.open_std))
 
 
 def opening_of_valves(segment: Segment, actuator: Actuator) -> FloatArray:
@@ -44,15 +44,15 @@ def opening_of_valves(segment: Segment, actuator: Actuator) -> FloatArray:
     return result
 
 
-def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, opened: FloatArray) -> FloatArray:
+def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, open_std: FloatArray) -> FloatArray:
     """Standard deviation of the process noise accumulated over each `span` in s, shape (n, n_states), in SI.
 
-    The states follow a random walk. The flow during `opened` seconds of open valves has a relative error, which enters
-    the pressure of a chamber at half stroke.
+    The states follow a random walk. The flow has the error of `open_std` seconds of a fully open valve, which enters the
+    pressure of a chamber at half stroke.
     """
     p = actuator.parameters
     volume = p.V_0A + 0.5 * p.A_A * p.y_max
-    air = noise.flow * opened * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / volume
+    air = open_std * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / volume
     sigma: FloatArray = np.array([noise.states[name] for name in actuator.states]) * np.sqrt(span / NOISE_SPAN)[:, None]
     at = actuator.states.index("p_A")
     sigma[:, at] = np.hypot(sigma[:, at], air)

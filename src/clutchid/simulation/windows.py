@@ -68,6 +68,7 @@ def _window(segment: Segment, a: int, b: int) -> Segment:
         stop=segment.start + b + 1,
         inputs=np.ascontiguousarray(segment.inputs[a : b + 1]),
         dt=np.ascontiguousarray(segment.dt[a:b]),
+        open_std=segment.open_std[a:b],
         substeps=np.ascontiguousarray(segment.substeps[a:b]),
         jump=np.zeros(b + 1 - a, dtype=np.uint8),
         measured=np.zeros((b + 1 - a, 2)),

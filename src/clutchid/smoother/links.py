@@ -18,13 +18,15 @@ from clutchid.uncertainty.noise import Noise
 def link_sigma(track: Track, actuator: Actuator, noise: Noise) -> FloatArray:
     """Standard deviation of each window's final state from the next initial state, shape (n windows, n states).
 
-    This is the process noise over a window: a random walk of the states, and an error in the flow through open valves.
+    This is the process noise over a window: a random walk of the states, an error in the flow through open valves, and
+    what flows where changes of the duty cycles are not recorded.
     """
     segment = track.segment
     edges = np.array([window.start for window in track.windows]) - segment.start
     span = np.add.reduceat(segment.dt, edges)
     opened = np.add.reduceat(opening_of_valves(segment, actuator) * segment.dt, edges)
-    return state_deviations(actuator, noise, span, opened)
+    unrecorded = np.sqrt(np.add.reduceat(segment.open_std**2, edges))
+    return state_deviations(actuator, noise, span, np.hypot(noise.flow * opened, unrecorded))
 
 
 def link_costs(ends: FloatArray, starts: FloatArray, sigma: FloatArray, outlier: float) -> FloatArray:

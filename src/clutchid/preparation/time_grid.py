@@ -1,0 +1,123 @@
+"""A finer time grid for a slow recording: its samples stay, and between them only the duty cycles are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
+
+IntArray = NDArray[np.intp]
+
+
+def latched(
+    log: Log, period: float, phase: float, step: float, closed: Mapping[str, float], delay: float = 0.0
+) -> tuple[Log, FloatArray]:
+    """`log` on a finer time grid with duty cycles that the control unit renews at the start of each period.
+
+    Each period has the duty cycles of its last sample; those of a period without a sample are interpolated.
+
+    Parameters
+    ----------
+    log : Log
+        With both duty cycles; its samples are kept with their time stamps.
+    period : s
+        Of the duty cycles.
+    phase : 1
+        Of the periods relative to the time stamps.
+    step : s
+        Of the time grid, approximately.
+    closed : 1
+        Largest duty cycle of each valve at which it is closed.
+    delay : s
+        Of the duty cycles, to match a position that was recorded late.
+
+    Returns
+    -------
+    log : Log
+    open_std : (n - 1,) in s
+        Standard deviation of the time that a fully open valve is open in each interval of the grid.
+    """
+    grid = _Grid(log, step)
+    numbers = _period_number(log.time, period, phase)
+    last = np.flatnonzero(np.append(numbers[1:] > numbers[:-1], True))
+    wanted = _period_number(grid.time - delay, period, phase)
+    duties = {name: _between(wanted, numbers[last], log[name][last], closed[name]) for name in INPUTS}
+    without = np.diff(numbers[last]) - 1.0
+    size = _unknown_opening({name: log[name][last] for name in INPUTS}, without * period)
+    between = np.searchsorted(numbers[last], wanted[:-1], side="right") - 1
+    inside = (between >= 0) & (between < size.size) & ~np.isin(wanted[:-1], numbers[last])
+    between = np.where(inside, between, size.size)
+    count = np.bincount(between, minlength=size.size + 1)
+    each = np.append(size, 0.0) / np.sqrt(np.maximum(count, 1))
+    return grid.with_duties(log, duties), each[between]
+
+
+def interpolated(
+    log: Log, held: float, step: float, closed: Mapping[str, float], delay: float = 0.0
+) -> tuple[Log, FloatArray]:
+    """`log` on a finer time grid with duty cycles that change between the samples, interpolated linearly.
+
+    Parameters
+    ----------
+    log : Log
+        With both duty cycles; its samples are kept with their time stamps.
+    held : s
+        For which the control unit holds a duty cycle, much less than an interval between samples. The duty cycle in a
+        sample acts until then.
+    step, closed, delay
+        As in `latched`, which also says what is returned.
+    """
+    grid = _Grid(log, step)
+    middle = grid.time + 0.5 * (np.append(np.diff(grid.time), 0.0) - held) - delay
+    duties = {name: _between(middle, log.time, log[name], closed[name]) for name in INPUTS}
+    size = _unknown_opening({name: log[name] for name in INPUTS}, np.diff(log.time))
+    return grid.with_duties(log, duties), np.repeat(size / np.sqrt(grid.parts), grid.parts)
+
+
+def _between(at: FloatArray, known: FloatArray, duty: FloatArray, closed: float) -> FloatArray:
+    """Duty cycle interpolated linearly in the opening of the valve: it opens from the duty cycle `closed` on."""
+    opened = np.interp(at, known, np.maximum(duty, closed))
+    held: FloatArray = duty[np.maximum(np.searchsorted(known, at, side="right") - 1, 0)]
+    return np.where(opened > closed, opened, np.minimum(held, closed))
+
+
+def _unknown_opening(duties: Mapping[str, FloatArray], spans: FloatArray) -> FloatArray:
+    """Standard deviation in s of the opening over each span between known duty cycles.
+
+    A duty cycle that changes once, by d, at any time within a span, opens the valve for the time of the interpolation
+    on average, with a standard deviation of d / sqrt(12) spans.
+    """
+    changes = np.nan_to_num(sum((np.abs(np.diff(values)) for values in duties.values()), np.zeros(spans.size)))
+    nearby = np.maximum.reduce([changes, np.append(changes[1:], 0.0), np.append(0.0, changes[:-1])])
+    return nearby * spans / np.sqrt(12.0)
+
+
+class _Grid:
+    """Times of a finer grid, the places of the samples in it, and into how many parts each interval is divided."""
+
+    def __init__(self, log: Log, step: float) -> None:
+        gaps = np.diff(log.time)
+        usual = float(np.median(gaps))
+        self.parts: IntArray = np.where(gaps <= HOLE * usual, max(1, round(usual / step)), 1)
+        self.first = np.concatenate([[0], np.cumsum(self.parts)])
+        of = np.repeat(np.arange(gaps.size), self.parts)
+        inside = (np.arange(self.first[-1]) - self.first[of]) / self.parts[of]
+        self.time: FloatArray = np.append(log.time[of] + gaps[of] * inside, log.time[-1])
+
+    def with_duties(self, log: Log, duties: Mapping[str, FloatArray]) -> Log:
+        """`log` on the grid with duty cycles there; other columns are missing between the samples."""
+        columns = dict.fromkeys(log.columns, self.time)
+        for name, values in log.columns.items():
+            columns[name] = duties[name] if name in duties else np.full(self.time.size, np.nan)
+            if name not in duties:
+                columns[name][self.first] = values
+        return Log(self.time, columns, log.name, log.metadata)
+
+
+def _period_number(time: FloatArray, period: float, phase: float) -> FloatArray:
+    """Number of the period at each time stamp."""
+    number: FloatArray = np.floor(time / period - phase + 1e-9)
+    return number
