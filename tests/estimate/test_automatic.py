@@ -71,6 +71,15 @@ def test_a_recording_that_starts_in_a_stroke_reads_the_ambient_pressure_off_its_
     assert np.percentile(log["pressure_a"], 1.0) < whole - 2000.0
 
 
+@pytest.mark.parametrize(("family", "number", "period"), [("A", 0, 0.005), ("B", 0, 0.01), ("B", 5, 0.0)])
+def test_a_calibration_sees_whether_duty_cycles_are_latched(family, number, period):
+    log = drive(truck(number, family), seconds=8, seed=5, name="log").log
+    assert automatic([log], Actuator())[0].duty_period == pytest.approx(period)
+    slow = replace(log, time=log.time[::10], columns={name: values[::10] for name, values in log.columns.items()})
+    assert automatic([slow], Actuator())[0].duty_period is None, "a slow recording does not show it"
+    assert automatic([slow], Actuator(duty_period=0.02))[0].duty_period == 0.02
+
+
 def test_whatever_may_be_freed_has_a_spread():
     assert {*PAPER, *SHAPES, *BALANCE, *STRIBECK, *CARRIER, *AVERAGED} <= {*SHARES, *WIDTHS}
 

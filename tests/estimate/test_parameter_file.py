@@ -120,6 +120,10 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
         ("[parameters]\ntheta_4 = 1.0\n", ["no parameter 'theta_4'", "theta_3"]),
         ("[model]\nknots = [0.0, 0.002, 0.0085, inf]\n", ["knots", "finite"]),
         ("[model]\nknots = 5\n", ["knots = 5", "numbers are needed"]),
+        ("[model]\nduty = 'held'\n", ["[model] duty = 'held'", "must be 'continuous' or 'latched'"]),
+        ("[model]\nduty = 'latched'\n", ["[model] duty_period: missing", "a period above 0 in s"]),
+        ("[model]\nduty = 'latched'\nduty_period = nan\n", ["[model] duty_period: nan", "a period above 0 in s"]),
+        ("[model]\nduty_period = 0.01\n", ["[model] duty_period = 0.01", "belongs to duty = 'latched'"]),
         (f"[model]\nphi2_slope = 1{400 * '0'}\n", ["phi2_slope", "numbers are needed"]),
         ("recording = 5\n", ["[recording] must be a section"]),
     ],
@@ -134,6 +138,16 @@ def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
     assert len(message.splitlines()) == 1
     for word in words:
         assert word in message
+
+
+@pytest.mark.parametrize("period", [None, 0.0, 0.01])
+def test_what_a_calibration_found_of_the_duty_cycles_is_kept(period, tmp_path):
+    actuator = Actuator(duty_period=period)
+    write_parameters(ParameterFile(actuator), tmp_path / "a.toml")
+    read = read_parameters(tmp_path / "a.toml").actuator
+    assert read == actuator
+    assert repr(read) == ("Actuator()" if period is None else f"Actuator(duty_period={period})")
+    assert ("duty" in (tmp_path / "a.toml").read_text()) == (period is not None)
 
 
 def test_all_wrong_entries_are_reported_at_once(tmp_path):

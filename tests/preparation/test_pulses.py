@@ -1,17 +1,19 @@
-"""Recordings that are slower than the pulses of the valves: the pulses are put together where that can be."""
+"""Recordings that are slower than the pulses of the valves or the changes of their duty cycles."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import clutchid
+from clutchid.errors import DataError
 from clutchid.estimate.calibrate import fit_with_priors
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.shooting.fit import SHOOTING
 from clutchid.estimate.verification import on_samples
-from clutchid.log import Log
 from clutchid.preparation.carrier import centred
-from clutchid.preparation.pulses import STAMP_STD, find_phase, pulsed, resampled
+from clutchid.preparation.pulses import STAMP_STD, Duties, duties_in, find_phase, lacks_changes, pulsed
+from clutchid.simulation.sensors import lagged
 from clutchid.uncertainty.calibration import Calibration
 
 #: The carrier of the drives in these tests: a new duty cycle every 10 ms.
@@ -37,46 +39,19 @@ def bus(switched, recorded_by):
     return every(recorded_by(worn, seconds=6.0, name="bus", driven=1), 10, first=4).without("pressure_a")
 
 
-def slow(duty, step=0.01):
-    time = 0.003 + step * np.arange(len(duty))
-    return Log(
-        time, {"duty_supply": np.array(duty), "duty_exhaust": np.zeros(time.size), "position": 1e-3 * time}, "slow"
-    )
+@pytest.fixture(scope="module")
+def continuous(plant):
+    """The plant with duty cycles that its control unit changes every millisecond, and averaged valves."""
+    return replace(plant, duty_period=0.0)
 
 
-def test_samples_stay_and_duty_cycles_change_where_periods_start():
-    log = slow([0.0, 0.5, 0.8, 0.8])
-    fine = resampled(log, PERIOD, 0.2)
-    at = np.searchsorted(fine.time, log.time)
-    assert np.array_equal(fine.time[at], log.time)
-    assert np.array_equal(fine["position"][at], log["position"])
-    assert np.isnan(np.delete(fine["position"], at)).all()
-    assert np.allclose(np.diff(fine.time), 2.5e-4)
-    changed = fine.time[1:][np.diff(fine["duty_supply"]) != 0.0]
-    assert changed == pytest.approx([0.012, 0.022], abs=2.5e-4), "two tenths of a period after each tenth millisecond"
-    assert fine["duty_supply"][-1] == 0.8
-
-
-def test_duty_cycles_change_later_for_a_position_that_is_late():
-    log = slow([0.0, 0.5, 0.8, 0.8])
-    fine = resampled(log, PERIOD, 0.2, delay=2e-3)
-    changed = fine.time[1:][np.diff(fine["duty_supply"]) != 0.0]
-    assert changed == pytest.approx([0.014, 0.024], abs=2.5e-4)
-
-
-def test_a_period_without_a_sample_keeps_the_duty_cycle_before():
-    log = slow([0.0, 0.5, 0.7, 0.9], step=0.0105)
-    fine = resampled(log, 0.01, 0.0)
-    numbers = np.floor(fine.time / 0.01)
-    assert [fine["duty_supply"][numbers == n][-1] for n in range(4)] == [0.0, 0.5, 0.7, 0.9]
-
-
-def test_into_a_hole_in_time_no_samples_are_put():
-    log = slow([0.0] * 20)
-    gone = replace(log, time=np.where(np.arange(20) < 10, log.time, log.time + 0.5))
-    fine = resampled(gone, PERIOD, 0.0)
-    assert len(fine) == 18 * 40 + 2
-    assert np.diff(fine.time).max() == pytest.approx(0.51)
+@pytest.fixture(scope="module")
+def between(worn, driven):
+    """10 s of the worn plant in a closed position loop at 1 kHz, of which a bus has every tenth sample."""
+    log = driven(worn, name="between")
+    position = lagged(log["position"], worn.parameters.tau_y, 1e-3)
+    noise = 3e-5 * np.random.default_rng(4).standard_normal(len(log))
+    return every(log.with_columns(position=position + noise), 10, first=3).without("pressure_a")
 
 
 def test_a_recorder_of_1_khz_needs_nothing(switched, drive_log):
@@ -105,15 +80,41 @@ def test_a_load_is_read_from_100_hz(switched, bus):
     assert np.sqrt(np.mean((one.simulated["position"] - bus["position"]) ** 2)) < 1e-3
 
 
-def test_a_recording_too_slow_for_the_pulses_is_a_warning(switched, bus):
-    known = Calibration((), np.zeros((0, 0)))
-    fit = fit_with_priors(SHOOTING, [every(bus, 2)], switched, FitRequest(("position",), ("load",), calibration=known))
-    assert fit.warnings[0] == (
-        "bus: a sample every 20 ms does not resolve the pulses of valves with a carrier period of 10 ms; they are "
-        "averaged, which can cause large errors of the load. Record at 1 kHz."
+def test_a_load_is_read_from_duty_cycles_that_change_between_the_samples(continuous, between):
+    assert duties_in(between, continuous) is Duties.INTERPOLATED
+    fit = clutchid.fit(between, continuous, free=("load",), calibration=Calibration((), np.zeros((0, 0))))
+    assert fit.method == "prediction-error", "multiple shooting has no noise of the flow within its windows"
+    y = np.linspace(0.5e-3, 15e-3, 40)
+    true = 1.08 * continuous.load.force(y)
+    assert np.sqrt(np.mean((fit.actuator.load.force(y) - true) ** 2)) < 0.02 * true.max()
+    low, high = (np.interp(y, fit.load_curve.position, limit) for limit in (fit.load_curve.low, fit.load_curve.high))
+    assert np.mean((low <= true) & (true <= high)) >= 0.9
+
+
+def test_each_recording_has_its_duty_cycles_in_one_of_four_ways(switched, bus, between):
+    known = {period: replace(switched, duty_period=period) for period in (None, 0.0, 5e-3, 0.01, 0.02)}
+    whole = bus.with_columns(duty_supply=np.round(bus["duty_supply"]), duty_exhaust=np.round(bus["duty_exhaust"]))
+    assert {p: duties_in(bus, one) for p, one in known.items()} == {
+        0.0: Duties.INTERPOLATED, **dict.fromkeys((None, 5e-3, 0.01, 0.02), Duties.LATCHED),
+    }  # fmt: skip
+    assert duties_in(whole, known[0.01]) is Duties.UNKNOWN
+    averaged = {period: one.replace({"T_pwm": 0.0}) for period, one in known.items()}
+    assert [duties_in(bus, averaged[period]) for period in (None, 0.0, 3e-3, 0.02) if period in averaged] == [
+        Duties.RECORDED, Duties.INTERPOLATED, Duties.LATCHED,
+    ]  # fmt: skip
+    assert [lacks_changes(bus, averaged[period]) for period in (None, 0.0, 5e-3, 0.01, 0.02)] == [
+        False, True, True, False, False,
+    ]  # fmt: skip
+
+
+def test_a_recording_without_the_edges_of_on_off_valves_is_refused_in_one_sentence(switched, bus):
+    whole = bus.with_columns(duty_supply=np.round(bus["duty_supply"]), duty_exhaust=np.round(bus["duty_exhaust"]))
+    with pytest.raises(DataError) as caught:
+        clutchid.fit(whole, switched, free=("load",), calibration=Calibration((), np.zeros((0, 0))))
+    assert str(caught.value) == (
+        "bus: a sample every 10 ms does not show when the on/off valves switch, and the load would have errors of tens "
+        "of percent; record at 1 kHz."
     )
-    assert fit.status == "warning"
-    assert not any("s_pwm" in name for name in fit.parameters)
 
 
 def test_a_simulation_on_a_finer_raster_is_given_at_the_samples(adapted, worn_log):

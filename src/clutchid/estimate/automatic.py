@@ -13,7 +13,7 @@ from clutchid.measured import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.preparation.carrier import centred, find_carrier
-from clutchid.signals.duty_cycle import duty_grid, grid_phase, on_off
+from clutchid.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.signals.runs import runs
 from clutchid.uncertainty.coordinates import Prior, far_stop
@@ -51,7 +51,8 @@ VENTED_STD = 100.0
 def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[str, ...], dict[str, Prior]]:
     """Start values of a calibration with a free load and the identified carrier; free parameters; priors.
 
-    The ambient pressure is taken from the vented rest, so that an offset of the sensor cancels in the load.
+    The period of the duty cycles is that of the first recording. The ambient pressure is taken from the vented rest, so
+    that an offset of the sensor cancels in the load.
 
     Raises
     ------
@@ -69,7 +70,9 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     free = [name for name in candidates if name in known]
     free += [name for name in actuator.parameter_names if (own := actuator.own_row(name)) and own.std]
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
-    begin = replace(actuator, load=load).replace(changes)
+    renewed = duty_period(logs[0])
+    renewed = actuator.duty_period if renewed is None else renewed
+    begin = replace(actuator, load=load, duty_period=renewed).replace(changes)
     priors = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, max(log.reach() for log in logs))}
     return begin, (*load.names, *free), priors
 

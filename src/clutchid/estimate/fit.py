@@ -72,8 +72,8 @@ def fit(
     verify : Log or path, or several
         Recordings that are simulated with the result, but not fitted.
     method : 'simulation', 'shooting' or 'prediction-error', optional
-        By default that of the calibration; without one 'shooting' if 'auto', priors or parameters of single recordings
-        need it, else 'simulation'.
+        By default that of the calibration, or 'prediction-error' if duty cycles change between the samples; without a
+        calibration 'shooting' if 'auto', priors or parameters of single recordings need it, else 'simulation'.
     priors : {name: Prior}, optional
         Priors in SI; defaults in `clutchid.uncertainty.coordinates`.
     calibration : Calibration, optional
@@ -149,9 +149,9 @@ def fit_request(
     DataError, ParameterError
         As `fit`.
     """
-    method = method_of(request)
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
     recordings, others = driven(logs, start.equipment), driven(verify, start.equipment)
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
+    method = method_of(request, recordings, start)
     done = method.fit(recordings, start, request, progress)
     return done if done.status == "failed" else verified(done, others, request)

@@ -18,6 +18,7 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import Progress
+from clutchid.preparation.pulses import lacks_changes
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +54,11 @@ METHODS: Mapping[str, Method] = MappingProxyType(
 )
 
 
-def method_of(request: FitRequest) -> Method:
+def method_of(request: FitRequest, logs: Sequence[Log], actuator: Actuator) -> Method:
     """The method of a request: the requested one, else that of its calibration, else the simplest that supports it.
+
+    With a calibration, recordings that lack changes of the duty cycles need 'prediction-error': there the process noise
+    of the flow acts in every interval, in 'shooting' only between windows.
 
     Raises
     ------
@@ -62,6 +66,8 @@ def method_of(request: FitRequest) -> Method:
         If there is no such method, or it does not support the request.
     """
     needed = request.calibration.method if request.calibration else "shooting"
+    if request.calibration and not request.checks and any(lacks_changes(log, actuator) for log in logs):
+        needed = "prediction-error"
     name = request.method or (needed if request.has_priors else "simulation")
     if name not in METHODS:
         raise ParameterError(unknown_name(name, METHODS, "method"))

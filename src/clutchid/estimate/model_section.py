@@ -1,15 +1,17 @@
-"""Entries of ``[model]`` in a parameter file that name the model; a file never loads code."""
+"""Entries of ``[model]`` in a parameter file: name of the model, and duty cycles; a file never loads code."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from clutchid.model.compiled import Model
 from clutchid.model.own import OwnModel
+from clutchid.parameters import is_number
 
-#: Entries that name the model.
-MODEL_KEYS = ("variant", "own", "sha256")
+#: Entries that name the model, and those of the duty cycles.
+MODEL_KEYS = ("variant", "own", "sha256", "duty", "duty_period")
 
 
 def model_entries(model: Model) -> dict[str, str]:
@@ -35,6 +37,35 @@ def model_in(section: Mapping[str, Any], given: OwnModel | None) -> tuple[Model,
     if not isinstance(variant, str):
         return "isothermal", [f"[model] variant = {variant!r}: a name in quotes is needed, for example 'isothermal'."]
     return variant, []
+
+
+def duty_entries(period: float | None) -> dict[str, str | float]:
+    """Entries of the period in s at which a control unit renews the duty cycles; none if it is not known.
+
+    Examples
+    --------
+    >>> duty_entries(None), duty_entries(0.0), duty_entries(0.01)
+    ({}, {'duty': 'continuous'}, {'duty': 'latched', 'duty_period': 0.01})
+    """
+    if period is None:
+        return {}
+    return {"duty": "latched", "duty_period": period} if period > 0.0 else {"duty": "continuous"}
+
+
+def duty_period_in(section: Mapping[str, Any]) -> tuple[float | None, list[str]]:
+    """Period in s at which a control unit renews the duty cycles, None in a file that does not say, and problems."""
+    duty, period = section.get("duty"), section.get("duty_period")
+    known = float(period) if isinstance(period, (int, float)) and is_number(period) else math.nan
+    if duty not in (None, "continuous", "latched"):
+        return None, [f"[model] duty = {duty!r}: must be 'continuous' or 'latched'."]
+    if duty != "latched" and period is not None:
+        return None, [f"[model] duty_period = {period!r}: belongs to duty = 'latched'; take it out, or add that."]
+    if duty != "latched":
+        return (None if duty is None else 0.0), []
+    if not 0.0 < known < math.inf:
+        got = "missing" if period is None else repr(period)
+        return None, [f"[model] duty_period: {got}; duty = 'latched' needs a period above 0 in s, for example 0.01."]
+    return known, []
 
 
 def _mismatch(section: Mapping[str, Any], given: OwnModel) -> list[str]:

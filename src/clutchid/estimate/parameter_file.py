@@ -18,7 +18,7 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.actuator_section import equipment_in, section_of, with_gravity
 from clutchid.estimate.calibration_section import calibration_in, calibration_section, text_entries
 from clutchid.estimate.load_section import load_in
-from clutchid.estimate.model_section import model_entries, model_in
+from clutchid.estimate.model_section import duty_entries, duty_period_in, model_entries, model_in
 from clutchid.estimate.older_lags import with_lags
 from clutchid.estimate.recording_sections import Starts, own_values, starts_in
 from clutchid.estimate.result import Fit
@@ -150,6 +150,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
         **section_of(actuator.equipment),
         "model": {
             **model_entries(actuator.model),
+            **duty_entries(actuator.duty_period),
             "load_basis": load.basis,
             "knots": list(load.knots),
             **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
@@ -218,12 +219,12 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     own, own_problems = _own(values, model)
     parameters, parameter_problems = _parameters(values | equipment.fixed, load, tuple(own))
     starts, start_problems = starts_in(document.get("recording", {}), (*Parameters.names(), *own))
-    gravity_problems += own_problems
-    problems += gravity_problems + load_problems + parameter_problems + start_problems
+    duty_period, duty_problems = duty_period_in(section)
+    problems += gravity_problems + own_problems + load_problems + parameter_problems + start_problems + duty_problems
     if problems or load is None or parameters is None:
         raise ParameterError(_all(path, problems))
     try:
-        actuator = Actuator(parameters, load, known, equipment, tuple(own.values()))
+        actuator = Actuator(parameters, load, known, equipment, tuple(own.values()), duty_period)
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
     section = document.get("fit", {})

@@ -16,14 +16,16 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.carrier import centred
-from clutchid.preparation.pulses import FindPhase, find_phase
-from clutchid.signals.duty_cycle import resolves_carrier
+from clutchid.preparation.pulses import Duties, FindPhase, duties_in, find_phase
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 
 #: Phases that are tried, Gauss-Newton steps at each, and the length in s of the part of a recording that they are tried
 #: on. Provenance: docs/derivations.md.
 PHASES, STEPS, DURATION = 10, 2, 10.0
+
+#: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little. Measured on the truck A3.
+DURATION_SLOW = 30.0
 
 #: Largest step of a parameter in standard deviations of its prior.
 LARGEST_STEP = 2.0
@@ -58,8 +60,9 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
         If the recording lacks a duty cycle.
     """
     step = float(np.median(np.diff(log.time)))
-    part = log.slice(0, min(len(log), round(DURATION / step)))
-    problems = _problems(part, actuator, calibration)
+    slow = duties_in(log, actuator) is not Duties.RECORDED
+    part = log.slice(0, min(len(log), round((DURATION_SLOW if slow else DURATION) / step)))
+    problems = _problems(part, actuator, calibration, slow)
     costs = np.array(map_pairs(_least_cost, problems, range(PHASES), smallest=1))
     return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
 
@@ -71,8 +74,8 @@ def _vertex(costs: FloatArray) -> float:
     return 0.5 * float((before - after) / (before + after)) if 0.0 < before + after < np.inf else 0.0
 
 
-def _problems(part: Log, actuator: Actuator, calibration: Calibration) -> list[FitProblem]:
-    """The problem of each phase; the recording is prepared once if its samples do not depend on the phase."""
+def _problems(part: Log, actuator: Actuator, calibration: Calibration, slow: bool) -> list[FitProblem]:
+    """The problem of each phase; the recording is prepared once, unless its time grid depends on the phase."""
     free = FreeParameters((*actuator.load.names, "D_v"), ("position",))
 
     def prepared(phase: float) -> FitProblem:
@@ -80,7 +83,7 @@ def _problems(part: Log, actuator: Actuator, calibration: Calibration) -> list[F
         return replace(problem, tracks=tuple(map(with_window_steps, problem.tracks)))
 
     phases = [centred(at / PHASES) for at in range(PHASES)]
-    if not resolves_carrier(part, actuator.parameters.T_pwm):
+    if slow:
         return [prepared(phase) for phase in phases]
     once = prepared(phases[0])
     return [_at_phase(once, phase) for phase in phases]

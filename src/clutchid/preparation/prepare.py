@@ -93,16 +93,18 @@ def prepare(log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhas
     Raises
     ------
     DataError
-        If the recording lacks a duty cycle, or a column that the phase is estimated from.
+        If the recording lacks a duty cycle, or a column that the phase is estimated from, or is too slow for the edges
+        of on/off valves.
     """
     with_pressure = "pressure_a" in measure
     pulsed_log = pulsed(log, actuator, with_pressure, find)
+    if pulsed_log.warning:
+        raise DataError(pulsed_log.warning)
     step = float(np.median(np.diff(pulsed_log.log.time))) if len(pulsed_log.log) > 1 else RESET_INTERVAL
     resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
     rate = MARGIN * stiffness(pulsed_log.actuator)
     prepared = plan(pulsed_log.log, pulsed_log.actuator, rate, resets, with_pressure, pulsed_log.open_std)
-    warnings = (*prepared.warnings, pulsed_log.warning) if pulsed_log.warning else prepared.warnings
-    return replace(prepared, warnings=warnings, phase_std=pulsed_log.phase_std)
+    return replace(prepared, phase_std=pulsed_log.phase_std)
 
 
 def tracks_with_steps(plans: Sequence[Plan], margin: float) -> tuple[Track, ...]:

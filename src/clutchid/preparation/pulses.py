@@ -18,7 +18,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
 from clutchid.preparation.time_grid import interpolated, latched
-from clutchid.signals.duty_cycle import grid_phase, on_off, resolves_carrier
+from clutchid.signals.duty_cycle import CONTINUOUS_STEP, grid_phase, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
@@ -30,13 +30,15 @@ from clutchid.uncertainty.coordinates import WIDTHS
 #: to 1 ms, as are the time stamps.
 MIN_PERIOD = 0.4
 
+#: Shortest period in samples whose duty cycles are all recorded: clocks differ.
+EACH_PERIOD = 0.95
+
 #: Time grid in s for the simulation of pulses: on a grid of 1 ms the duty cycles change half a millisecond late, an
 #: error of several percent of the load. Time grid in s for interpolated duty cycles of valves without a carrier.
 FINE_STEP, COARSE_STEP = 2.5e-4, 1e-3
 
-#: Interval in s for which a control unit holds duty cycles that change continuously, and the longest between samples
-#: that have all of these changes.
-CONTROL_STEP, CONTINUOUS_STEP = 1e-3, 1.5e-3
+#: Interval in s for which a control unit holds duty cycles that change continuously.
+CONTROL_STEP = 1e-3
 
 #: Standard deviation in s of the time stamps of a slow recording: messages on the bus wait for each other.
 STAMP_STD = 1e-3
@@ -124,6 +126,20 @@ def duties_in(log: Log, actuator: Actuator) -> Duties:
     return Duties.LATCHED if renewed > 0.0 and period >= MIN_PERIOD * step else Duties.INTERPOLATED
 
 
+def lacks_changes(log: Log, actuator: Actuator) -> bool:
+    """Whether duty cycles of a calibrated `actuator` change between the samples of a recording.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+    """
+    known = duties_in(log, actuator)
+    return known is Duties.INTERPOLATED or (
+        known is Duties.LATCHED and _period(actuator) < EACH_PERIOD * float(np.median(np.diff(log.time)))
+    )
+
+
 def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = find_phase) -> Pulsed:
     """The recording with the pulses of the valves of a calibrated `actuator`.
 
@@ -154,8 +170,8 @@ def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulse
     period = actuator.parameters.T_pwm
     if known is Duties.UNKNOWN:
         step = float(np.median(np.diff(log.time)))
-        warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the valves switch; their duty "
-        warning += "cycles are averaged, which can cause large errors of the load. Record at 1 kHz."
+        warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the on/off valves switch, and "
+        warning += "the load would have errors of tens of percent; record at 1 kHz."
         return Pulsed(log, actuator, warning=warning)
     if period > 0.0 or known is Duties.LATCHED:
         actuator = actuator.replace({"s_pwm": find(log, actuator)})

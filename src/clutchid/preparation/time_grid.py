@@ -46,7 +46,9 @@ def latched(
     wanted = _period_number(grid.time - delay, period, phase)
     duties = {name: _between(wanted, numbers[last], log[name][last], closed[name]) for name in INPUTS}
     without = np.diff(numbers[last]) - 1.0
-    size = _unknown_opening({name: log[name][last] for name in INPUTS}, without * period)
+    # a change at the start of any of these periods or of the next: a uniform number of them has the later duty cycle
+    spread = period * np.sqrt(without * (without + 2.0) / 12.0)
+    size = _unknown_opening({name: log[name][last] for name in INPUTS}, spread)
     between = np.searchsorted(numbers[last], wanted[:-1], side="right") - 1
     inside = (between >= 0) & (between < size.size) & ~np.isin(wanted[:-1], numbers[last])
     between = np.where(inside, between, size.size)
@@ -73,7 +75,7 @@ def interpolated(
     grid = _Grid(log, step)
     middle = grid.time + 0.5 * (np.append(np.diff(grid.time), 0.0) - held) - delay
     duties = {name: _between(middle, log.time, log[name], closed[name]) for name in INPUTS}
-    size = _unknown_opening({name: log[name] for name in INPUTS}, np.diff(log.time))
+    size = _unknown_opening({name: log[name] for name in INPUTS}, np.diff(log.time) / np.sqrt(12.0))
     return grid.with_duties(log, duties), np.repeat(size / np.sqrt(grid.parts), grid.parts)
 
 
@@ -84,15 +86,15 @@ def _between(at: FloatArray, known: FloatArray, duty: FloatArray, closed: float)
     return np.where(opened > closed, opened, np.minimum(held, closed))
 
 
-def _unknown_opening(duties: Mapping[str, FloatArray], spans: FloatArray) -> FloatArray:
-    """Standard deviation in s of the opening over each span between known duty cycles.
+def _unknown_opening(duties: Mapping[str, FloatArray], spread: FloatArray) -> FloatArray:
+    """Standard deviation in s of the opening between known duty cycles.
 
-    A duty cycle that changes once, by d, at any time within a span, opens the valve for the time of the interpolation
-    on average, with a standard deviation of d / sqrt(12) spans.
+    A duty cycle that changes once, at any time, opens the valve on average for the time of the interpolation; `spread`
+    in s is the standard deviation of the time of the change.
     """
-    changes = np.nan_to_num(sum((np.abs(np.diff(values)) for values in duties.values()), np.zeros(spans.size)))
-    nearby = np.maximum.reduce([changes, np.append(changes[1:], 0.0), np.append(0.0, changes[:-1])])
-    return nearby * spans / np.sqrt(12.0)
+    changes = np.nan_to_num(sum((np.abs(np.diff(values)) for values in duties.values()), np.zeros(spread.size)))
+    nearby: FloatArray = np.maximum.reduce([changes, np.append(changes[1:], 0.0), np.append(0.0, changes[:-1])])
+    return nearby * spread
 
 
 class _Grid:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.log import INPUTS, Log
+from clutchid.log import INPUTS, FloatArray, Log
 
 #: Changes of the duty cycles lie on a grid if the mean of their phasors has at least this length; least number of
 #: changes, and greatest number that is used; longest period in s.
@@ -12,6 +12,10 @@ MIN_COHERENCE, MIN_CHANGES, MAX_CHANGES, MAX_PERIOD = 0.95, 50, 5000, 0.1
 
 #: Fewest samples per carrier period that resolve its phase, and the same for the recorded edges of an on/off unit.
 MIN_SAMPLES, MIN_SAMPLES_ON_OFF = 2.5, 2.0
+
+#: Longest interval in s between samples that have all changes of duty cycles that a control unit changes every
+#: millisecond.
+CONTINUOUS_STEP = 1.5e-3
 
 
 def on_off(log: Log) -> bool:
@@ -38,6 +42,14 @@ def resolves_carrier(log: Log, period: float) -> bool:
     return period > (least - 1e-6) * float(np.median(np.diff(log.time)))
 
 
+def _changes(log: Log) -> FloatArray:
+    """Time stamps at which a duty cycle changes."""
+    changed = np.zeros(len(log), dtype=bool)
+    for name in INPUTS:
+        changed[1:] |= np.abs(np.diff(log[name])) > 1e-9
+    return log.time[changed]
+
+
 def duty_grid(log: Log) -> tuple[float, float]:
     """Period in s of the time grid on which the duty cycles change, and its phase; (0, 0) if they change at any time.
 
@@ -49,10 +61,7 @@ def duty_grid(log: Log) -> tuple[float, float]:
         If the recording lacks a duty cycle.
     """
     step = float(np.median(np.diff(log.time)))
-    changed = np.zeros(len(log), dtype=bool)
-    for name in INPUTS:
-        changed[1:] |= np.abs(np.diff(log[name])) > 1e-9
-    at = log.time[changed][:MAX_CHANGES]
+    at = _changes(log)[:MAX_CHANGES]
     if at.size < MIN_CHANGES:
         return 0.0, 0.0
     least = MIN_SAMPLES_ON_OFF if on_off(log) else np.ceil(MIN_SAMPLES)
@@ -63,6 +72,27 @@ def duty_grid(log: Log) -> tuple[float, float]:
         return 0.0, 0.0
     longest = fitting[-1]
     return float(periods[longest]), float(np.angle(phasors[longest]) / (2 * np.pi) % 1.0)
+
+
+def duty_period(log: Log) -> float | None:
+    """Period in s at which a control unit renews the duty cycles, 0 if they change at any time, None if unknown.
+
+    A recording shows it if it has a sample for every millisecond, and enough changes of the duty cycles.
+
+    Raises
+    ------
+    DataError
+        If the recording lacks a duty cycle.
+
+    Examples
+    --------
+    >>> log = Log(np.arange(0.0, 2.0, 1e-3), {name: np.arange(2000) // 10 % 7 / 10 for name in INPUTS})
+    >>> f"{duty_period(log):.3f} s"
+    '0.010 s'
+    """
+    if len(log) < 2 or float(np.median(np.diff(log.time))) > CONTINUOUS_STEP or _changes(log).size < MIN_CHANGES:
+        return None
+    return duty_grid(log)[0]
 
 
 def grid_phase(log: Log, period: float) -> float | None:

@@ -47,8 +47,8 @@ def opening_of_valves(segment: Segment, actuator: Actuator) -> FloatArray:
 def state_deviations(actuator: Actuator, noise: Noise, span: FloatArray, open_std: FloatArray) -> FloatArray:
     """Standard deviation of the process noise accumulated over each `span` in s, shape (n, n_states), in SI.
 
-    The states follow a random walk. The flow has the error of `open_std` seconds of a fully open valve, which enters the
-    pressure of a chamber at half stroke.
+    The states follow a random walk. The flow has the error of `open_std` seconds of a fully open valve, which enters
+    the pressure of a chamber at half stroke.
     """
     p = actuator.parameters
     volume = p.V_0A + 0.5 * p.A_A * p.y_max

@@ -1,0 +1,77 @@
+"""Slow recordings on a finer time grid: what is known of the duty cycles there, and what is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.log import Log
+from clutchid.preparation.time_grid import interpolated, latched
+
+PERIOD, STEP = 0.01, 2.5e-4
+CLOSED = {"duty_supply": 0.0, "duty_exhaust": 0.0}
+
+
+def slow(duty, step=0.01):
+    time = 0.003 + step * np.arange(len(duty))
+    return Log(
+        time, {"duty_supply": np.array(duty), "duty_exhaust": np.zeros(time.size), "position": 1e-3 * time}, "slow"
+    )
+
+
+def changes(fine):
+    return fine.time[1:][np.diff(fine["duty_supply"]) != 0.0]
+
+
+def test_samples_stay_and_duty_cycles_change_where_periods_start():
+    log = slow([0.0, 0.5, 0.8, 0.8])
+    fine, open_std = latched(log, PERIOD, 0.2, STEP, CLOSED)
+    at = np.searchsorted(fine.time, log.time)
+    assert np.array_equal(fine.time[at], log.time)
+    assert np.array_equal(fine["position"][at], log["position"])
+    assert np.isnan(np.delete(fine["position"], at)).all()
+    assert np.allclose(np.diff(fine.time), STEP)
+    assert changes(fine) == pytest.approx([0.012, 0.022], abs=STEP), "two tenths of a period after each hundredth"
+    assert fine["duty_supply"][-1] == 0.8
+    assert np.array_equal(open_std, np.zeros(len(fine) - 1)), "every period has a sample"
+
+
+def test_duty_cycles_change_later_for_a_position_that_is_late():
+    fine, _ = latched(slow([0.0, 0.5, 0.8, 0.8]), PERIOD, 0.2, STEP, CLOSED, delay=2e-3)
+    assert changes(fine) == pytest.approx([0.014, 0.024], abs=STEP)
+
+
+def test_a_period_without_a_sample_has_the_mean_of_its_neighbours_and_an_unknown_opening():
+    # samples every second period: the one between has the duty cycle before or that after
+    log = slow([0.2, 0.2, 0.6, 0.6, 0.6, 0.6], step=0.02)
+    fine, open_std = latched(log, PERIOD, 0.0, STEP, CLOSED)
+    numbers = np.floor(fine.time / PERIOD + 1e-9)
+    duty = [fine["duty_supply"][numbers == n] for n in range(10)]
+    assert [float(values[0]) for values in duty] == pytest.approx([0.2] * 3 + [0.4] + [0.6] * 6)
+    assert all(np.ptp(values) == 0.0 for values in duty)
+    each = [float(np.sqrt(np.sum(open_std[numbers[:-1] == n] ** 2))) for n in range(9)]
+    half = 0.5 * 0.4 * PERIOD
+    assert each == pytest.approx([0, half, 0, half, 0, half, 0, 0, 0]), "also beside a change: it may be another"
+
+
+def test_duty_cycles_that_change_at_any_time_are_interpolated():
+    fine, open_std = interpolated(slow([0.0, 0.0, 0.5, 0.5, 0.5, 0.5]), 0.0, 0.005, CLOSED)
+    assert fine["duty_supply"] == pytest.approx([0, 0, 0.125, 0.375, *[0.5] * 7]), "the means over each interval"
+    over = np.sqrt(np.add.reduceat(open_std**2, np.arange(0, 10, 2)))
+    assert over == pytest.approx(np.array([1, 1, 1, 0, 0]) * 0.5 * 0.01 / np.sqrt(12.0))
+
+
+def test_a_valve_opens_from_the_duty_cycle_at_which_it_is_closed():
+    fine, _ = interpolated(slow([0.0, 0.5]), 0.0, 0.005, {**CLOSED, "duty_supply": 0.1})
+    assert fine["duty_supply"] == pytest.approx([0.2, 0.4, 0.5])
+    fine, _ = interpolated(slow([0.0, 0.05]), 0.0, 0.005, {**CLOSED, "duty_supply": 0.1})
+    assert fine["duty_supply"] == pytest.approx([0.0, 0.0, 0.05])
+
+
+def test_into_a_hole_in_time_no_samples_are_put():
+    log = slow([0.0] * 20)
+    gone = replace(log, time=np.where(np.arange(20) < 10, log.time, log.time + 0.5))
+    fine, open_std = latched(gone, PERIOD, 0.0, STEP, CLOSED)
+    assert len(fine) == 18 * 40 + 2
+    assert open_std.size == len(fine) - 1
+    assert np.diff(fine.time).max() == pytest.approx(0.51)
