@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.preparation.time_grid import interpolated, latched
+from clutchid.preparation.time_grid import in_clock, interpolated, latched
 
 PERIOD, STEP = 0.01, 2.5e-4
 CLOSED = {"duty_supply": 0.0, "duty_exhaust": 0.0}
@@ -52,6 +52,27 @@ def test_a_period_without_a_sample_has_the_mean_of_its_neighbours_and_an_unknown
     each = [float(np.sqrt(np.sum(open_std[numbers[:-1] == n] ** 2))) for n in range(9)]
     half = 0.5 * 0.4 * PERIOD
     assert each == pytest.approx([0, half, 0, half, 0, half, 0, 0, 0]), "also beside a change: it may be another"
+
+
+def test_messages_with_jitter_stay_in_their_periods():
+    # every message is sent 0.1 ms after its period began, and stamped up to 0.5 ms earlier or later
+    duty = np.repeat([0.1, 0.5, 0.3, 0.7], 25)
+    sent = 1e-4 + PERIOD * np.arange(duty.size)
+    stamps = sent + np.random.default_rng(1).uniform(-5e-4, 5e-4, sent.size)
+    log = Log(stamps, {"duty_supply": duty, "duty_exhaust": 0.0 * duty, "position": 0.0 * duty}, "slow")
+    fine, _ = latched(log, PERIOD, 0.0, STEP, CLOSED)
+    inside = (fine.time > sent[0]) & (fine.time < sent[-1])
+    true = duty[np.floor(fine.time[inside] / PERIOD + 1e-9).astype(int)]
+    assert np.array_equal(fine["duty_supply"][inside], true)
+
+
+def test_a_period_is_that_by_the_clock_of_messages_that_are_in_step_with_it():
+    slow_clock = 0.99995 * 0.01 * np.arange(1000) + np.random.default_rng(2).uniform(0.0, 3e-4, 1000)
+    assert [in_clock(period, slow_clock) / period for period in (0.005, 0.01, 0.02)] == pytest.approx(
+        [0.99995] * 3, abs=3e-6
+    )
+    assert in_clock(0.0073, slow_clock) == 0.0073, "of another period it says nothing"
+    assert in_clock(0.01, 1.01 * slow_clock) == 0.01, "no quartz is 1 % off"
 
 
 def test_duty_cycles_that_change_at_any_time_are_interpolated():

@@ -24,7 +24,8 @@ def still(plant, recorded_by, problem_of):
         segment = problem_of([recorded_by(plant, 0.2)], plant, ("C_vs",)).tracks[0].segment
         inputs = segment.inputs[:101].copy()
         inputs[:, 0], inputs[:, 1] = supply, exhaust
-        return replace(segment, stop=segment.start + 101, inputs=inputs, dt=segment.dt[:100])
+        dt, open_std = segment.dt[:100], segment.open_std[:100]
+        return replace(segment, stop=segment.start + 101, inputs=inputs, dt=dt, open_std=open_std)
 
     return make
 
@@ -65,6 +66,18 @@ def test_the_misjudged_air_is_a_share_of_what_a_simulated_chamber_of_half_the_st
     # into less than 0.01 of the supply the flow is choked but for 0.01² / 2
     assert pressure[-1] < 9e3
     assert total[PRESSURE] == pytest.approx(0.02 * (pressure[-1] - pressure[0]) * 0.1 / 1e-3, rel=1e-4)
+
+
+def test_changes_of_a_duty_cycle_that_are_not_recorded_let_in_unknown_air(plant, still):
+    silent = replace(Noise(), states=dict.fromkeys(VARIANTS[plant.model], 0.0))
+    closed = still(0.0, 0.0)
+    total = process_noise(replace(closed, open_std=np.full(100, 1e-4)), plant, silent)
+    # 20.26 g/s through the open supply valve for 0.1 ms, and 279.65 Pa/mg, as above
+    assert total[:, PRESSURE] == pytest.approx(2.026 * 279.65, rel=1e-3)
+    assert np.delete(total, PRESSURE, axis=1) == pytest.approx(0.0)
+    opened = replace(still(1.0, 0.0), open_std=np.full(100, 1e-4))
+    flow = process_noise(still(1.0, 0.0), plant, silent)[:, PRESSURE]
+    assert process_noise(opened, plant, silent)[:, PRESSURE] == pytest.approx(np.hypot(flow, total[:, PRESSURE]))
 
 
 def test_both_valves_open_misjudge_twice_the_air(plant, still):

@@ -24,8 +24,9 @@ from clutchid.uncertainty.calibration import Calibration
 #: on. Provenance: docs/derivations.md.
 PHASES, STEPS, DURATION = 10, 2, 10.0
 
-#: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little. Measured on the truck A3.
-DURATION_SLOW = 30.0
+#: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). Phases around the
+#: best one, in tenths: where a sample falls into another period the cost jumps, and no parabola fits (truck B2).
+DURATION_SLOW, NEAR = 30.0, (-0.7, -0.35, 0.35, 0.7)
 
 #: Largest step of a parameter in standard deviations of its prior.
 LARGEST_STEP = 2.0
@@ -43,7 +44,7 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
 
     At each of ten phases load and viscous friction take two Gauss-Newton steps towards smaller prediction errors: wear
     or cold grease would otherwise be taken for another phase. The costs that are predicted after the second step are
-    compared; the phase is refined by a parabola.
+    compared; the phase is refined by a parabola, in a slow recording by four phases more.
 
     Parameters
     ----------
@@ -64,7 +65,12 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     part = log.slice(0, min(len(log), round((DURATION_SLOW if slow else DURATION) / step)))
     problems = _problems(part, actuator, calibration, slow)
     costs = np.array(map_pairs(_least_cost, problems, range(PHASES), smallest=1))
-    return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
+    best = int(np.argmin(costs))
+    if not slow:
+        return centred((best + _vertex(costs)) / PHASES)
+    near = [centred((best + part) / PHASES) for part in NEAR]
+    finer = map_pairs(_least_cost, [_problem(part, actuator, calibration, one) for one in near], near, smallest=1)
+    return near[int(np.argmin(finer))] if min(finer) < costs[best] else centred(best / PHASES)
 
 
 def _vertex(costs: FloatArray) -> float:
@@ -76,17 +82,18 @@ def _vertex(costs: FloatArray) -> float:
 
 def _problems(part: Log, actuator: Actuator, calibration: Calibration, slow: bool) -> list[FitProblem]:
     """The problem of each phase; the recording is prepared once, unless its time grid depends on the phase."""
-    free = FreeParameters((*actuator.load.names, "D_v"), ("position",))
-
-    def prepared(phase: float) -> FitProblem:
-        problem, _ = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: phase)
-        return replace(problem, tracks=tuple(map(with_window_steps, problem.tracks)))
-
     phases = [centred(at / PHASES) for at in range(PHASES)]
     if slow:
-        return [prepared(phase) for phase in phases]
-    once = prepared(phases[0])
+        return [_problem(part, actuator, calibration, phase) for phase in phases]
+    once = _problem(part, actuator, calibration, phases[0])
     return [_at_phase(once, phase) for phase in phases]
+
+
+def _problem(part: Log, actuator: Actuator, calibration: Calibration, phase: float) -> FitProblem:
+    """The problem of load and viscous friction for one phase."""
+    free = FreeParameters((*actuator.load.names, "D_v"), ("position",))
+    problem, _ = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: phase)
+    return replace(problem, tracks=tuple(map(with_window_steps, problem.tracks)))
 
 
 def _at_phase(problem: FitProblem, phase: float) -> FitProblem:
@@ -95,7 +102,7 @@ def _at_phase(problem: FitProblem, phase: float) -> FitProblem:
     return replace(problem, actuator=problem.actuator.replace({"s_pwm": phase}), coordinates=coordinates)
 
 
-def _least_cost(problem: FitProblem, _phase: int) -> float:
+def _least_cost(problem: FitProblem, _phase: float) -> float:
     """Cost of the prediction errors as predicted after the last Gauss-Newton step, infinite if the first pass fails."""
     low, high = problem.bounds()
     x, least = np.zeros(len(problem.coordinates)), np.inf

@@ -104,7 +104,8 @@ def prepare(log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhas
     resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
     rate = MARGIN * stiffness(pulsed_log.actuator)
     prepared = plan(pulsed_log.log, pulsed_log.actuator, rate, resets, with_pressure, pulsed_log.open_std)
-    return replace(prepared, phase_std=pulsed_log.phase_std)
+    found = prepared.actuator.replace({"T_pwm": actuator.parameters.T_pwm})
+    return replace(prepared, actuator=found, phase_std=pulsed_log.phase_std)
 
 
 def tracks_with_steps(plans: Sequence[Plan], margin: float) -> tuple[Track, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
-from clutchid.preparation.time_grid import interpolated, latched
+from clutchid.preparation.time_grid import in_clock, interpolated, latched
 from clutchid.signals.duty_cycle import CONTINUOUS_STEP, grid_phase, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
@@ -61,7 +61,8 @@ class Duties(Enum):
 class Pulsed:
     """A recording on a time grid that resolves the pulses, if possible, and the actuator with the phase in it.
 
-    `phase_std` is the standard deviation of the phase, 0 if it is known exactly; `open_std` as in
+    The period of the carrier is that by the clock of the recording. `phase_std` is the standard deviation of the phase,
+    0 if it is known exactly; `open_std` as in
     `clutchid.simulation.plan.Segment`, for every interval; `warning` is given if the recording is too slow.
     """
 
@@ -167,14 +168,15 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
 
 def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulsed:
     """A recording slower than the changes of the duty cycles, on a finer time grid if it has enough of them."""
-    period = actuator.parameters.T_pwm
     if known is Duties.UNKNOWN:
         step = float(np.median(np.diff(log.time)))
         warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the on/off valves switch, and "
         warning += "the load would have errors of tens of percent; record at 1 kHz."
         return Pulsed(log, actuator, warning=warning)
-    if period > 0.0 or known is Duties.LATCHED:
+    if actuator.parameters.T_pwm > 0.0 or known is Duties.LATCHED:
         actuator = actuator.replace({"s_pwm": find(log, actuator)})
+    period = in_clock(actuator.parameters.T_pwm, log.time) if actuator.parameters.T_pwm else 0.0
+    actuator = actuator.replace({"T_pwm": period})
     fine, open_std = on_time_grid(log, actuator)
     std = max(WIDTHS["s_pwm"], STAMP_STD / period) if period > 0.0 else 0.0
     return Pulsed(fine, actuator, std, open_std)
@@ -193,7 +195,7 @@ def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log,
     known, p = duties_in(log, actuator), actuator.parameters
     closed = {"duty_supply": p.R_0vs, "duty_exhaust": p.R_0ve}
     if known is Duties.LATCHED:
-        return latched(log, _period(actuator), p.s_pwm, _step(actuator), closed, delay)
+        return latched(log, in_clock(_period(actuator), log.time), p.s_pwm, _step(actuator), closed, delay)
     if known is Duties.INTERPOLATED:
         return interpolated(log, actuator.duty_period or CONTROL_STEP, _step(actuator), closed, delay)
     return log, None

@@ -11,20 +11,25 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 
 IntArray = NDArray[np.intp]
 
+#: Messages and periods are in step if an interval is a multiple of a quarter of the period, up to the drift of two
+#: quartzes; largest jitter of messages at equal intervals, in intervals.
+PARTS, MAX_DRIFT, MAX_JITTER = 4, 3e-4, 0.2
+
 
 def latched(
     log: Log, period: float, phase: float, step: float, closed: Mapping[str, float], delay: float = 0.0
 ) -> tuple[Log, FloatArray]:
     """`log` on a finer time grid with duty cycles that the control unit renews at the start of each period.
 
-    Each period has the duty cycles of its last sample; those of a period without a sample are interpolated.
+    Each period has the duty cycles of its last sample; those of a period without a sample are interpolated. To which
+    period a sample belongs is decided by time stamps without jitter.
 
     Parameters
     ----------
     log : Log
         With both duty cycles; its samples are kept with their time stamps.
     period : s
-        Of the duty cycles.
+        Of the duty cycles, in the clock of the time stamps, see `in_clock`.
     phase : 1
         Of the periods relative to the time stamps.
     step : s
@@ -41,7 +46,7 @@ def latched(
         Standard deviation of the time that a fully open valve is open in each interval of the grid.
     """
     grid = _Grid(log, step)
-    numbers = _period_number(log.time, period, phase)
+    numbers = _period_number(_regular(log.time)[0], period, phase)
     last = np.flatnonzero(np.append(numbers[1:] > numbers[:-1], True))
     wanted = _period_number(grid.time - delay, period, phase)
     duties = {name: _between(wanted, numbers[last], log[name][last], closed[name]) for name in INPUTS}
@@ -77,6 +82,31 @@ def interpolated(
     duties = {name: _between(middle, log.time, log[name], closed[name]) for name in INPUTS}
     size = _unknown_opening({name: log[name] for name in INPUTS}, np.diff(log.time) / np.sqrt(12.0))
     return grid.with_duties(log, duties), np.repeat(size / np.sqrt(grid.parts), grid.parts)
+
+
+def in_clock(period: float, time: FloatArray) -> float:
+    """`period` in s by the clock of time stamps whose messages are sent in step with it, else as it is.
+
+    Examples
+    --------
+    A clock that is 50 ppm fast has two samples in a period of 20 ms, or seems to:
+
+    >>> f"{in_clock(0.02, 1.00005 * 0.01 * np.arange(500.0)):.6f} s"
+    '0.020001 s'
+    """
+    ratio = PARTS * _regular(time)[1] / period
+    away = ratio / max(1, round(ratio)) - 1.0
+    return period * (1.0 + away) if abs(away) < MAX_DRIFT else period
+
+
+def _regular(time: FloatArray) -> tuple[FloatArray, float]:
+    """Time stamps without jitter, and their interval, of messages at equal intervals; others as they are."""
+    gaps = np.diff(time)
+    numbers = np.concatenate([[0.0], np.cumsum(np.round(gaps / np.median(gaps)))])
+    interval, start = np.polyfit(numbers, time, 1)
+    even: FloatArray = start + interval * numbers
+    jitters = float(np.percentile(np.abs(time - even), 99.0)) < MAX_JITTER * interval
+    return (even, float(interval)) if jitters else (time, float(np.median(gaps)))
 
 
 def _between(at: FloatArray, known: FloatArray, duty: FloatArray, closed: float) -> FloatArray:
