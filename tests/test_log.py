@@ -1,5 +1,7 @@
 """`Log`: valid from birth, read-only, and every problem named at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,31 @@ def test_columns_and_units_are_those_of_the_contract():
         "pressure_b": "Pa", "deflection": "m", "temperature_a": "K", "pressure_a low": "Pa", "pressure_a high": "Pa",
     }  # fmt: skip
     assert expected.items() <= dict(COLUMNS).items()
+
+
+@pytest.mark.parametrize(
+    ("stamps", "words"),
+    [
+        ([0.0, 0.002, 0.001], "edges of 'duty_supply' go from 0.002 s to 0.001 s"),
+        ([0.0, 0.001, 0.001], "must increase strictly"),
+        ([0.0, 0.001], "2 time stamps and 3 values"),
+        ([0.0, 0.001, np.inf], "a time stamp is not finite"),
+    ],
+)
+def test_wrong_edges_are_refused_in_one_sentence(stamps, words):
+    with pytest.raises(DataError) as caught:
+        replace(log(duty_supply=np.zeros(5)), edges={"duty_supply": (np.array(stamps), np.zeros(3))})
+    assert words in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_edges_belong_to_a_column_of_a_duty_cycle_and_go_with_it():
+    edges = {"duty_supply": (np.array([5e-4, 1.5e-3]), np.array([0.1, 0.2]))}
+    made = replace(log(duty_supply=np.zeros(5)), edges=edges)
+    assert made.slice(1, 3).edges["duty_supply"][1].tolist() == [0.1, 0.2]
+    assert made.with_columns(position=np.zeros(5)).edges.keys() == {"duty_supply"}
+    assert not made.with_columns(duty_supply=np.ones(5)).edges
+    assert not made.without("duty_supply").edges
+    for name in ("position", "duty_exhaust"):
+        with pytest.raises(DataError, match=f"edges of '{name}': only the columns duty_supply and duty_exhaust"):
+            replace(made, edges={name: edges["duty_supply"]})

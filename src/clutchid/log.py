@@ -6,7 +6,7 @@ Columns are in SI under the names of `COLUMNS`; a missing sample is NaN.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -54,16 +54,22 @@ INPUTS = ("duty_supply", "duty_exhaust")
 HOLE = 5.0 * (1 + 1e-6)
 
 
+#: Time stamps in s and values of a channel.
+Samples = tuple[FloatArray, FloatArray]
+
+
 @dataclass(frozen=True, eq=False)
 class Log:
     """A recording: time in s, columns in SI by name, and metadata about its origin.
 
-    Arrays are read-only, so a `Log` can be shared between threads and results.
+    Arrays are read-only, so a `Log` can be shared between threads and results. `edges` are the samples of a duty cycle
+    that was recorded with time stamps of its own, (stamps, values); its column holds the last one at each of `time`.
 
     Raises
     ------
     DataError
-        If the columns differ in length, a name is unknown, or time is not finite and strictly increasing.
+        If the columns differ in length, a name is unknown, or time or the stamps of edges are not finite and strictly
+        increasing.
     """
 
     time: FloatArray
@@ -71,9 +77,12 @@ class Log:
     name: str = "log"
     metadata: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    edges: Mapping[str, Samples] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         time = _frozen(self.time)
+        edges = {name: (_frozen(stamps), _frozen(values)) for name, (stamps, values) in self.edges.items()}
+        object.__setattr__(self, "edges", MappingProxyType(edges))
         columns = {name: _frozen(values) for name, values in self.columns.items()}
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
@@ -87,6 +96,7 @@ class Log:
         ]
         if time.ndim != 1 or not np.all(np.isfinite(time)) or not np.all(time[1:] > time[:-1]):
             problems.append("time must be one column of finite, strictly increasing values.")
+        problems += [sentence for name in edges if (sentence := _wrong_edges(name, edges[name], name in columns))]
         if problems:
             raise DataError.of(self.name, problems)
 
@@ -135,11 +145,15 @@ class Log:
 
     def without(self, *names: str) -> Log:
         """A copy without the columns `names`."""
-        return replace(self, columns={name: values for name, values in self.columns.items() if name not in names})
+        columns = {name: values for name, values in self.columns.items() if name not in names}
+        return replace(self, columns=columns, edges=self._edges_without(names))
 
     def with_columns(self, **columns: FloatArray) -> Log:
-        """The same log with columns added or replaced."""
-        return replace(self, columns={**self.columns, **columns})
+        """The same log with columns added or replaced, without the edges of these."""
+        return replace(self, columns={**self.columns, **columns}, edges=self._edges_without(columns))
+
+    def _edges_without(self, names: Iterable[str]) -> dict[str, Samples]:
+        return {name: samples for name, samples in self.edges.items() if name not in names}
 
 
 def name_and_unit(column: str) -> tuple[str, str]:
@@ -152,6 +166,20 @@ def name_and_unit(column: str) -> tuple[str, str]:
     """
     match = _WITH_UNIT.fullmatch(column)
     return (match[1], match[2]) if match else (column, COLUMNS[column])
+
+
+def _wrong_edges(name: str, samples: Samples, has_column: bool) -> str:
+    """Why the edges of a column are refused, else nothing."""
+    stamps, values = samples
+    if not has_column or name not in INPUTS:
+        return f"edges of '{name}': only the columns {' and '.join(INPUTS)} have them, and this log must have it."
+    if stamps.ndim != 1 or stamps.shape != values.shape:
+        return f"edges of '{name}': {stamps.size} time stamps and {values.size} values; as many of both are needed."
+    wrong = np.flatnonzero(~(stamps[1:] > stamps[:-1]))
+    if wrong.size:
+        before, after = stamps[wrong[0]], stamps[wrong[0] + 1]
+        return f"edges of '{name}' go from {before:.6g} s to {after:.6g} s: their time stamps must increase strictly."
+    return "" if np.isfinite(stamps).all() else f"edges of '{name}': a time stamp is not finite."
 
 
 def _frozen(values: FloatArray) -> FloatArray:

@@ -57,9 +57,25 @@ def test_blocks_give_what_the_whole_gives(base, time, base_cuts, cuts):
     found = list(
         aligned(Stream(blocks(base, own, base_cuts), {"pressure_a": 1.0}), [Stream(blocks(time, other, cuts), longest)])
     )
-    joined = {name: np.concatenate([columns[name] for _, columns in found]) for name in found[0][1]}
-    assert np.array_equal(np.concatenate([t for t, _ in found]), base)
+    joined = {name: np.concatenate([columns[name] for _, columns, _ in found]) for name in found[0][1]}
+    assert np.array_equal(np.concatenate([t for t, _, _ in found]), base)
     assert np.array_equal(joined["pressure_a"], own["pressure_a"])
     for name, hold in (("position", False), ("duty_supply", True)):
         whole = align(base, time, other[name], longest[name], hold=hold)
         assert np.array_equal(joined[name], whole, equal_nan=True)
+
+
+def test_samples_of_an_input_with_time_stamps_of_its_own_are_kept_as_edges():
+    base, own = np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.5, 1.5, 2.5, 3.5])
+    duty = {"duty_supply": np.array([0.1, 0.2, 0.3, 0.4])}
+
+    def found(stamps, cuts=()):
+        others = [Stream(blocks(stamps, duty, cuts), {"duty_supply": 9.0})]
+        return list(aligned(Stream(blocks(base, {"position": base}, cuts), {"position": 9.0}), others))
+
+    [(_, columns, edges)] = found(own)
+    assert np.array_equal(columns["duty_supply"], [np.nan, 0.1, 0.2, 0.3], equal_nan=True)
+    assert [list(part) for part in edges["duty_supply"]] == [[0.5, 1.5, 2.5], [0.1, 0.2, 0.3]]
+    assert found(base)[0][2] == {}, "on the grid of the position nothing is late"
+    _, (_, _, later) = found(own, (2,))
+    assert [list(part) for part in later["duty_supply"]] == [[0.5, 1.5, 2.5], [0.1, 0.2, 0.3]], "with the held one"

@@ -1,5 +1,7 @@
 """What `plan` makes of a recording: the clock of switched valves, stretches between holes, vented starts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -136,3 +138,19 @@ def test_a_pulse_is_the_same_in_whichever_period_of_a_recording_it_lies(period):
         phases = [carrier(time, actuator.parameters)[0] for time in (first, first + later * period)]
         # without a lost sample the phases differ by rounding, never by a whole period
         assert np.abs(phases[1] - phases[0]).max() < 1e-6
+
+
+def test_an_interval_with_the_start_of_a_period_has_its_pulses():
+    actuator = Actuator(model="energy-balance").replace({"T_pwm": 0.01, "s_pwm": 0.03})
+    # periods start 0.3 ms after each tenth sample, which still has the duty cycle of the period before
+    log = shut(40).with_columns(duty_supply=np.repeat([0.1, 0.2, 0.3, 0.4], 10)[(np.arange(40) - 1).clip(0)])
+    edges = {"duty_supply": (3e-4 + 0.01 * np.arange(4), np.array([0.1, 0.2, 0.3, 0.4]))}
+    inputs = plan(replace(log, edges=edges), actuator, RATE).segments[0].inputs
+    supply, phase, before = inputs[:, 0], inputs[:, 2], inputs[:, 4]
+    assert phase[9:12] == pytest.approx([0.9, 0.0, 0.1]), "below 0.03 what is left of the period before"
+    assert supply[9:12] == pytest.approx([0.1, 0.2, 0.2])
+    assert before[10:12] == pytest.approx([0.1, 0.1])
+    prompt = actuator.replace({"s_pwm": 0.0})
+    assert plan(replace(log, edges=edges), prompt, RATE).segments[0].inputs[10, 0] == pytest.approx(0.1), (
+        "a period that starts with a sample"
+    )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clutchid.log import INPUTS, FloatArray
+from clutchid.log import INPUTS, FloatArray, Samples
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,8 +70,12 @@ def align(at: FloatArray, stamps: FloatArray, values: FloatArray, longest: float
     return np.where(exact, values[first], np.where(known, between, np.nan))
 
 
-def aligned(base: Stream, others: list[Stream]) -> Iterator[tuple[FloatArray, dict[str, FloatArray]]]:
-    """Resample all streams at the time stamps of `base`, block by block.
+def aligned(
+    base: Stream, others: list[Stream]
+) -> Iterator[tuple[FloatArray, dict[str, FloatArray], dict[str, Samples]]]:
+    """Resample all streams at the time stamps of `base`, block by block: time stamps, columns, and edges.
+
+    Edges are the samples of inputs that have time stamps between those of `base`.
 
     Raises
     ------
@@ -80,10 +84,12 @@ def aligned(base: Stream, others: list[Stream]) -> Iterator[tuple[FloatArray, di
     """
     followers = [_Follower(stream) for stream in others]
     for time, columns in base.blocks:
-        merged = dict(columns)
+        merged, edges = dict(columns), dict[str, Samples]()
         for follower in followers:
-            merged.update(follower.at(time))
-        yield time, merged
+            found, between = follower.at(time)
+            merged.update(found)
+            edges.update(between)
+        yield time, merged, edges
 
 
 class _Follower:
@@ -95,17 +101,20 @@ class _Follower:
         self._time: FloatArray = np.empty(0)
         self._columns: dict[str, FloatArray] = {name: np.empty(0) for name in stream.longest}
 
-    def at(self, instants: FloatArray) -> dict[str, FloatArray]:
-        """The channels of the stream at `instants`, which must not decrease from call to call."""
+    def at(self, instants: FloatArray) -> tuple[dict[str, FloatArray], dict[str, Samples]]:
+        """The channels of the stream at `instants`, which must not decrease from call to call, and edges of inputs."""
         if not instants.size:
-            return {name: np.empty(0) for name in self._columns}
+            return {name: np.empty(0) for name in self._columns}, {}
         self._reach(float(instants[-1]))
         found = {
             name: align(instants, self._time, values, self._longest[name], hold=name in INPUTS)
             for name, values in self._columns.items()
         }
+        until = self._time[: np.searchsorted(self._time, instants[-1], side="right")].copy()
+        between = bool(until.size) and not np.isin(until, instants).all()
+        edges = {name: (until, self._columns[name][: until.size].copy()) for name in INPUTS if name in self._columns}
         self._forget(float(instants[-1]))
-        return found
+        return found, edges if between else {}
 
     def _reach(self, end: float) -> None:
         """Read until there is a sample after `end`, or the stream ends."""

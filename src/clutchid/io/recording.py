@@ -18,7 +18,7 @@ from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.map.picking import COUNTED, Pick, pick
 from clutchid.io.source import Source
 from clutchid.io.table import Places, Rows, Table
-from clutchid.log import HOLE, FloatArray, Log
+from clutchid.log import HOLE, FloatArray, Log, Samples
 
 Block = tuple[FloatArray, Mapping[str, FloatArray]]
 
@@ -85,13 +85,15 @@ def findings(source: Source, picks: Sequence[Pick], ambient: float, rows: int | 
     return messages.problems, messages.warnings
 
 
-def _logs(source: Source, blocks: Iterator[Block], messages: _Messages) -> Iterator[Log]:
+def _logs(
+    source: Source, blocks: Iterator[tuple[FloatArray, dict[str, FloatArray], dict[str, Samples]]], messages: _Messages
+) -> Iterator[Log]:
     """Blocks as logs; messages since the previous log are attached to the next one."""
-    for time, columns in blocks:
+    for time, columns, edges in blocks:
         if messages.problems:
             raise DataError.of(str(source.path), messages.problems)
         warnings, messages.warnings = tuple(dict.fromkeys(messages.warnings)), []
-        yield Log(time, columns, source.name, dict(source.metadata), warnings)
+        yield Log(time, columns, source.name, dict(source.metadata), warnings, edges)
     if messages.problems:
         raise DataError.of(str(source.path), messages.problems)
 

@@ -161,7 +161,7 @@ def passed_pulses(a: Expr, b: Expr, s: Expr, e: Expr, c: Expr, d: Expr) -> Expr:
     e : 1
         Part of a period that the armature travels, above 0.
     c : 1
-        Phase of the carrier at the start of the sample, in [0, 1).
+        Phase of the carrier at the start of the sample, in [0, 1), or from d before the start of the period 0 on.
     d : 1
         Part of a period that the sample lasts, below 1.
 

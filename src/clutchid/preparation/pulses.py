@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
-from clutchid.preparation.time_grid import in_clock, interpolated, latched
+from clutchid.preparation.time_grid import in_clock, interpolated, latched, with_means
 from clutchid.signals.duty_cycle import CONTINUOUS_STEP, grid_phase, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
@@ -154,16 +154,17 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
     period, known = actuator.parameters.T_pwm, duties_in(log, actuator)
     if known is not Duties.RECORDED:
         return _slow(log, actuator, known, find)
+    fine, _ = on_time_grid(log, actuator)
     if period == 0.0 or len(log) < 2:
-        return Pulsed(log, actuator)
-    if (grid := grid_phase(log, period)) is not None:
-        return Pulsed(log, actuator.replace({"s_pwm": centred(grid)}))
+        return Pulsed(fine, actuator)
+    if (grid := grid_phase(fine, period)) is not None:
+        return Pulsed(fine, actuator.replace({"s_pwm": centred(grid)}))
     if with_pressure:
         _, phase = find_carrier(log, actuator, (period,))
         phase = centred(phase - actuator.parameters.tau_p / period)
     else:
         phase = find(log, actuator)
-    return Pulsed(log, actuator.replace({"s_pwm": phase}), WIDTHS["s_pwm"])
+    return Pulsed(fine, actuator.replace({"s_pwm": phase}), WIDTHS["s_pwm"])
 
 
 def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulsed:
@@ -185,7 +186,9 @@ def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulse
 def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log, FloatArray | None]:
     """A slow recording on a time grid that resolves the pulses with the phase of `actuator`, and `Pulsed.open_std`.
 
-    Other recordings are returned as they are. `delay` of the duty cycles in s matches a position recorded late.
+    Others have the means of duty cycles with edges over each interval, if the valves are averaged; with a carrier the
+    pulses begin where its phase says, which the edges determine. `delay` of the duty cycles in s matches a position
+    that is recorded late.
 
     Raises
     ------
@@ -198,7 +201,7 @@ def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log,
         return latched(log, in_clock(_period(actuator), log.time), p.s_pwm, _step(actuator), closed, delay)
     if known is Duties.INTERPOLATED:
         return interpolated(log, actuator.duty_period or CONTROL_STEP, _step(actuator), closed, delay)
-    return log, None
+    return (with_means(log, closed) if log.edges and p.T_pwm == 0.0 else log), None
 
 
 def _period(actuator: Actuator) -> float:

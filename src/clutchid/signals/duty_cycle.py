@@ -43,11 +43,9 @@ def resolves_carrier(log: Log, period: float) -> bool:
 
 
 def _changes(log: Log) -> FloatArray:
-    """Time stamps at which a duty cycle changes."""
-    changed = np.zeros(len(log), dtype=bool)
-    for name in INPUTS:
-        changed[1:] |= np.abs(np.diff(log[name])) > 1e-9
-    return log.time[changed]
+    """Time stamps at which a duty cycle changes: those of its edges, if they are recorded."""
+    recorded = [log.edges.get(name, (log.time, log[name])) for name in INPUTS]
+    return np.unique(np.concatenate([t[1:][np.abs(np.diff(duty)) > 1e-9] for t, duty in recorded]))
 
 
 def duty_grid(log: Log) -> tuple[float, float]:

@@ -220,18 +220,32 @@ def _inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
     if "c_pwm" in kernels(actuator.model).INPUTS:
         time, p = log.time[start:stop], actuator.parameters
         before = period_before(time, p)
-        columns += [*carrier(time, p), *(column[before] for column in columns)]
+        clock, earlier = carrier(time, p), [column[before] for column in columns]
+        if log.edges and p.T_pwm > 0.0:
+            # a period starts within an interval, and its pulses are those of the next sample
+            clock = carrier(time, p, p.s_pwm)
+            starts = np.append((clock[0] < p.s_pwm)[:-1], False)
+            earlier = [np.where(starts, now, old) for now, old in zip(columns, earlier, strict=True)]
+            columns = [np.where(starts, np.roll(column, -1), column) for column in columns]
+        columns += [*clock, *earlier]
     return np.column_stack(columns)
 
 
-def carrier(time: FloatArray, p: Parameters) -> list[FloatArray]:
-    """Phase of the valves' carrier at each sample, in [0, 1), and the part of a period until the next; 0 without."""
+def carrier(time: FloatArray, p: Parameters, begins: float | None = None) -> list[FloatArray]:
+    """Phase of the valves' carrier at each sample, in [0, 1), and the part of a period until the next; 0 without.
+
+    If a period `begins` at another phase than 0, phases are in [begins, begins + 1), so that the pulse of the present
+    period is the first one; where a period begins within an interval, they are below by what is left of that before.
+    """
     if p.T_pwm == 0.0:
         return [np.zeros(time.size), np.zeros(time.size)]
-    phase = (time / p.T_pwm) % 1.0
+    phase = (time / p.T_pwm - (begins or 0.0)) % 1.0
     phase[phase > 1.0 - ROUNDING] = 0.0
     step = np.diff(time, append=2 * time[-1] - time[-2]) / p.T_pwm
-    return [phase, np.where(step < 1.0, step, 0.0)]
+    step = np.where(step < 1.0, step, 0.0)
+    if begins is not None:
+        phase = np.where(phase + step > 1.0 + ROUNDING, phase - 1.0, phase) + begins
+    return [phase, step]
 
 
 def period_before(time: FloatArray, p: Parameters) -> NDArray[np.intp]:
