@@ -229,3 +229,15 @@ def test_a_channel_that_a_format_does_not_read_is_named_with_what_it_holds(sourc
     made = replace(made, rasters=(replace(made.rasters[0], others=(("image", "3 x 4 numbers"),)),))
     with pytest.raises(DataError, match="position: channel 'image' holds 3 x 4 numbers, not one number per sample"):
         read(made, ChannelMap({"position": Channel("image")}), required=("time",))
+
+
+def test_duty_cycles_on_a_grid_of_their_own_keep_their_edges(source):
+    valves = {"t": ("s", SLOW), "Einlass": ("%", 100 * (SLOW % 0.2 < 0.1)), "Auslass": ("1", 1.0 * (SLOW % 0.2 >= 0.1))}
+    travel = {"t": ("s", FAST), "Weg": ("mm", -2 * FAST + 1)}
+    channels = ChannelMap({name: MAP.channels[name] for name in REQUIRED[1:]})
+    (log,) = read(source(valves, travel), channels)
+    assert np.array_equal(log.time, FAST)
+    stamps, values = log.edges["duty_supply"]
+    assert np.array_equal(stamps, SLOW)
+    assert np.array_equal(values, (SLOW % 0.2 < 0.1) * 1.0)
+    assert not read(source({**valves, **TRAVEL}), channels)[0].edges, "in one table there are none"

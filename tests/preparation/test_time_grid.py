@@ -96,3 +96,22 @@ def test_into_a_hole_in_time_no_samples_are_put():
     assert len(fine) == 18 * 40 + 2
     assert open_std.size == len(fine) - 1
     assert np.diff(fine.time).max() == pytest.approx(0.51)
+
+
+def test_duty_cycles_of_messages_of_their_own_are_used_where_they_were_sent():
+    log = slow([0.0, 0.0, 0.5, 0.5, 0.5, 0.5])
+    sent = {name: (log.time - 0.005, log[name]) for name in CLOSED}
+    fine, open_std = interpolated(replace(log, edges=sent), 0.0, 0.005, CLOSED)
+    early, _ = interpolated(log, 0.0, 0.005, CLOSED)
+    assert fine["duty_supply"][:-1] == pytest.approx(early["duty_supply"][1:])
+    assert fine.time[np.flatnonzero(open_std)[[0, -1]]] == pytest.approx([0.003, 0.023]), "until 5 ms later at most"
+    whole, _ = latched(replace(log, edges=sent), PERIOD, 0.9, STEP, CLOSED)
+    assert changes(whole) == pytest.approx([0.009], abs=STEP), "sent at 18 ms, in the period from 9 to 19 ms"
+
+
+def test_a_duty_cycle_that_is_missing_stays_missing():
+    log = slow([0.2, 0.2, np.nan, 0.2, 0.2])
+    sent = {name: (log.time - 0.005, np.nan_to_num(log[name])) for name in CLOSED}
+    for one in (log, replace(log, edges=sent)):
+        fine, _ = interpolated(one, 0.0, 0.005, CLOSED)
+        assert np.isnan(fine["duty_supply"][(fine.time > 0.0229) & (fine.time < 0.0329)]).all()

@@ -45,21 +45,18 @@ def latched(
     open_std : (n - 1,) in s
         Standard deviation of the time that a fully open valve is open in each interval of the grid.
     """
-    grid = _Grid(log, step)
-    numbers = _period_number(_regular(log.time)[0], period, phase)
+    grid, (stamps, sampled) = _Grid(log, step), _sampled(log)
+    numbers = _period_number(_regular(stamps)[0], period, phase)
     last = np.flatnonzero(np.append(numbers[1:] > numbers[:-1], True))
     wanted = _period_number(grid.time - delay, period, phase)
-    duties = {name: _between(wanted, numbers[last], log[name][last], closed[name]) for name in INPUTS}
+    duties = {name: _between(wanted, numbers[last], sampled[name][last], closed[name]) for name in INPUTS}
     without = np.diff(numbers[last]) - 1.0
     # a change at the start of any of these periods or of the next: a uniform number of them has the later duty cycle
     spread = period * np.sqrt(without * (without + 2.0) / 12.0)
-    size = _unknown_opening({name: log[name][last] for name in INPUTS}, spread)
+    size = _unknown_opening({name: sampled[name][last] for name in INPUTS}, spread)
     between = np.searchsorted(numbers[last], wanted[:-1], side="right") - 1
-    inside = (between >= 0) & (between < size.size) & ~np.isin(wanted[:-1], numbers[last])
-    between = np.where(inside, between, size.size)
-    count = np.bincount(between, minlength=size.size + 1)
-    each = np.append(size, 0.0) / np.sqrt(np.maximum(count, 1))
-    return grid.with_duties(log, duties), each[between]
+    between[np.isin(wanted[:-1], numbers[last])] = -1
+    return grid.with_duties(log, duties), _spread_evenly(size, between)
 
 
 def interpolated(
@@ -77,11 +74,28 @@ def interpolated(
     step, closed, delay
         As in `latched`, which also says what is returned.
     """
-    grid = _Grid(log, step)
+    grid, (stamps, sampled) = _Grid(log, step), _sampled(log)
     middle = grid.time + 0.5 * (np.append(np.diff(grid.time), 0.0) - held) - delay
-    duties = {name: _between(middle, log.time, log[name], closed[name]) for name in INPUTS}
-    size = _unknown_opening({name: log[name] for name in INPUTS}, np.diff(log.time) / np.sqrt(12.0))
-    return grid.with_duties(log, duties), np.repeat(size / np.sqrt(grid.parts), grid.parts)
+    duties = {name: _between(middle, stamps, sampled[name], closed[name]) for name in INPUTS}
+    size = _unknown_opening(sampled, np.diff(stamps) / np.sqrt(12.0))
+    between = np.searchsorted(stamps, grid.time[:-1], side="right") - 1
+    return grid.with_duties(log, duties), _spread_evenly(size, between)
+
+
+def _sampled(log: Log) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Duty cycles where they were sampled: in messages of their own, or with the other columns."""
+    own = [log.edges[name] for name in INPUTS if name in log.edges]
+    if len(own) == len(INPUTS) and np.array_equal(own[0][0], own[1][0]):
+        return own[0][0], {name: log.edges[name][1] for name in INPUTS}
+    return log.time, {name: log[name] for name in INPUTS}
+
+
+def _spread_evenly(size: FloatArray, between: IntArray) -> FloatArray:
+    """Standard deviations `size` of spans over their intervals; `between` is the span of each, -1 if it has none."""
+    at = np.where((between >= 0) & (between < size.size), between, size.size)
+    count = np.bincount(at, minlength=size.size + 1)
+    each: FloatArray = np.append(size, 0.0) / np.sqrt(np.maximum(count, 1))
+    return each[at]
 
 
 def with_means(log: Log, closed: Mapping[str, float]) -> Log:
@@ -165,8 +179,11 @@ class _Grid:
         """`log` on the grid with duty cycles there; other columns are missing between the samples."""
         columns = dict.fromkeys(log.columns, self.time)
         for name, values in log.columns.items():
-            columns[name] = duties[name] if name in duties else np.full(self.time.size, np.nan)
-            if name not in duties:
+            if name in duties:
+                held = values[np.searchsorted(log.time, self.time, side="right") - 1]
+                columns[name] = np.where(np.isnan(held), np.nan, duties[name])
+            else:
+                columns[name] = np.full(self.time.size, np.nan)
                 columns[name][self.first] = values
         return Log(self.time, columns, log.name, log.metadata)
 
