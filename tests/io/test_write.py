@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import clutchid.io as cio
 from clutchid.errors import ExportError
+from clutchid.io.table import to_frame
 from clutchid.log import COLUMNS, Log
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -76,3 +77,36 @@ def test_an_older_recording_is_replaced(tmp_path, log, suffix):
     cio.write(log, path)
     assert b"old" not in path.read_bytes()
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.fixture
+def edged():
+    """A log whose supply valve opens between two samples."""
+    time = np.arange(4) * 1e-3
+    columns = {"position": time, "duty_supply": np.array([0.0, 0.0, 0.7, 0.7]), "duty_exhaust": np.zeros(4)}
+    return Log(time, columns, edges={"duty_supply": (np.array([0.0, 1.3e-3]), np.array([0.0, 0.7]))})
+
+
+def test_parquet_keeps_the_edges_between_the_samples_exactly(tmp_path, edged):
+    path = tmp_path / "log.parquet"
+    cio.write(edged, path)
+    (stamps, values) = cio.read(path).edges["duty_supply"]
+    assert np.array_equal(stamps, edged.edges["duty_supply"][0])
+    assert np.array_equal(values, edged.edges["duty_supply"][1])
+    assert list(cio.read(path).edges) == ["duty_supply"]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_other_formats_warn_that_they_lose_the_edges(tmp_path, edged, suffix):
+    path = tmp_path / f"log{suffix}"
+    with pytest.warns(UserWarning, match="does not keep the edges of duty_supply between the samples; .parquet does"):
+        cio.write(edged, path)
+    assert np.array_equal(cio.read(path)["duty_supply"], edged["duty_supply"])
+    assert not cio.read(path).edges
+
+
+def test_damaged_edges_in_a_footer_are_left_out(tmp_path, edged):
+    path = tmp_path / "log.parquet"
+    for text in ("nonsense", '{"duty_supply": [1, 2]}', '{"duty_supply": ["AAAA"]}', "[]"):
+        to_frame(edged).write_parquet(path, metadata={"clutchid edges": text})
+        assert not cio.read(path).edges

@@ -39,3 +39,10 @@ def test_of_more_than_two_groups_a_summary_has_no_values():
     groups = [change("P_S", group, 0.9) for group in ("supply pressure", "temperature and grease", "valves")]
     assert all("->" in words for words in short_changes(groups[:2]))
     assert not any("->" in words for words in short_changes(groups))
+
+
+def test_of_a_large_group_a_summary_has_the_values_of_three_and_the_names_of_the_others():
+    members = [change(name, "valves", 0.9) for name in ("C_vs", "C_ve", "R_0vs", "R_0ve", "R_1vs")]
+    assert short_changes(members) == [
+        "valves changed in worn (90 %: C_vs 2 -> 3 N, C_ve 2 -> 3 N, R_0vs 2 -> 3 N; also R_0ve, R_1vs)"
+    ]

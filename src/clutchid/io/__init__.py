@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
@@ -192,13 +193,15 @@ def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: 
             raise DataError.of(str(source.path), [*source.problems, *checked.problems])
         columns = dict(checked.columns)
         warnings = (*source.warnings, *checked.warnings)
-        yield Log(columns.pop("time"), columns, source.name, dict(source.metadata), warnings)
+        edges = {name: samples for name, samples in source.edges.items() if name in columns}
+        yield Log(columns.pop("time"), columns, source.name, dict(source.metadata), warnings, edges)
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:
     """Write `log` in SI to a ``.csv``, ``.parquet``, ``.mf4`` or ``.mat`` file; `read` returns the same values.
 
-    An existing file is replaced atomically. All formats except CSV keep the metadata.
+    An existing file is replaced atomically. All formats except CSV keep the metadata; only Parquet keeps the edges of
+    duty cycles between the samples, the others warn.
 
     Raises
     ------
@@ -211,6 +214,9 @@ def write(log: Log, path: str | PathLike[str]) -> None:
         *known, last = writers
         what = f"the suffix '{suffix}' is not known" if suffix else "the name has no suffix"
         raise ExportError(f"{path}: {what}; a log is written as {', '.join(known)} or {last}.")
+    if log.edges and suffix.lower() != ".parquet":
+        lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
+        warnings.warn(lost, stacklevel=2)
     with atomic_write(path) as temporary:
         writers[suffix.lower()](log, temporary)
 

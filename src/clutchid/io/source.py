@@ -9,6 +9,7 @@ from typing import Protocol
 
 from clutchid.io.columns import REQUIRED, Heading
 from clutchid.io.table import Table
+from clutchid.log import Samples
 from clutchid.names import printable
 
 #: Samples per block when a recording is read in pieces.
@@ -48,7 +49,8 @@ class Source:
     """An opened file: format, time grids, and the function that reads them.
 
     `problems` are messages about the file as a whole (truncated, empty), `warnings` about parts that were ignored,
-    `metadata` that of the file, and `unnamed` why it needs a channel map if its channels have no names.
+    `metadata` that of the file, `unnamed` why it needs a channel map if its channels have no names, and `edges` those
+    of the log that was written, see `clutchid.log.Log`.
     """
 
     path: Path
@@ -59,6 +61,7 @@ class Source:
     warnings: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
     unnamed: str = ""
+    edges: Mapping[str, Samples] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

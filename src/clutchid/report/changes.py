@@ -8,8 +8,8 @@ from itertools import groupby
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Fit
 
-#: Most groups of changes that a summary shows with their values.
-MOST_WITH_VALUES = 2
+#: Most groups of changes that a summary shows with their values, and most parameters of a group.
+MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
 
 #: Probability from which on a group is said to have changed; below it may have.
 LIKELY = 0.5
@@ -36,7 +36,9 @@ def _grouped(changes: Sequence[Change]) -> Iterable[tuple[tuple[str, str], Itera
 
 
 def _short(recording: str, changes: Sequence[Change], with_values: bool) -> str:
-    values = f": {', '.join(map(_from_to, changes))}" if with_values else ""
+    shown, others = changes[:MOST_OF_A_GROUP], [change.name for change in changes[MOST_OF_A_GROUP:]]
+    also = f"; also {', '.join(others)}" if others else ""
+    values = f": {', '.join(map(_from_to, shown))}{also}" if with_values else ""
     return f"{_state(changes[0])} in {recording} ({_probability(changes[0])}{values})"
 
 

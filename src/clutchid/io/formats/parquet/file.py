@@ -6,6 +6,7 @@ Columns that hold no numbers are named, and never loaded.
 from __future__ import annotations
 
 import json
+from base64 import b64decode, b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,12 +20,13 @@ from clutchid.io.formats.parquet.pages import EncryptedParquet, damage
 from clutchid.io.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
 from clutchid.io.source import Raster, Source
 from clutchid.io.table import EXAMPLE, Places, Table, and_more, to_frame
-from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.log import INPUTS, FloatArray, Log, Samples
 
 if TYPE_CHECKING:
     import polars as pl
 
-_KEY = "clutchid"
+#: Keys of a log's metadata and edges in the footer.
+_KEY, _EDGES = "clutchid", "clutchid edges"
 
 #: Rows in which the first stamp is looked for, and columns without numbers that a warning names.
 _TELLING = 1000
@@ -175,7 +177,8 @@ def _source(opened: _Opened) -> Source:
     origins = {name: origin for name, (origin, _) in firsts.items()}
     tables = partial(_tables, opened, raster, shown, origins)
     warnings = (f"left out columns without numbers {left}.",) if others else ()
-    return Source(opened.path, "Parquet", (raster,), tables, (), warnings, metadata)
+    edges = _edges(opened.reader.metadata.get(_EDGES))
+    return Source(opened.path, "Parquet", (raster,), tables, (), warnings, metadata, edges=edges)
 
 
 def _heading(column: Heading, kind: pl.DataType) -> Heading:
@@ -261,14 +264,30 @@ def _numbers(series: pl.Series, origin: int) -> FloatArray:
 
 
 def save(log: Log, path: Path) -> None:
-    """Write `log` in SI with its metadata; a missing sample is NaN.
+    """Write `log` in SI with its metadata and edges; a missing sample is NaN.
 
     Raises
     ------
     OSError
         If the file cannot be written.
     """
-    to_frame(log).write_parquet(path, metadata={_KEY: json.dumps(dict(log.metadata))})
+    metadata = {_KEY: json.dumps(dict(log.metadata))}
+    if log.edges:
+        numbers = {name: [b64encode(a.astype("<f8").tobytes()).decode() for a in s] for name, s in log.edges.items()}
+        metadata[_EDGES] = json.dumps(numbers)
+    to_frame(log).write_parquet(path, metadata=metadata)
+
+
+def _edges(text: str | None) -> dict[str, Samples]:
+    """The edges of the log that was written; none where they are damaged or from another program."""
+    try:
+        every = {
+            name: tuple(np.frombuffer(b64decode(part, validate=True), "<f8").astype(np.float64) for part in parts)
+            for name, parts in json.loads(text or "{}").items()
+        }
+    except (ValueError, TypeError, AttributeError):
+        return {}
+    return {name: (parts[0], parts[1]) for name, parts in every.items() if len(parts) == 2 and name in INPUTS}
 
 
 def _metadata(text: str | None) -> dict[str, str]:
