@@ -96,7 +96,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
     intervals = u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags
     settings = every, NEVER, -1.0, 1, drift
     free = numbers, places, np.zeros((1, 2), np.int64)
-    return (model, free, derived, intervals, SENSORS, values, settings, output, room, span), output
+    return (model, free, derived, intervals, SENSORS, values, settings, output, room, (*span, 0)), output
 
 
 def textbook(every, noise=1.0):

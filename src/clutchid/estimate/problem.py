@@ -18,11 +18,8 @@ from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.change_prior import Hypothesis, change_covariance, change_priors
 from clutchid.uncertainty.conditions import known_conditions
-from clutchid.uncertainty.coordinates import Prior, coordinates, far_stop
+from clutchid.uncertainty.coordinates import CURVATURE, Prior, coordinates, far_stop
 from clutchid.uncertainty.noise import Noise
-
-#: Prior standard deviation of the curvature of a load in N/m²: the load of a 5 kN clutch bends over 4 mm.
-CURVATURE = 3e8
 
 
 def fit_problem(

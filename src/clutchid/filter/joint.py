@@ -237,7 +237,7 @@ def follow_jointly(
     settings: SettingsArrays,
     output: JointOutput,
     scratch: JointScratch,
-    span: tuple[int, int],
+    span: tuple[int, int, int],
 ) -> int:
     """Filter some samples of a segment in place; the first that is not finite, or -1.
 
@@ -250,12 +250,12 @@ def follow_jointly(
     values : (samples, sensors)
         Measurements, NaN for none.
     span
-        First sample, and the one after the last.
+        First sample, and the one after the last; number of sample 0 since the filter started.
     """
     u, length, substeps, sigma, lags = intervals
     errors, states = output
     every, _, _, _, drift_rate = settings
-    begin, end = span
+    begin, end, number = span
     n, (_, taus, _, slopes) = states.shape[1], derived
     refresh(prepare, state[2], free, derived, model)
     for i in range(begin, end):
@@ -264,11 +264,11 @@ def follow_jointly(
             interval = u[i - 1], length[i - 1 : i], int(substeps[i - 1]), sigma[i - 1], lags[i - 1]
             if not predict_jointly(step, state, model, interval, taus, sensors, scratch):
                 return i
-        if i % every == 0:
+        if (number + i) % every == 0:
             correct_sample_jointly(
                 prepare, state, model, free, derived, sensors, values[i], settings, errors[i - begin], scratch
             )
-        if drift_rate > 0.0 and i > 0 and (i % DRIFT_SAMPLES) == 0:
+        if drift_rate > 0.0 and i > 0 and (number + i) % DRIFT_SAMPLES == 0:
             drift(state, slopes, drift_rate * DRIFT_SAMPLES * length[i - 1], scratch[4])
         for j in range(n):
             states[i - begin, j] = state[0][j]

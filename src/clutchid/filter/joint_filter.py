@@ -175,7 +175,7 @@ def _free_arrays(
     ]
     acting = np.any(actuator.load.coefficients != 0.0, axis=2)
     pieces = [(int(a.argmax()), int(a.size - 1 - a[::-1].argmax())) for a in acting]
-    return np.array(numbers).reshape(-1, 7), np.array(places).reshape(-1, 4), np.array(pieces)
+    return np.array(numbers).reshape(-1, 7), np.array(places, dtype=np.int64).reshape(-1, 4), np.array(pieces)
 
 
 def inputs(joint: JointFilter, track: Track) -> JointInputs:
@@ -204,17 +204,20 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     return JointState(x, np.ascontiguousarray(S), theta.copy(), np.ascontiguousarray(T), waiting)
 
 
-def follow(joint: JointFilter, state: JointState, given: JointInputs, span: tuple[int, int]) -> JointPass | Failure:
+def follow(
+    joint: JointFilter, state: JointState, given: JointInputs, span: tuple[int, int], number: int = 0
+) -> JointPass | Failure:
     """Filter the samples of a segment from the first of `span` to before the last, from the state before the first.
 
-    A recording that is filtered in parts has the same result bit by bit.
+    A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
+    part in the recording.
     """
     after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
     output = np.empty((count, len(joint.measure), 2)), np.empty((count, n))
     model, derived, work = _work(joint, after)
     failed = kernels_in(_KERNELS).follow_jointly(
         *joint.calls, tuple(after), model, joint.free, derived, given.intervals, joint.sensors, given.values,
-        _settings(joint), output, work, span,
+        _settings(joint), output, work, (*span, number),
     )  # fmt: skip
     if failed >= 0 or not all(np.isfinite(array).all() for array in after):
         return Failure(f"the filter diverged at sample {failed if failed >= 0 else span[1] - 1} of the segment")

@@ -191,7 +191,7 @@ def _segment(
     use_pressure: bool,
 ) -> Segment:
     dt = np.diff(log.time[start:stop])
-    inputs = _inputs(log, actuator, start, stop)
+    inputs = held_inputs(log, actuator, start, stop)
     position = log["position"][start:stop] if "position" in log else np.full(stop - start, np.nan)
     pressure = log["pressure_a"][start:stop] if use_pressure else np.full(stop - start, np.nan)
     rest = _rest(log.time[start:stop], position, inputs[:, 0] <= actuator.parameters.R_0vs)
@@ -214,7 +214,7 @@ def _segment(
     )
 
 
-def _inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
+def held_inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
     """Held inputs at every sample: both duty cycles, and the valves' carrier where the model has one."""
     columns = [log[name][start:stop] for name in INPUTS]
     if "c_pwm" in kernels(actuator.model).INPUTS:

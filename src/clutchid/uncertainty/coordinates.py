@@ -12,6 +12,9 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 
+#: Prior standard deviation of the curvature of a load in N/m²: the load of a 5 kN clutch bends over 4 mm.
+CURVATURE = 3e8
+
 #: Relative standard deviation of the parameters of a new actuator from Appendix A or a data sheet; the prior is
 #: log-normal. Areas and stroke are known from the drawing. Reasons: docs/derivations.md.
 SHARES: Mapping[str, float] = {

@@ -1,0 +1,266 @@
+"""An observer: a calibrated actuator, what of it adapts, and the filter that does it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+from clutchid.filter.joint_filter import (
+    JointFilter,
+    JointInputs,
+    JointPass,
+    JointSettings,
+    JointState,
+    follow,
+    init,
+    joint_filter,
+)
+from clutchid.filter.setup import intervals
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.model.weighted_load import Load
+from clutchid.numerics.failure import Failure
+from clutchid.observe.methods import adapting
+from clutchid.observe.prior import online_prior
+from clutchid.signals.excitation import VENTED_POSITION
+from clutchid.simulation.plan import OUTSIDE, Segment, held_inputs
+from clutchid.simulation.stiffness import stiffness, substeps
+from clutchid.uncertainty.noise import Noise
+
+Mask = NDArray[np.bool_]
+
+#: Correlation time of what the model misses in s, samples from one correction to the next, and variance that load
+#: weights and parameters gain in a second, in prior variances. Provenance: docs/derivations.md.
+MEMORY, EVERY, DRIFT = 0.01, 10, 1e-5
+
+#: As many equal samples of the position in a row are a frozen sensor, and the later ones are left out.
+FROZEN = 15
+
+#: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
+MARGIN = 1.05
+
+#: Bounds of the adapting parameters in prior standard deviations.
+BOUND = 5.0
+
+
+class Tail(NamedTuple):
+    """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions."""
+
+    time: FloatArray
+    duties: FloatArray
+    position: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObserverState:
+    """What an observer knows between two samples.
+
+    `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt; `filter` is
+    None before the first sample of a stretch. `number` counts the samples of the stretch.
+    """
+
+    filter: JointState | None
+    theta: FloatArray
+    T: FloatArray
+    tail: Tail
+    number: int = 0
+
+
+class Observed(NamedTuple):
+    """What an observer found in a block, by sample.
+
+    `states` (n, states) in SI, NaN where no sample could be used; `innovations` (n, 2) with their variances, NaN where
+    nothing was corrected; `used` (n,) whether the position of a sample was usable.
+    """
+
+    time: FloatArray
+    states: FloatArray
+    innovations: FloatArray
+    used: Mask
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observer:
+    """An observer of a calibrated actuator, as `observer` makes it."""
+
+    actuator: Actuator
+    method: str
+    joint: JointFilter
+    root: FloatArray
+    spacing: float
+    rate: float
+
+    def load(self, state: ObserverState) -> Load:
+        """The load as it is known in a state."""
+        return self.joint.actuator(state.theta).load
+
+    def load_deviation(self, state: ObserverState, position: FloatArray) -> FloatArray:
+        """Standard deviation in N of that load at positions in m, shape (n,); what does not adapt is taken as exact."""
+        load, basis = self.load(state), np.zeros((position.size, len(self.joint.coordinates)))
+        functions = load.phi(position)
+        for j, c in enumerate(self.joint.coordinates):
+            if c.base in load.names:
+                basis[:, j] = functions[:, load.names.index(c.base)] * c.slope(float(state.theta[j]))
+        deviation: FloatArray = np.linalg.norm(basis @ state.T, axis=1)
+        return deviation
+
+
+def observer(actuator: Actuator, method: str = "joint", spacing: float = 1e-3) -> Observer:
+    """An observer of a calibrated actuator.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        As calibrated; the observer starts from its load.
+    method
+        One of `clutchid.observe.methods.METHODS`.
+    spacing : s
+        Time from one sample to the next.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such method.
+    """
+    free, root = online_prior(actuator, adapting(method, actuator))
+    k = len(free)
+    settings = JointSettings(every=max(1, round(EVERY * 1e-3 / spacing)), spacing=spacing, drift=DRIFT if k else 0.0)
+    noise = Noise(states={name: row.noise for name, row in actuator.state_rows.items()}, memory=MEMORY)
+    limits = -BOUND * np.ones(k), BOUND * np.ones(k)
+    return Observer(
+        actuator=actuator,
+        method=method,
+        joint=joint_filter(actuator, free, limits, ("position",), noise, settings),
+        root=root,
+        spacing=spacing,
+        rate=MARGIN * stiffness(actuator),
+    )
+
+
+def start(observer: Observer) -> ObserverState:
+    """The state before the first sample."""
+    k = observer.root.shape[0]
+    return ObserverState(None, np.zeros(k), observer.root.copy(), _EMPTY)
+
+
+_EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0))
+
+
+def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
+    """Follow the samples of a block, from the state before its first.
+
+    Blocks of any length give the same numbers, bit by bit.
+
+    Raises
+    ------
+    DataError
+        If the block lacks a column, or begins before the last sample.
+    """
+    _check(state, block)
+    duties = np.column_stack([block[name] for name in INPUTS])
+    n = len(block)
+    states = np.full((n, len(observer.actuator.states)), np.nan)
+    innovations, used = np.full((n, 2), np.nan), np.zeros(n, dtype=bool)
+    for a, b in _stretches(observer, block.time, duties):
+        if not _continues(observer, state, block.time[a], duties[a]):
+            state = _ended(state)
+        if not np.isfinite(duties[a]).all():
+            continue
+        state, found, usable = _stretch(observer, state, Tail(block.time[a:b], duties[a:b], block["position"][a:b]))
+        if found is not None:
+            states[a:b], innovations[a:b] = found.states, found.errors[:, 0]
+        used[a:b] = usable
+    return state, Observed(block.time, states, innovations, used)
+
+
+def _check(state: ObserverState, block: Log) -> None:
+    absent = [name for name in ("position", *INPUTS) if name not in block]
+    if absent:
+        raise DataError(f"{block.name}: no column '{absent[0]}'; it has {', '.join(block.columns)}.")
+    if len(block) and state.tail.time.size and block.time[0] <= state.tail.time[-1]:
+        raise DataError(
+            f"{block.name}: begins at {block.time[0]:.6g} s, but the observer is at {state.tail.time[-1]:.6g} s; time "
+            "must go on."
+        )
+
+
+def _stretches(observer: Observer, time: FloatArray, duties: FloatArray) -> list[tuple[int, int]]:
+    """Ranges of samples with known inputs and without holes, and single samples without inputs."""
+    known: Mask = np.all(np.isfinite(duties), axis=1)
+    hole = np.diff(time) > HOLE * observer.spacing
+    cuts = np.flatnonzero(hole | ~known[1:] | ~known[:-1]) + 1
+    return [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b > a]
+
+
+def _continues(observer: Observer, state: ObserverState, time: float, duties: FloatArray) -> bool:
+    """Whether a sample goes on from the last one."""
+    tail = state.tail.time
+    return bool(tail.size and time - tail[-1] <= HOLE * observer.spacing and np.isfinite(duties).all())
+
+
+def _ended(state: ObserverState) -> ObserverState:
+    """The state after a hole: what is known of the parameters stays."""
+    return replace(state, filter=None, tail=_EMPTY, number=0)
+
+
+def _stretch(observer: Observer, state: ObserverState, new: Tail) -> tuple[ObserverState, JointPass | None, Mask]:
+    """Follow new samples of a stretch; the state after them, what was found, and which positions were usable."""
+    old = state.tail
+    both = Tail(*(np.concatenate([a, b]) for a, b in zip(old, new, strict=True)))
+    first, m = old.time.size, both.time.size
+    segment = _segment(observer, both)
+    usable = _usable(both.position)
+    values = np.where(usable, both.position, np.nan)[:, None]
+    joint = observer.joint
+    at = state.filter
+    if at is None:
+        at = init(joint, segment, state.theta, state.T)
+    given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
+    found = follow(joint, at, given, (first, m), state.number - first)
+    kept = _kept(observer, both)
+    if isinstance(found, Failure):
+        return ObserverState(None, state.theta, state.T, _EMPTY), None, usable[first:]
+    after = found.state
+    return ObserverState(after, after.theta, after.T, kept, state.number + m - first), found, usable[first:]
+
+
+def _segment(observer: Observer, samples: Tail) -> Segment:
+    """The samples for the filter; nothing but the first is used to start."""
+    m, actuator = samples.time.size, observer.joint.mapped.actuator
+    log = Log(samples.time, dict(zip(INPUTS, samples.duties.T, strict=True)))
+    dt = np.diff(samples.time)
+    position = float(np.clip(np.nan_to_num(samples.position[0]), -OUTSIDE, actuator.parameters.y_max + OUTSIDE))
+    return Segment(
+        start=0,
+        stop=m,
+        inputs=held_inputs(log, actuator, 0, m) if m > 1 else np.zeros((1, 2)),
+        dt=dt,
+        open_std=np.zeros(dt.size),
+        substeps=substeps(dt, observer.rate),
+        jump=np.zeros(m, dtype=np.uint8),
+        measured=np.zeros((m, 2)),
+        position_start=position,
+        pressure_start=np.nan,
+        vented=abs(position) <= VENTED_POSITION,
+    )
+
+
+def _usable(position: FloatArray) -> Mask:
+    """Whether each position is finite and not that of a frozen sensor."""
+    index = np.arange(position.size)
+    changed = np.append(True, np.diff(position) != 0.0)
+    usable: Mask = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
+    return usable
+
+
+def _kept(observer: Observer, samples: Tail) -> Tail:
+    """The samples that the next one needs: a period of the carrier, and those that may be frozen."""
+    period = observer.joint.mapped.actuator.parameters.T_pwm
+    begin = int(np.searchsorted(samples.time, samples.time[-1] - period - 2.0 * observer.spacing))
+    begin = max(0, min(begin, samples.time.size - FROZEN - 1))
+    return Tail(*(array[begin:].copy() for array in samples))

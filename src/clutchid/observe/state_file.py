@@ -1,0 +1,90 @@
+"""State of an observer in a TOML file, from which it goes on bit by bit."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from clutchid.errors import ParameterError
+from clutchid.filter.joint_filter import JointState
+from clutchid.io.files import atomic_write
+from clutchid.io.toml_file import read_toml
+from clutchid.log import FloatArray
+from clutchid.observe.observer import Observer, ObserverState, Tail, start
+
+FORMAT = 1
+
+
+def write_state(observer: Observer, state: ObserverState, path: str | PathLike[str]) -> None:
+    """Write a state; an existing file is replaced atomically.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
+    """
+    content: dict[str, Any] = {
+        "observer": {"format": FORMAT, "method": observer.method, "fingerprint": fingerprint(observer)},
+        "number": state.number,
+        "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
+        "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
+    }
+    if state.filter is not None:
+        content["filter"] = {name: array.tolist() for name, array in state.filter._asdict().items()}
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
+        tomli_w.dump(content, file)
+
+
+def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
+    """A state that `write_state` wrote for the same observer.
+
+    Raises
+    ------
+    DataError
+        If there is no readable file.
+    ParameterError
+        If it is damaged, or of another calibration or method.
+    """
+    content = read_toml(path, "state of an observer")
+    head = content.get("observer")
+    if not isinstance(head, dict) or head.get("format") != FORMAT:
+        raise ParameterError(f"{path}: is no state of an observer that this version reads; start without it.")
+    if head.get("method") != observer.method or head.get("fingerprint") != fingerprint(observer):
+        raise ParameterError(
+            f"{path}: the state of the method '{head.get('method')}' of another calibration or method; give the "
+            "calibration and method that it was saved with, or start without it."
+        )
+    try:
+        return _state(observer, content)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ParameterError(f"{path}: the state of an observer is damaged ({error}); start without it.") from None
+
+
+def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
+    def array(section: str, name: str, *shape: int) -> FloatArray:
+        return np.array(content[section][name], dtype=np.float64).reshape(shape)
+
+    k = observer.root.shape[0]
+    tail = Tail(array("tail", "time", -1), array("tail", "duties", -1, 2), array("tail", "position", -1))
+    found = None
+    if "filter" in content:
+        n = len(content["filter"]["x"])
+        found = JointState(
+            array("filter", "x", n), array("filter", "S", n, k + n), array("filter", "theta", k),
+            array("filter", "T", k, k), array("filter", "waiting", -1),
+        )  # fmt: skip
+    made = start(observer)
+    theta, root = array("parameters", "theta", *made.theta.shape), array("parameters", "root", *made.T.shape)
+    return ObserverState(found, theta, root, tail, int(content["number"]))
+
+
+def fingerprint(observer: Observer) -> str:
+    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, and settings."""
+    told = repr((
+        observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise, observer.rate,
+    ))  # fmt: skip
+    return sha256(told.encode()).hexdigest()
