@@ -38,12 +38,10 @@ DRIFT_CONSIDERED: Direction = {"A_A": 0.0003, "P_0": 0.0006, "m_ve": 0.006}
 #: Directions in which the parameters of a group change, independent of each other. Provenance: docs/derivations.md.
 GROUPS: Mapping[str, tuple[Direction, ...]] = {
     "supply pressure": ({"P_S": 0.05},),
-    # 25 K: density and enthalpy of the air, flow with the inverse root of the temperature, grease that halves in 40 K,
-    # seals that slide more easily
+    # 25 K: density and enthalpy of the air, flow with the inverse root of the temperature, grease that halves in 40 K
     "temperature and grease": (
         {
-            "T_0": 0.085, "T_w": 0.085, "C_vs": -0.0425, "C_ve": -0.0425, "C_r": -0.0425, "D_v": -0.5, "F_C": -0.1,
-            "c_F": -0.1,
+            "T_0": 0.085, "T_w": 0.085, "C_vs": -0.0425, "C_ve": -0.0425, "C_r": -0.0425, "D_v": -0.5,
         },
         {"D_v": 0.3},
     ),
