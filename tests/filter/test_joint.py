@@ -92,7 +92,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
     derived = np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K)
     width, size = K + SIZE, SIZE
     room = scratch(SIZE, N, width, 2), np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K + size, 2 * K + size))
-    output = np.empty((span[1] - span[0], 2, 2)), np.empty((span[1] - span[0], N))
+    output = np.empty((span[1] - span[0], 2, 2)), np.empty((span[1] - span[0], N)), np.empty((span[1] - span[0], N))
     intervals = u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags
     settings = every, NEVER, -1.0, 1, drift
     free = numbers, places, np.zeros((1, 2), np.int64)
@@ -151,6 +151,14 @@ def test_on_a_linear_model_it_is_the_kalman_filter_of_the_augmented_state(kernel
     mean, covariance = joint_moments(state)
     assert mean == pytest.approx(z, abs=1e-9)
     assert covariance == pytest.approx(P, abs=1e-9)
+
+
+def test_deviations_are_those_of_the_covariance_and_there_are_none_between_corrections(kernels, calls):
+    state, (_, _, deviations) = followed(kernels, calls, SAMPLES - 1)
+    _, P = textbook(SAMPLES - 1)
+    assert deviations[-1] == pytest.approx(np.sqrt(np.diag(joint_moments(state)[1])[:N]), abs=1e-12)
+    assert deviations[-1] == pytest.approx(np.sqrt(np.diag(P)[:N]), abs=1e-9)
+    assert np.isfinite(deviations).all(axis=1).nonzero()[0].tolist() == [0, SAMPLES - 1]
 
 
 def test_without_process_noise_it_is_batch_least_squares(kernels, calls):

@@ -54,17 +54,29 @@ def test_the_band_of_the_load_shrinks_and_holds_the_truth(joint, worn, log):
     assert np.all(np.abs(joint.load(state).force(STROKE) - worn.load.force(STROKE)) < 3.0 * after)
 
 
+def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log):
+    _, found = observe(joint, start(joint), log)
+    at, corrected = plant.states.index("p_A"), np.isfinite(found.deviations[:, 0])
+    off, band = np.abs(found.states[:, at] - log["pressure_a"])[corrected], 1.96 * found.deviations[corrected, at]
+    assert np.array_equal(corrected, np.arange(len(log)) % joint.joint.settings.every == 0)
+    late = slice(off.size // 2, None)
+    assert np.mean(off[late] <= band[late]) > 0.9
+    assert np.median(band[late]) < 20e3
+
+
 def test_blocks_of_any_length_give_the_same_numbers(joint, log):
     part = log.slice(0, 1500)
     state, found = observe(joint, start(joint), part)
     for lengths in ([1] * 40 + [700, 3, 757], [1499, 1], [500, 500, 500]):
-        now, states, innovations, at = start(joint), [], [], 0
+        now, states, deviations, innovations, at = start(joint), [], [], [], 0
         for length in lengths:
             now, some = observe(joint, now, part.slice(at, at + length))
             states.append(some.states)
+            deviations.append(some.deviations)
             innovations.append(some.innovations)
             at += length
         assert np.array_equal(np.vstack(states), found.states)
+        assert np.array_equal(np.vstack(deviations), found.deviations, equal_nan=True)
         assert np.array_equal(np.vstack(innovations), found.innovations, equal_nan=True)
         assert equal(now, state)
 

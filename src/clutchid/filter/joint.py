@@ -18,7 +18,7 @@ import numpy as np
 from clutchid.codegen.kernels import kernel
 from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
 from clutchid.filter.joint_arrays import Derived, FreeArrays, JointOutput, JointScratch, SettingsArrays, StateArrays
-from clutchid.filter.joint_parameters import move_parameters, refresh
+from clutchid.filter.joint_parameters import move_parameters, refresh, state_deviations
 from clutchid.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, update_root
 from clutchid.filter.triangle import triangularise
 from clutchid.log import FloatArray
@@ -253,13 +253,14 @@ def follow_jointly(
         First sample, and the one after the last; number of sample 0 since the filter started.
     """
     u, length, substeps, sigma, lags = intervals
-    errors, states = output
+    errors, states, deviations = output
     every, _, _, _, drift_rate = settings
     begin, end, number = span
     n, (_, taus, _, slopes) = states.shape[1], derived
     refresh(prepare, state[2], free, derived, model)
     for i in range(begin, end):
         errors[i - begin] = np.nan
+        deviations[i - begin] = np.nan
         if i > 0:
             interval = u[i - 1], length[i - 1 : i], int(substeps[i - 1]), sigma[i - 1], lags[i - 1]
             if not predict_jointly(step, state, model, interval, taus, sensors, scratch):
@@ -268,6 +269,7 @@ def follow_jointly(
             correct_sample_jointly(
                 prepare, state, model, free, derived, sensors, values[i], settings, errors[i - begin], scratch
             )
+            state_deviations(state[1], state[3], slopes, deviations[i - begin], scratch[2])
         if drift_rate > 0.0 and i > 0 and (number + i) % DRIFT_SAMPLES == 0:
             drift(state, slopes, drift_rate * DRIFT_SAMPLES * length[i - 1], scratch[4])
         for j in range(n):

@@ -34,6 +34,6 @@ JointScratch = tuple[Scratch, FloatArray, FloatArray, FloatArray, FloatArray]
 #: speed in m/s above which parameters adapt, and the row of the speed in x; variance that theta gains in a second.
 SettingsArrays = tuple[int, float, float, int, float]
 
-#: What `follow_jointly` writes: innovations and their variances (samples, sensors, 2), NaN for none, and the states of
-#: the model after each sample (samples, n).
-JointOutput = tuple[FloatArray, FloatArray]
+#: What `follow_jointly` writes: innovations and their variances (samples, sensors, 2), NaN for none; the states of the
+#: model after each sample (samples, n), and their standard deviations (samples, n), NaN between corrections.
+JointOutput = tuple[FloatArray, FloatArray, FloatArray]

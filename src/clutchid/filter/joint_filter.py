@@ -80,12 +80,14 @@ class JointPass(NamedTuple):
     """What the filter found in some samples: state after them, and by sample innovations and states of the model.
 
     `errors` (samples, sensors, 2) are innovations in SI with their variances, NaN where nothing was corrected; `states`
-    (samples, n) are those after the correction.
+    (samples, n) are those after the correction, and `deviations` (samples, n) their standard deviations, NaN where no
+    correction was due.
     """
 
     state: JointState
     errors: FloatArray
     states: FloatArray
+    deviations: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,7 +215,7 @@ def follow(
     part in the recording.
     """
     after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
-    output = np.empty((count, len(joint.measure), 2)), np.empty((count, n))
+    output = np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n))
     model, derived, work = _work(joint, after)
     failed = kernels_in(_KERNELS).follow_jointly(
         *joint.calls, tuple(after), model, joint.free, derived, given.intervals, joint.sensors, given.values,

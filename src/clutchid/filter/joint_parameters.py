@@ -81,3 +81,21 @@ def move_parameters(x: FloatArray, S: FloatArray, theta: FloatArray, free: FreeA
         change = value_in_si(numbers[j], theta[j]) - before
         for i in range(x.size):
             x[i] += S[i, j] * change
+
+
+@kernel
+def state_deviations(S: FloatArray, T: FloatArray, slopes: FloatArray, deviations: FloatArray, w: FloatArray) -> None:
+    """Standard deviations of the first states, as many as `deviations` (n,) has room for, in SI; w (k,) is scratch."""
+    k = T.shape[0]
+    for i in range(deviations.size):
+        w[:] = 0.0
+        for q in range(k):
+            by_theta = S[i, q] * slopes[q]
+            for j in range(k):
+                w[j] += by_theta * T[q, j]
+        variance = 0.0
+        for j in range(k):
+            variance += w[j] * w[j]
+        for j in range(k, S.shape[1]):
+            variance += S[i, j] * S[i, j]
+        deviations[i] = math.sqrt(variance)

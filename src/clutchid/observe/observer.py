@@ -74,12 +74,14 @@ class ObserverState:
 class Observed(NamedTuple):
     """What an observer found in a block, by sample.
 
-    `states` (n, states) in SI, NaN where no sample could be used; `innovations` (n, 2) with their variances, NaN where
-    nothing was corrected; `used` (n,) whether the position of a sample was usable.
+    `states` (n, states) in SI, NaN where no sample could be used; `deviations` (n, states) their standard deviations,
+    NaN between corrections; `innovations` (n, 2) with their variances, NaN where nothing was corrected; `used` (n,)
+    whether the position of a sample was usable.
     """
 
     time: FloatArray
     states: FloatArray
+    deviations: FloatArray
     innovations: FloatArray
     used: Mask
 
@@ -165,6 +167,7 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     duties = np.column_stack([block[name] for name in INPUTS])
     n = len(block)
     states = np.full((n, len(observer.actuator.states)), np.nan)
+    deviations = states.copy()
     innovations, used = np.full((n, 2), np.nan), np.zeros(n, dtype=bool)
     for a, b in _stretches(observer, block.time, duties):
         if not _continues(observer, state, block.time[a], duties[a]):
@@ -173,9 +176,9 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
             continue
         state, found, usable = _stretch(observer, state, Tail(block.time[a:b], duties[a:b], block["position"][a:b]))
         if found is not None:
-            states[a:b], innovations[a:b] = found.states, found.errors[:, 0]
+            states[a:b], deviations[a:b], innovations[a:b] = found.states, found.deviations, found.errors[:, 0]
         used[a:b] = usable
-    return state, Observed(block.time, states, innovations, used)
+    return state, Observed(block.time, states, deviations, innovations, used)
 
 
 def _check(state: ObserverState, block: Log) -> None:
