@@ -42,6 +42,8 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
         "force": "N",
         "pressure_a low": "Pa",
         "pressure_a high": "Pa",
+        "innovation": "m",
+        "innovation std": "m",
     }
 )
 

@@ -10,22 +10,6 @@ from clutchid.observe.state_file import read_state, write_state
 STROKE = np.linspace(2e-3, 9e-3, 30)
 
 
-@pytest.fixture(scope="module")
-def worn(plant):
-    """The actuator of the recording: the load is a tenth larger than the one that an observer starts from."""
-    return plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
-
-
-@pytest.fixture(scope="module")
-def log(worn, recorded_by):
-    return recorded_by(worn, seconds=6.0)
-
-
-@pytest.fixture(scope="module")
-def joint(plant):
-    return observer(plant)
-
-
 def apart(one, actuator, state, worn):
     """Largest error of the load at 2 to 9 mm over the largest change."""
     truth = worn.load.force(STROKE)
@@ -34,8 +18,9 @@ def apart(one, actuator, state, worn):
 
 def equal(one, other):
     arrays = [(one.theta, other.theta), (one.T, other.T), *zip(one.tail, other.tail, strict=True)]
-    arrays += zip(one.filter, other.filter, strict=True)
-    return one.number == other.number and all(np.array_equal(a, b) for a, b in arrays)
+    arrays += [*zip(one.filter, other.filter, strict=True), (one.deviations, other.deviations)]
+    counted = (one.number, one.strokes) == (other.number, other.strokes)
+    return counted and all(np.array_equal(a, b) for a, b in arrays)
 
 
 def test_a_load_that_has_grown_is_followed(joint, plant, worn, log):
@@ -163,6 +148,14 @@ def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
     with pytest.raises(DataError, match=r"begins at 0\.2 s, but the observer is at 0\.299 s; time must go on"):
         observe(joint, state, log.slice(200, 400))
     assert observe(joint, state, log.slice(300, 400))[0].number == 400
+
+
+@pytest.mark.parametrize("wrong", [-0.1, 1.5, np.inf])
+def test_a_duty_cycle_outside_0_to_1_is_refused_with_its_time(joint, log, wrong):
+    duty = log["duty_exhaust"].copy()
+    duty[120] = wrong
+    with pytest.raises(DataError, match=r"duty_exhaust is (-0\.1|1\.5|inf) at 0\.12 s; a duty cycle is from 0 to 1"):
+        observe(joint, start(joint), log.with_columns(duty_exhaust=duty))
 
 
 def test_a_log_without_a_duty_cycle_is_refused(joint, log):

@@ -21,6 +21,7 @@ from clutchid.cli.drive import drive
 from clutchid.cli.fit import fit
 from clutchid.cli.friction import friction
 from clutchid.cli.look import look
+from clutchid.cli.observe import observe
 from clutchid.cli.paper import paper
 from clutchid.cli.prove import prove
 from clutchid.cli.simulate import simulate
@@ -35,7 +36,7 @@ def app() -> App:
         version=version("clutchid"),
         result_action="return_value",
     )
-    for command in (fit, simulate, paper, look, cut, friction, drive, prove):
+    for command in (fit, simulate, observe, paper, look, cut, friction, drive, prove):
         application.command(command)
     register_completion(application)
     return application

@@ -27,6 +27,7 @@ from clutchid.model.weighted_load import Load
 from clutchid.numerics.failure import Failure
 from clutchid.observe.methods import adapting
 from clutchid.observe.prior import online_prior
+from clutchid.observe.strokes import NO_STROKES, Strokes, count_strokes
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.simulation.plan import OUTSIDE, Segment, held_inputs
 from clutchid.simulation.stiffness import stiffness, substeps
@@ -43,6 +44,9 @@ FROZEN = 15
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
+
+#: A duty cycle may be as far outside 0 to 1.
+ROUNDING = 1e-9
 
 #: Bounds of the adapting parameters in prior standard deviations.
 BOUND = 5.0
@@ -61,14 +65,17 @@ class ObserverState:
     """What an observer knows between two samples.
 
     `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt; `filter` is
-    None before the first sample of a stretch. `number` counts the samples of the stretch.
+    None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.
+    `number` counts the samples of the stretch.
     """
 
     filter: JointState | None
     theta: FloatArray
     T: FloatArray
     tail: Tail
+    deviations: FloatArray
     number: int = 0
+    strokes: Strokes = NO_STROKES
 
 
 class Observed(NamedTuple):
@@ -147,7 +154,11 @@ def observer(actuator: Actuator, method: str = "joint", spacing: float = 1e-3) -
 def start(observer: Observer) -> ObserverState:
     """The state before the first sample."""
     k = observer.root.shape[0]
-    return ObserverState(None, np.zeros(k), observer.root.copy(), _EMPTY)
+    return ObserverState(None, np.zeros(k), observer.root.copy(), _EMPTY, _unknown(observer))
+
+
+def _unknown(observer: Observer) -> FloatArray:
+    return np.full(len(observer.actuator.states), np.nan)
 
 
 _EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0))
@@ -161,7 +172,7 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     Raises
     ------
     DataError
-        If the block lacks a column, or begins before the last sample.
+        If the block lacks a column, begins before the last sample, or has a duty cycle outside 0 to 1.
     """
     _check(state, block)
     duties = np.column_stack([block[name] for name in INPUTS])
@@ -171,13 +182,15 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     innovations, used = np.full((n, 2), np.nan), np.zeros(n, dtype=bool)
     for a, b in _stretches(observer, block.time, duties):
         if not _continues(observer, state, block.time[a], duties[a]):
-            state = _ended(state)
+            state = _ended(observer, state)
         if not np.isfinite(duties[a]).all():
             continue
         state, found, usable = _stretch(observer, state, Tail(block.time[a:b], duties[a:b], block["position"][a:b]))
         if found is not None:
             states[a:b], deviations[a:b], innovations[a:b] = found.states, found.deviations, found.errors[:, 0]
         used[a:b] = usable
+    strokes, _ = count_strokes(state.strokes, block.time, block["position"])
+    state = replace(state, strokes=strokes)
     return state, Observed(block.time, states, deviations, innovations, used)
 
 
@@ -190,6 +203,13 @@ def _check(state: ObserverState, block: Log) -> None:
             f"{block.name}: begins at {block.time[0]:.6g} s, but the observer is at {state.tail.time[-1]:.6g} s; time "
             "must go on."
         )
+    for name in INPUTS:
+        outside = (block[name] < -ROUNDING) | (block[name] > 1.0 + ROUNDING)
+        if outside.any():
+            at = int(np.argmax(outside))
+            raise DataError(
+                f"{block.name}: {name} is {block[name][at]:.4g} at {block.time[at]:.6g} s; a duty cycle is from 0 to 1."
+            )
 
 
 def _stretches(observer: Observer, time: FloatArray, duties: FloatArray) -> list[tuple[int, int]]:
@@ -206,9 +226,9 @@ def _continues(observer: Observer, state: ObserverState, time: float, duties: Fl
     return bool(tail.size and time - tail[-1] <= HOLE * observer.spacing and np.isfinite(duties).all())
 
 
-def _ended(state: ObserverState) -> ObserverState:
+def _ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a hole: what is known of the parameters stays."""
-    return replace(state, filter=None, tail=_EMPTY, number=0)
+    return replace(state, filter=None, tail=_EMPTY, deviations=_unknown(observer), number=0)
 
 
 def _stretch(observer: Observer, state: ObserverState, new: Tail) -> tuple[ObserverState, JointPass | None, Mask]:
@@ -227,9 +247,12 @@ def _stretch(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obser
     found = follow(joint, at, given, (first, m), state.number - first)
     kept = _kept(observer, both)
     if isinstance(found, Failure):
-        return ObserverState(None, state.theta, state.T, _EMPTY), None, usable[first:]
-    after = found.state
-    return ObserverState(after, after.theta, after.T, kept, state.number + m - first), found, usable[first:]
+        return _ended(observer, state), None, usable[first:]
+    after, number = found.state, state.number + m - first
+    corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
+    deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
+    state = replace(state, filter=after, theta=after.theta, T=after.T, tail=kept, deviations=deviations, number=number)
+    return state, found, usable[first:]
 
 
 def _segment(observer: Observer, samples: Tail) -> Segment:
@@ -256,7 +279,7 @@ def _segment(observer: Observer, samples: Tail) -> Segment:
 def _usable(position: FloatArray) -> Mask:
     """Whether each position is finite and not that of a frozen sensor."""
     index = np.arange(position.size)
-    changed = np.append(True, np.diff(position) != 0.0)
+    changed = np.append(True, position[1:] != position[:-1])
     usable: Mask = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
     return usable
 

@@ -15,6 +15,7 @@ from clutchid.io.files import atomic_write
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
 from clutchid.observe.observer import Observer, ObserverState, Tail, start
+from clutchid.observe.strokes import Strokes
 
 FORMAT = 1
 
@@ -28,8 +29,15 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
         If the file cannot be written.
     """
     content: dict[str, Any] = {
-        "observer": {"format": FORMAT, "method": observer.method, "fingerprint": fingerprint(observer)},
+        "observer": {
+            "format": FORMAT,
+            "method": observer.method,
+            "spacing": observer.spacing,
+            "fingerprint": fingerprint(observer),
+        },
         "number": state.number,
+        "deviations": state.deviations.tolist(),
+        "strokes": {name: value for name, value in state.strokes._asdict().items() if value is not None},
         "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
         "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
     }
@@ -49,10 +57,7 @@ def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
     ParameterError
         If it is damaged, or of another calibration or method.
     """
-    content = read_toml(path, "state of an observer")
-    head = content.get("observer")
-    if not isinstance(head, dict) or head.get("format") != FORMAT:
-        raise ParameterError(f"{path}: is no state of an observer that this version reads; start without it.")
+    content, head = _content(path)
     if head.get("method") != observer.method or head.get("fingerprint") != fingerprint(observer):
         raise ParameterError(
             f"{path}: the state of the method '{head.get('method')}' of another calibration or method; give the "
@@ -62,6 +67,30 @@ def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
         return _state(observer, content)
     except (KeyError, TypeError, ValueError) as error:
         raise ParameterError(f"{path}: the state of an observer is damaged ({error}); start without it.") from None
+
+
+def saved_spacing(path: str | PathLike[str]) -> float:
+    """Time in s from one sample to the next of the observer whose state is in a file.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `read_state`.
+    """
+    _, head = _content(path)
+    spacing = head.get("spacing")
+    if not isinstance(spacing, float) or not 0.0 < spacing < np.inf:
+        raise ParameterError(f"{path}: the state of an observer is damaged (spacing); start without it.")
+    return spacing
+
+
+def _content(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The file, and the section that says what it belongs to."""
+    content = read_toml(path, "state of an observer")
+    head = content.get("observer")
+    if not isinstance(head, dict) or head.get("format") != FORMAT:
+        raise ParameterError(f"{path}: is no state of an observer that this version reads; start without it.")
+    return content, head
 
 
 def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
@@ -79,7 +108,9 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
         )  # fmt: skip
     made = start(observer)
     theta, root = array("parameters", "theta", *made.theta.shape), array("parameters", "root", *made.T.shape)
-    return ObserverState(found, theta, root, tail, int(content["number"]))
+    deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
+    strokes = Strokes(int(content["strokes"]["ended"]), content["strokes"].get("began"))
+    return ObserverState(found, theta, root, tail, deviations, int(content["number"]), strokes)
 
 
 def fingerprint(observer: Observer) -> str:

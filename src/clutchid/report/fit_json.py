@@ -27,7 +27,7 @@ def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> d
             name: {"value": e.value, "unit": e.unit, "std": e.std, "low": e.low, "high": e.high}
             for name, e in result.parameters.items()
         },
-        "load_curve": _curve_json(result.load_curve),
+        "load_curve": curve_json(result.load_curve),
         "errors": errors_json(result.errors),
         "logs": {name: errors_json(recording.errors) for name, recording in result.recordings.items()},
         "verify": {name: errors_json(recording.errors) for name, recording in result.verification.items()},
@@ -45,7 +45,8 @@ def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> d
     }
 
 
-def _curve_json(curve: LoadCurve) -> dict[str, list[float]]:
+def curve_json(curve: LoadCurve) -> dict[str, list[float]]:
+    """A load curve as a JSON object."""
     return {
         "position_m": curve.position.tolist(),
         "force_N": curve.force.tolist(),
@@ -74,14 +75,14 @@ def _comparison_json(found: Comparison | None) -> dict[str, Any]:
     }
     halves = (("before", found.half_before), ("now", found.half_now), ("shift", found.shift))
     half = {name: {"position_m": one.position, "low_m": one.low, "high_m": one.high} for name, one in halves}
-    return {"calibrated_load_curve": _curve_json(found.calibrated), "load_change": {**change, "half_load": half}}
+    return {"calibrated_load_curve": curve_json(found.calibrated), "load_change": {**change, "half_load": half}}
 
 
 def _reading_json(one: Fit) -> dict[str, Any]:
     """One of several recordings, read alone."""
     return {
         "trust": one.verdict.trust,
-        "load_curve": _curve_json(one.load_curve),
+        "load_curve": curve_json(one.load_curve),
         "load_change": _comparison_json(one.comparison)["load_change"],
         "changes": [_change_json(change) for change in one.changes],
     }

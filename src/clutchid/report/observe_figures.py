@@ -1,0 +1,129 @@
+"""Figures of a recording that was observed: the load before and after, by stroke, and the samples over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.assess.verdict import ENGAGING
+from clutchid.log import FloatArray
+from clutchid.observe.by_stroke import BAND, Curve, curve, positions
+from clutchid.observe.recording import ObservedRecording
+from clutchid.report.figures import draw, fill, label, legend, mark_span, new_figure
+from clutchid.report.observe_text import Loads
+from clutchid.report.style import BAR, KN, MM, STYLE, Line
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Positions in m at which the load is drawn by stroke.
+FOLLOWED = (3e-3, 6e-3, 12e-3)
+
+#: Unit of a difference of pressures in Pa.
+KPA = 1e3
+
+#: Percentage of the innovations that the figure has room for.
+SHOWN = 99.0
+
+
+def loads_figure(found: Loads) -> Figure:
+    """The load before and after a recording with their bands, and below the change with the band of the load after."""
+    figure, (loads, change) = new_figure([3.3, 1.9])
+    before, after = found.before, found.after
+    x = after.position / MM
+    for axis in (loads, change):
+        mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
+    for one, colour, words in ((before, STYLE.orange, "before"), (after, STYLE.blue, "after")):
+        fill(loads, x, one.low / KN, one.high / KN, Line(colour, f"95 % band {words}", opacity=0.2))
+        draw(loads, x, one.force / KN, Line(colour, f"{words} the recording", 1.8))
+    fill(change, x, after.low - before.force, after.high - before.force, Line(STYLE.red, opacity=0.2))
+    draw(change, x, after.force - before.force, Line(STYLE.red, "after less before, with the band after", 1.6))
+    change.axhline(0.0, color=STYLE.ink, linewidth=0.7)
+    label(loads, y="load [kN]")
+    label(change, "position [mm]", "change [N]")
+    loads.set_xlim(0.0, float(x[-1]))
+    _limit(loads, np.concatenate([before.force, after.force, [0.0]]) / KN, 0.15)
+    _limit(change, np.append(after.force - before.force, 0.0), 1.0)
+    for axis in (loads, change):
+        legend(axis, "above", 4)
+    figure.align_ylabels()
+    return figure
+
+
+def _limit(axis: Axes, values: FloatArray, part: float) -> None:
+    """Limits for some values with a part of their range on both sides, however wide a band is."""
+    low, high = float(values.min()), float(values.max())
+    room = part * max(high - low, 1e-3)
+    lowest, highest = axis.get_ylim()
+    axis.set_ylim(max(lowest, low - room), min(highest, high + room))
+
+
+def strokes_figure(run: ObservedRecording) -> Figure:
+    """The load at three positions over the number of the stroke, with its band; first that before the recording."""
+    from matplotlib.ticker import MaxNLocator
+
+    grid = positions(run.observer)
+    curves: list[Curve] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
+    number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
+    places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
+    figure, axes = new_figure([1.25] * len(places))
+    for axis, at in zip(axes, places, strict=True):
+        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) / KN for side in Curve._fields[1:])
+        fill(axis, number, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
+        draw(axis, number, force, Line(STYLE.blue, "load", 1.6))
+        axis.plot(number, force, "o", color=STYLE.blue, markersize=2.8)
+        _limit(axis, np.concatenate([force, low[1:], high[1:]]), 0.2)
+        label(axis, y=f"at {grid[at] / MM:.0f} mm [kN]")
+    axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    label(axes[-1], "stroke")
+    legend(axes[0], "above", 4)
+    figure.align_ylabels()
+    return figure
+
+
+def samples_figure(run: ObservedRecording) -> Figure:
+    """Position, pressure in chamber A with its band, innovations with their bounds, and duty cycles, over time.
+
+    Where the pressure was measured, its difference to the estimate follows.
+    """
+    log, t, states = run.log, run.log.time, run.observer.actuator.states
+    with_pressure = "pressure_a" in log
+    figure, axes = new_figure([1.6, 1.9, *([1.15] if with_pressure else []), 1.15, 1.05])
+    position, pressure, innovation, duty = axes[0], axes[1], axes[-2], axes[-1]
+    draw(position, t, log["position"] / MM, Line(STYLE.measured, "measured", 2.2))
+    draw(position, t, run.samples.states[:, states.index("y")] / MM, Line(STYLE.blue, "estimated"))
+    estimated, half = run.samples.states[:, states.index("p_A")], BAND * run.deviation("p_A")
+    if with_pressure:
+        draw(pressure, t, log["pressure_a"] / BAR, Line(STYLE.measured, "measured, not used", 2.2))
+        fill(axes[2], t, -half / KPA, half / KPA, Line(STYLE.blue, "95 % band of the estimate", opacity=0.3))
+        draw(axes[2], t, (log["pressure_a"] - estimated) / KPA, Line(STYLE.red, "", 0.8))
+        label(axes[2], y="measured −\nestimated [kPa]")
+    fill(pressure, t, (estimated - half) / BAR, (estimated + half) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
+    draw(pressure, t, estimated / BAR, Line(STYLE.blue, "estimated from the position"))
+    _innovations(innovation, run)
+    draw(duty, t, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
+    draw(duty, t, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
+    label(position, y="position [mm]")
+    label(pressure, y="pressure A,\nabsolute [bar]")
+    label(innovation, y="innovation\n[µm]")
+    label(duty, "time [s]", "duty cycle [1]")
+    duty.set_xlim(float(t[0]), float(t[-1]))
+    for axis in axes:
+        legend(axis, "above", 4)
+    figure.align_ylabels()
+    return figure
+
+
+def _innovations(axis: Axes, run: ObservedRecording) -> None:
+    """Innovations with their 95 % bounds."""
+    found, variance = run.samples.innovations.T
+    corrected = np.isfinite(found)
+    t, micro = run.log.time[corrected], 1e-6
+    bound = BAND * np.sqrt(variance[corrected]) / micro
+    fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
+    draw(axis, t, found[corrected] / micro, Line(STYLE.red, "measured less predicted", 0.8))
+    if bound.size:
+        most = 1.5 * float(np.percentile(np.maximum(bound, np.abs(found[corrected]) / micro), SHOWN))
+        axis.set_ylim(-most, most)

@@ -1,0 +1,37 @@
+"""A recording that was observed, as a JSON object."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from clutchid.estimate.result import LoadCurve, errors_over
+from clutchid.observe.by_stroke import known
+from clutchid.observe.recording import ObservedRecording
+from clutchid.report.fit_json import curve_json, errors_json
+from clutchid.report.observe_text import loads, observe_sentence
+from clutchid.uncertainty.calibration import Origin
+
+
+def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
+    """The JSON object of an observed recording: that of a fit for the load at its end, and its health."""
+    names = {c.base for c in run.observer.joint.coordinates}
+    values = {name: one for name, one in known(run.observer, run.after).items() if name in names}
+    calibrated, _, after = loads(run)
+    errors = errors_json(errors_over([(run.log, run.estimates())]))
+    warnings = list(run.log.warnings)
+    return {
+        "status": "warning" if warnings or any(run.health.values()) else "ok",
+        "message": observe_sentence(run),
+        "parameters": {
+            name: {**one._asdict(), "unit": run.observer.actuator.unit(name)} for name, one in values.items()
+        },
+        "load_curve": curve_json(LoadCurve(*after)),
+        "calibrated_load_curve": curve_json(LoadCurve(*calibrated)),
+        "errors": errors,
+        "logs": {run.log.name: errors},
+        "warnings": warnings,
+        "method": run.observer.method,
+        "calibration": origin._asdict(),
+        "strokes": run.after.strokes.ended,
+        "health": dict(run.health),
+    }

@@ -1,0 +1,114 @@
+"""Page of a recording that was observed: load before and after, by stroke, samples over time, parameters, health."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+from clutchid.observe.by_stroke import known
+from clutchid.observe.health import FLAGS
+from clutchid.observe.recording import ObservedRecording
+from clutchid.report.figures import png, svg
+from clutchid.report.files import write_text
+from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.observe_figures import loads_figure, samples_figure, strokes_figure
+from clutchid.report.observe_text import loads, observe_sentence
+from clutchid.report.provenance import provenance
+from clutchid.report.tables import Cell, Column, Table
+from clutchid.uncertainty.calibration import Origin
+
+_LOADS = (
+    "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and the "
+    "change. The band before is that of a clutch that may have worn since."
+)
+_STROKES = (
+    "Load at three positions after each stroke, with its 95 % band; the first point is that before the recording."
+)
+_SAMPLES = (
+    "Position and pressure as estimated at each sample from what came before it, the innovations of the position with "
+    "their 95 % bounds, and the duty cycles."
+)
+
+
+def observe_page(run: ObservedRecording, origin: Origin, command: str, path: str | PathLike[str]) -> None:
+    """Write the page of an observed recording as one self-contained HTML file.
+
+    Parameters
+    ----------
+    origin : Origin
+        The calibration that the observer started from.
+    command : str
+        The command line that repeats the run, shown on the page.
+    path
+        The file; an existing one is replaced atomically.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is unchanged.
+    """
+    write_text(render(page_of(run, origin, command)), path)
+
+
+def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
+    """The page before it is rendered."""
+    name = escape(run.log.name)
+    sections = [
+        Section("Load before and after", _result(run)),
+        Section("Load by stroke", _by_stroke(run)),
+        Section("Samples", (Picture(png(samples_figure(run)), f"{name}. {_SAMPLES}", "Samples over time"),)),
+        Section("Parameters", _parameters(run)),
+        Section("Health", (health_table(run),)),
+    ]
+    subtitle = (
+        f"Model {run.observer.actuator.model}; method {run.observer.method}; started from "
+        f"{origin.name or 'a calibration that is not from a file'}."
+    )
+    title = f"Load and pressure of {run.log.name}, on line"
+    return Page(title, subtitle, tuple(sections), provenance([run.log], command))
+
+
+def _result(run: ObservedRecording) -> tuple[Block, ...]:
+    notices = [Notice(warning) for warning in run.log.warnings]
+    raised = [f"{FLAGS[name]}: {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
+    if raised:
+        notices.append(Notice("Faults of the signals", "warning", tuple(raised)))
+    else:
+        notices.append(Notice("No fault of the signals was found.", "ok"))
+    sentence = observe_sentence(run)
+    alt = "Load before and after the recording over the position, and its change, with 95 % bands"
+    figure = Picture(svg(loads_figure(loads(run))), _LOADS, alt)
+    return (*notices, Text(escape(f"{sentence[:1].upper()}{sentence[1:]}.")), figure)
+
+
+def _by_stroke(run: ObservedRecording) -> tuple[Block, ...]:
+    if not run.strokes:
+        return (Text("No stroke ended in the recording."),)
+    return (Picture(svg(strokes_figure(run)), _STROKES, "Load at three positions by stroke"),)
+
+
+def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
+    """Parameters that adapt, before and after; nothing does if the load stays as calibrated."""
+    before, after = (known(run.observer, state) for state in (run.before, run.after))
+    names = [c.base for c in run.observer.joint.coordinates]
+    if not names:
+        return (Text("Nothing adapts: load and parameters stay as calibrated."),)
+    columns = (
+        Column("name", "name"), Column("unit", "unit"), Column("before", "before", significant=4),
+        Column("after", "after", significant=4), Column("std", "std", significant=2),
+        Column("low", "from", significant=4, group="95 % interval"),
+        Column("high", "to", significant=4, group="95 % interval"),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = [
+        (name, run.observer.actuator.unit(name), before[name].value, *after[name]) for name in names
+    ]
+    weights = sum(name in run.observer.actuator.load.names for name in names)
+    return (Table("Load weights and parameters that adapt", columns, tuple(rows), (weights,) if weights else ()),)
+
+
+def health_table(run: ObservedRecording) -> Table:
+    """Seconds of each flag."""
+    columns = (
+        Column("flag", "flag"), Column("meaning", "meaning"), Column("seconds [s]", "seconds", 1.0, 3),
+    )  # fmt: skip
+    rows = tuple((name, FLAGS[name], seconds) for name, seconds in run.health.items())
+    return Table("Faults of the signals", columns, rows)

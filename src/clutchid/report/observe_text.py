@@ -1,0 +1,51 @@
+"""What an observer found in a recording, in words."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.observe.by_stroke import Curve, curve
+from clutchid.observe.observer import start
+from clutchid.observe.recording import ObservedRecording
+from clutchid.report.style import MM
+
+#: Points of a load curve.
+POINTS = 101
+
+
+class Loads(NamedTuple):
+    """The load of the calibration, before the first sample of a recording, and after its last one.
+
+    Each at 101 points from 0 to the full stroke.
+    """
+
+    calibrated: Curve
+    before: Curve
+    after: Curve
+
+
+def loads(run: ObservedRecording) -> Loads:
+    """The loads of a recording."""
+    position = np.linspace(0.0, run.observer.actuator.parameters.y_max, POINTS)
+    return Loads(*(curve(run.observer, state, position) for state in (start(run.observer), run.before, run.after)))
+
+
+def observe_sentence(run: ObservedRecording) -> str:
+    """The load at half stroke before and after, its change, the strokes, and the flags, on one line."""
+    _, before, after = loads(run)
+    half = POINTS // 2
+    change = after.force[half] - before.force[half]
+    share = 100.0 * change / before.force.max()
+    strokes = run.after.strokes.ended - run.before.strokes.ended
+    return (
+        f"load at {before.position[half] / MM:.1f} mm {before.force[half]:.0f} → {after.force[half]:.0f} N "
+        f"({share:+.1f} % of the peak), {strokes} stroke{'' if strokes == 1 else 's'}; {flags_text(run)}"
+    )
+
+
+def flags_text(run: ObservedRecording) -> str:
+    """The flags that were raised, with their seconds."""
+    raised = [f"{name} {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
+    return f"flags: {', '.join(raised)}" if raised else "no flags"

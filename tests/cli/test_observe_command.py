@@ -1,0 +1,200 @@
+"""``clutchid observe``: files, the resumed run, one sentence for bad input, and nothing half-written."""
+
+import json
+
+import numpy as np
+import polars as pl
+import pytest
+
+from clutchid.cli import main
+from clutchid.estimate.parameter_file import ParameterFile, write_parameters
+from clutchid.io import write
+from clutchid.observe.health import FLAGS
+
+CUT = 2345
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, plant, recorded_by):
+    """A calibration, and a recording of a worn clutch: whole, and in two parts."""
+    made = tmp_path_factory.mktemp("observe")
+    write_parameters(ParameterFile(plant), made / "cal.toml")
+    worn = plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
+    log = recorded_by(worn, seconds=6.0, name="worn")
+    for name, part in (("worn", log), ("first", log.slice(0, CUT)), ("rest", log.slice(CUT, len(log)))):
+        write(part, made / f"{name}.parquet")
+    return made
+
+
+@pytest.fixture
+def call(folder, tmp_path, monkeypatch, capsys):
+    """Run the command in a folder of its own; exit code, standard output and standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(log, *options, start=None, out="est.parquet"):
+        with pytest.raises(SystemExit) as ended:
+            main(["observe", str(folder / log), "--start", str(start or folder / "cal.toml"), "--out", out, *options])
+        return ended.value.code, *capsys.readouterr()
+
+    return run
+
+
+def test_it_writes_samples_and_strokes_and_says_what_was_found_on_one_line(call, tmp_path, plant):
+    code, said, errors = call("worn.parquet")
+    assert (code, errors) == (0, "")
+    first, *written = said.splitlines()
+    assert first.startswith("observed worn: load at 12.5 mm ")
+    assert " N (+" in first
+    assert first.endswith(" strokes; no flags")
+    assert [line.rpartition("/")[2] for line in written] == ["est.parquet", "est.load.parquet"]
+    samples, strokes = pl.read_parquet(tmp_path / "est.parquet"), pl.read_parquet(tmp_path / "est.load.parquet")
+    states = {f"{row.column} [{row.unit}]" for row in plant.state_rows.values()}
+    bands = {"pressure_a low [Pa]", "pressure_a high [Pa]", "innovation [m]", "innovation std [m]", "used [1]"}
+    recorded = {"time [s]", "duty_supply [1]", "duty_exhaust [1]", "position_measured [m]", "pressure_a_measured [Pa]"}
+    assert set(samples.columns) == states | bands | recorded
+    assert samples.height == 6000
+    assert {"time [s]", "stroke [1]", "theta_1 [N]", "F_C_std [N]", "load_05000um_low [N]"} <= set(strokes.columns)
+    assert f"{strokes.height} strokes" in first
+
+
+def test_a_resumed_run_gives_the_numbers_of_one_run(call, tmp_path):
+    assert call("worn.parquet", "--save", "whole.toml")[0] == 0
+    assert call("first.parquet", "--save", "state.toml", out="one.parquet")[0] == 0
+    assert call("rest.parquet", "--resume", "state.toml", "--save", "state.toml", out="two.parquet")[0] == 0
+    for suffix in (".parquet", ".load.parquet"):
+        parts = [pl.read_parquet(tmp_path / f"{name}{suffix}") for name in ("one", "two")]
+        whole = pl.read_parquet(tmp_path / f"est{suffix}")
+        assert pl.concat([part for part in parts if part.height]).equals(whole, null_equal=True)
+    assert (tmp_path / "state.toml").read_text() == (tmp_path / "whole.toml").read_text()
+
+
+def test_the_json_object_has_the_load_at_the_end_and_the_health(call, plant, tmp_path):
+    code, said, _ = call("worn.parquet", "--json")
+    answer = json.loads(said)
+    assert code == 0
+    assert answer["status"] == "ok"
+    assert set(answer["health"]) == set(FLAGS)
+    curve = answer["load_curve"]
+    assert {len(values) for values in curve.values()} == {101}
+    assert curve["position_m"][-1] == pytest.approx(plant.parameters.y_max)
+    assert answer["calibrated_load_curve"]["force_N"][50] == pytest.approx(
+        float(plant.load.force(np.array([0.0125]))[0])
+    )
+    last = pl.read_parquet(tmp_path / "est.load.parquet").tail(1)
+    assert set(answer["parameters"]["theta_3"]) == {"value", "std", "low", "high", "unit"}
+    assert answer["parameters"]["theta_3"]["value"] == pytest.approx(last["theta_3 [N]"][0], rel=0.05)
+    assert set(answer["parameters"]) == {*plant.load.names, "F_C", "V_0A", "y_max"}
+    assert 0.0 < answer["errors"]["pressure_a_rms_Pa"] < 2e4
+    assert answer["calibration"]["name"] == "cal.toml"
+    assert answer["method"] == "joint"
+
+
+def test_faults_of_the_signals_are_named_and_make_the_status_a_warning(call, folder, recorded_by, plant, tmp_path):
+    log = recorded_by(plant, seconds=6.0, name="torn")
+    position = log["position"].copy()
+    position[2000:2100] = np.nan
+    write(log.with_columns(position=position), tmp_path / "torn.parquet")
+    assert ("flags: position_missing 0.1 s") in call(tmp_path / "torn.parquet")[1]
+    assert json.loads(call(tmp_path / "torn.parquet", "--json")[1])["status"] == "warning"
+
+
+def test_with_the_method_states_nothing_adapts(call):
+    code, said, _ = call("worn.parquet", "--method", "states", "--json")
+    answer = json.loads(said)
+    assert (code, answer["parameters"], answer["method"]) == (0, {}, "states")
+    assert answer["load_curve"] == answer["calibrated_load_curve"]
+
+
+def spoiled(log, name):
+    bad = log["duty_supply"].copy()
+    bad[500] = 1.3
+    return {
+        "a duty above 1": log.with_columns(duty_supply=bad),
+        "no finite position": log.with_columns(position=np.full(len(log), np.nan)),
+        "no finite duty": log.with_columns(duty_supply=np.full(len(log), np.nan)),
+        "infinite positions": log.with_columns(position=np.full(len(log), np.inf)),
+    }[name]
+
+
+@pytest.mark.parametrize("name", ["a duty above 1", "no finite position", "no finite duty", "infinite positions"])
+@pytest.mark.parametrize("option", [[], ["--force"]])
+def test_a_spoiled_recording_is_bad_input_and_nothing_is_written(call, tmp_path, recorded_by, plant, name, option):
+    write(spoiled(recorded_by(plant, seconds=2.0), name), tmp_path / "bad.parquet")
+    code, said, errors = call(tmp_path / "bad.parquet", "--save", "state.toml", "--report", "page.html", *option)
+    assert (code, said) == (2, "")
+    assert errors.startswith("clutchid: ")
+    assert "Traceback" not in errors
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.parquet"]
+
+
+def test_time_that_goes_back_is_bad_input(call, tmp_path, folder):
+    frame = pl.read_parquet(folder / "first.parquet")
+    frame.reverse().write_parquet(tmp_path / "back.parquet")
+    code, _, errors = call(tmp_path / "back.parquet")
+    assert code == 2
+    assert "time must increase from sample to sample" in errors
+    assert call("first.parquet", "--save", "state.toml")[0] == 0
+    kept = (tmp_path / "state.toml").read_text()
+    code, _, errors = call("worn.parquet", "--resume", "state.toml", "--save", "state.toml")
+    assert code == 2
+    assert "begins at 0 s, but the observer is at 2.344 s; time must go on." in " ".join(errors.split())
+    assert (tmp_path / "state.toml").read_text() == kept
+
+
+def test_a_bad_check_of_look_is_bad_input_unless_forced(call, tmp_path, recorded_by, plant):
+    log = recorded_by(plant, seconds=6.0)
+    swapped = log.with_columns(duty_supply=log["duty_exhaust"], duty_exhaust=log["duty_supply"])
+    write(swapped, tmp_path / "swapped.parquet")
+    code, _, errors = call(tmp_path / "swapped.parquet")
+    assert code == 2
+    assert errors.rstrip().endswith("or go on with --force.")
+    assert call(tmp_path / "swapped.parquet", "--force")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--method", "jonit"], "joint"),
+        (["--resume", "none.toml"], "there is no such file"),
+        (["--save", "est.parquet"], "is the file of --out"),
+        (["--report", "est.load.parquet"], "is the file of --out (load by stroke) too"),
+    ],
+)
+def test_a_wrong_option_is_one_sentence(call, tmp_path, options, words):
+    code, said, errors = call("worn.parquet", *options)
+    assert (code, said) == (2, "")
+    assert words in " ".join(errors.split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_or_calibration_that_is_not_there_is_named(call, tmp_path):
+    for code, _, errors in (call("-"), call("worn.parquet", start=tmp_path / "none.toml")):
+        assert code == 2
+        assert "there is no such file" in " ".join(errors.split())
+
+
+def test_a_calibration_without_a_load_says_how_to_make_one(call, tmp_path):
+    (tmp_path / "cal.toml").write_text("[parameters]\nP_S = 9e5\n")
+    code, _, errors = call("worn.parquet", start=tmp_path / "cal.toml")
+    assert code == 2
+    assert "has no load weights (theta_1, ...) in [parameters]" in " ".join(errors.split())
+
+
+def test_a_state_of_another_calibration_is_refused(call, tmp_path, plant):
+    assert call("first.parquet", "--save", "state.toml")[0] == 0
+    write_parameters(ParameterFile(plant.replace({"F_C": 150.0})), tmp_path / "other.toml")
+    code, _, errors = call("rest.parquet", "--resume", "state.toml", start=tmp_path / "other.toml")
+    assert code == 2
+    assert "of another calibration or method" in " ".join(errors.split())
+
+
+def test_the_samples_may_be_text(call, tmp_path):
+    assert call("first.parquet", out="est.csv")[0] == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"est.csv", "est.load.csv"}
+
+
+def test_the_page_has_the_command_and_needs_no_other_file(call, tmp_path, monkeypatch):
+    assert call("worn.parquet", "--report", "page.html")[0] == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Load and pressure of worn, on line" in page
+    assert "No fault of the signals was found." in page
