@@ -9,6 +9,7 @@ import pytest
 from clutchid.cli import main
 from clutchid.estimate.parameter_file import ParameterFile, write_parameters
 from clutchid.io import write
+from clutchid.log import Log
 from clutchid.observe.health import FLAGS
 
 CUT = 2345
@@ -149,6 +150,19 @@ def test_a_bad_check_of_look_is_bad_input_unless_forced(call, tmp_path, recorded
     assert code == 2
     assert errors.rstrip().endswith("or go on with --force.")
     assert call(tmp_path / "swapped.parquet", "--force")[0] == 0
+
+
+def test_a_recording_too_slow_for_its_duty_cycles_is_refused_unless_forced(call, tmp_path, plant, recorded_by):
+    write_parameters(ParameterFile(plant.replace({"T_pwm": 0.02})), tmp_path / "carrier.toml")
+    log = recorded_by(plant, seconds=8.0)
+    slow = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()})
+    write(slow, tmp_path / "slow.parquet")
+    code, _, errors = call(tmp_path / "slow.parquet", start=tmp_path / "carrier.toml")
+    assert code == 2
+    assert "a sample every 10 ms does not show every change of the duty cycles" in " ".join(errors.split())
+    code, _, errors = call(tmp_path / "slow.parquet", "--force", start=tmp_path / "carrier.toml")
+    assert code == 0
+    assert "a sample every 10 ms does not show every change of the duty cycles" in " ".join(errors.split())
 
 
 @pytest.mark.parametrize(

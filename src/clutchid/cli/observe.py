@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, pressure, print_json, print_written
 from clutchid.cli.terminal import printable_lines
-from clutchid.errors import ParameterError
+from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
 from clutchid.workflow import Reading, inspected, read_recordings, start_file
 
@@ -81,7 +81,8 @@ def observe(
         content = _calibration(start)
         air = pressure(ambient, content.actuator.parameters.P_0)
         read = read_recordings([log], Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
-        run = _followed(inspected(read, content.actuator, force=force)[0], content, method, resume)
+        checked = _fast_enough(inspected(read, content.actuator, force=force)[0], content, force)
+        run = _followed(checked, content, method, resume)
         files.write(run, content)
         _answer(run, content, files, json)
         return DONE
@@ -139,6 +140,16 @@ def _calibration(path: Path) -> ParameterFile:
             "calibrate with pressure first: clutchid fit LOG --measure position,pressure_a --free auto --save CAL.toml."
         )
     return content
+
+
+def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
+    """The recording; one that is too slow has a warning if it is forced, else it is bad input."""
+    from clutchid.observe.recording import too_slow
+
+    sentence = too_slow(log, content.actuator)
+    if sentence and not force:
+        raise DataError(f"{sentence} Or go on with --force.")
+    return replace(log, warnings=(*log.warnings, sentence)) if sentence else log
 
 
 def _followed(log: Log, content: ParameterFile, method: str, resume: Path | None) -> ObservedRecording:

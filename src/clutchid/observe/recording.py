@@ -9,9 +9,11 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log, name_and_unit
+from clutchid.model.actuator import Actuator
 from clutchid.observe.by_stroke import BAND, StrokeRow, follow_strokes, known, positions
 from clutchid.observe.health import health
 from clutchid.observe.observer import Observed, Observer, ObserverState, start
+from clutchid.preparation.pulses import Duties, duties_in
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
 #: what is known before the recording has ended, and the same for its parts.
@@ -97,6 +99,17 @@ def spacing(log: Log) -> float:
     if len(log) < 2:
         raise DataError(f"{log.name}: {len(log)} samples; an observer needs two at least, to know their distance.")
     return float(f"{np.median(np.diff(log.time[: INTERVALS + 1])):.{DIGITS}g}")
+
+
+def too_slow(log: Log, actuator: Actuator) -> str:
+    """Why a recording is too slow for an observer of a calibrated actuator, in a sentence; else nothing."""
+    if duties_in(log, actuator) is Duties.RECORDED:
+        return ""
+    return (
+        f"{log.name}: a sample every {spacing(log) * 1e3:.3g} ms does not show every change of the duty cycles, and an "
+        "observer cannot wait for the next sample to interpolate: the load would have errors of tens of percent. "
+        "Record at 1 kHz, or read the load off line: clutchid fit LOG --start CAL.toml --free load."
+    )
 
 
 def observe_recording(observer: Observer, log: Log, state: ObserverState | None = None) -> ObservedRecording:

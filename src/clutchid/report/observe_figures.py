@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clutchid.assess.verdict import ENGAGING
-from clutchid.log import FloatArray
+from clutchid.log import HOLE, FloatArray, Log
 from clutchid.observe.by_stroke import BAND, Curve, curve, positions
 from clutchid.observe.recording import ObservedRecording
-from clutchid.report.figures import draw, fill, label, legend, mark_span, new_figure
+from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
 from clutchid.report.observe_text import Loads
 from clutchid.report.style import BAR, KN, MM, STYLE, Line
 
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 #: Positions in m at which the load is drawn by stroke.
 FOLLOWED = (3e-3, 6e-3, 12e-3)
 
-#: Unit of a difference of pressures in Pa.
-KPA = 1e3
+#: Units of differences of pressures in Pa and of positions in m.
+KPA, MICRO = 1e3, 1e-6
 
 #: Percentage of the innovations that the figure has room for.
 SHOWN = 99.0
@@ -88,28 +89,29 @@ def samples_figure(run: ObservedRecording) -> Figure:
 
     Where the pressure was measured, its difference to the estimate follows.
     """
-    log, t, states = run.log, run.log.time, run.observer.actuator.states
+    log, states = run.log, run.observer.actuator.states
     with_pressure = "pressure_a" in log
     figure, axes = new_figure([1.6, 1.9, *([1.15] if with_pressure else []), 1.15, 1.05])
     position, pressure, innovation, duty = axes[0], axes[1], axes[-2], axes[-1]
-    draw(position, t, log["position"] / MM, Line(STYLE.measured, "measured", 2.2))
-    draw(position, t, run.samples.states[:, states.index("y")] / MM, Line(STYLE.blue, "estimated"))
     estimated, half = run.samples.states[:, states.index("p_A")], BAND * run.deviation("p_A")
+    t, (measured, followed, p, h) = with_gaps(
+        log.time, [log["position"], run.samples.states[:, states.index("y")], estimated, half], run.observer.spacing
+    )
+    draw(position, t, measured / MM, Line(STYLE.measured, "measured", 2.2))
+    draw(position, t, followed / MM, Line(STYLE.blue, "estimated"))
     if with_pressure:
-        draw(pressure, t, log["pressure_a"] / BAR, Line(STYLE.measured, "measured, not used", 2.2))
-        fill(axes[2], t, -half / KPA, half / KPA, Line(STYLE.blue, "95 % band of the estimate", opacity=0.3))
-        draw(axes[2], t, (log["pressure_a"] - estimated) / KPA, Line(STYLE.red, "", 0.8))
-        label(axes[2], y="measured −\nestimated [kPa]")
-    fill(pressure, t, (estimated - half) / BAR, (estimated + half) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
-    draw(pressure, t, estimated / BAR, Line(STYLE.blue, "estimated from the position"))
+        _, (recorded,) = with_gaps(log.time, [log["pressure_a"]], run.observer.spacing)
+        draw(pressure, t, recorded / BAR, Line(STYLE.measured, "measured, not used", 2.2))
+        fill(axes[2], t, -h / KPA, h / KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
+        draw(axes[2], t, (recorded - p) / KPA, Line(STYLE.red, "measured less estimated", 0.8))
+        label(axes[2], y="difference\n[kPa]")
+    fill(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
+    draw(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
     _innovations(innovation, run)
-    draw(duty, t, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
-    draw(duty, t, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
+    _duties(duty, log)
     label(position, y="position [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
     label(innovation, y="innovation\n[µm]")
-    label(duty, "time [s]", "duty cycle [1]")
-    duty.set_xlim(float(t[0]), float(t[-1]))
     for axis in axes:
         legend(axis, "above", 4)
     figure.align_ylabels()
@@ -120,10 +122,38 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     """Innovations with their 95 % bounds."""
     found, variance = run.samples.innovations.T
     corrected = np.isfinite(found)
-    t, micro = run.log.time[corrected], 1e-6
-    bound = BAND * np.sqrt(variance[corrected]) / micro
+    every = run.observer.joint.settings.every * run.observer.spacing
+    columns = [found[corrected] / MICRO, BAND * np.sqrt(variance[corrected]) / MICRO]
+    t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
     fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
-    draw(axis, t, found[corrected] / micro, Line(STYLE.red, "measured less predicted", 0.8))
-    if bound.size:
-        most = 1.5 * float(np.percentile(np.maximum(bound, np.abs(found[corrected]) / micro), SHOWN))
+    draw(axis, t, innovation, Line(STYLE.red, "measured less predicted", 0.8))
+    if corrected.any():
+        most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), SHOWN))
         axis.set_ylim(-most, most)
+
+
+def _duties(axis: Axes, log: Log) -> None:
+    draw(axis, log.time, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
+    draw(axis, log.time, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
+    label(axis, "time [s]", "duty cycle [1]")
+    axis.set_xlim(float(log.time[0]), float(log.time[-1]))
+
+
+def with_gaps(time: FloatArray, columns: Sequence[FloatArray], usual: float) -> tuple[FloatArray, list[FloatArray]]:
+    """Curves with NaN in the holes in time, enough of them that a decimated curve has a gap as well.
+
+    Parameters
+    ----------
+    usual : s
+        Time from one sample to the next.
+
+    Examples
+    --------
+    >>> with_gaps(np.array([0.0, 1.0, 9.0]), [np.ones(3)], 1.0)[1]
+    [array([ 1.,  1., nan, nan, nan,  1.])]
+    """
+    holes = np.flatnonzero(np.diff(time) > HOLE * usual)
+    count = 2 * -(-time.size // BINS) + 1
+    at = np.repeat(holes + 1, count)
+    between = (time[holes, None] + np.diff(time)[holes, None] * np.linspace(0.0, 1.0, count + 2)[1:-1]).ravel()
+    return np.insert(time, at, between), [np.insert(column, at, np.nan) for column in columns]

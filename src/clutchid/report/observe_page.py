@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 
 from clutchid.observe.by_stroke import known
@@ -9,9 +10,9 @@ from clutchid.observe.health import FLAGS
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.figures import png, svg
 from clutchid.report.files import write_text
-from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.html import Block, Details, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.observe_figures import loads_figure, samples_figure, strokes_figure
-from clutchid.report.observe_text import loads, observe_sentence
+from clutchid.report.observe_text import load_sentence, loads
 from clutchid.report.provenance import provenance
 from clutchid.report.tables import Cell, Column, Table
 from clutchid.uncertainty.calibration import Origin
@@ -74,7 +75,7 @@ def _result(run: ObservedRecording) -> tuple[Block, ...]:
         notices.append(Notice("Faults of the signals", "warning", tuple(raised)))
     else:
         notices.append(Notice("No fault of the signals was found.", "ok"))
-    sentence = observe_sentence(run)
+    sentence = load_sentence(run)
     alt = "Load before and after the recording over the position, and its change, with 95 % bands"
     figure = Picture(svg(loads_figure(loads(run))), _LOADS, alt)
     return (*notices, Text(escape(f"{sentence[:1].upper()}{sentence[1:]}.")), figure)
@@ -87,22 +88,27 @@ def _by_stroke(run: ObservedRecording) -> tuple[Block, ...]:
 
 
 def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
-    """Parameters that adapt, before and after; nothing does if the load stays as calibrated."""
-    before, after = (known(run.observer, state) for state in (run.before, run.after))
-    names = [c.base for c in run.observer.joint.coordinates]
+    """Parameters and load weights that adapt, before and after; none if the load stays as calibrated."""
+    names, weights = [c.base for c in run.observer.joint.coordinates], run.observer.actuator.load.names
     if not names:
         return (Text("Nothing adapts: load and parameters stay as calibrated."),)
+    others = parameter_table(run, "Parameters that adapt", [name for name in names if name not in weights])
+    table = parameter_table(run, "Load weights", [name for name in names if name in weights])
+    return (others, Details("Load weights", (table,)))
+
+
+def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) -> Table:
+    """Some parameters or load weights before and after the recording."""
+    before, after = (known(run.observer, state) for state in (run.before, run.after))
     columns = (
         Column("name", "name"), Column("unit", "unit"), Column("before", "before", significant=4),
         Column("after", "after", significant=4), Column("std", "std", significant=2),
         Column("low", "from", significant=4, group="95 % interval"),
         Column("high", "to", significant=4, group="95 % interval"),
     )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = [
-        (name, run.observer.actuator.unit(name), before[name].value, *after[name]) for name in names
-    ]
-    weights = sum(name in run.observer.actuator.load.names for name in names)
-    return (Table("Load weights and parameters that adapt", columns, tuple(rows), (weights,) if weights else ()),)
+    unit = run.observer.actuator.unit
+    rows: list[tuple[Cell, ...]] = [(name, unit(name), before[name].value, *after[name]) for name in names]
+    return Table(title, columns, tuple(rows))
 
 
 def health_table(run: ObservedRecording) -> Table:

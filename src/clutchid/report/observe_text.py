@@ -34,6 +34,13 @@ def loads(run: ObservedRecording) -> Loads:
 
 def observe_sentence(run: ObservedRecording) -> str:
     """The load at half stroke before and after, its change, the strokes, and the flags, on one line."""
+    raised = [f"{name} {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
+    flags = f"flags: {', '.join(raised)}" if raised else "no flags"
+    return f"{load_sentence(run)}; {flags}"
+
+
+def load_sentence(run: ObservedRecording) -> str:
+    """The load at half stroke before and after, its change, and the strokes."""
     _, before, after = loads(run)
     half = POINTS // 2
     change = after.force[half] - before.force[half]
@@ -41,11 +48,5 @@ def observe_sentence(run: ObservedRecording) -> str:
     strokes = run.after.strokes.ended - run.before.strokes.ended
     return (
         f"load at {before.position[half] / MM:.1f} mm {before.force[half]:.0f} → {after.force[half]:.0f} N "
-        f"({share:+.1f} % of the peak), {strokes} stroke{'' if strokes == 1 else 's'}; {flags_text(run)}"
+        f"({share:+.1f} % of the peak), {strokes} stroke{'' if strokes == 1 else 's'}"
     )
-
-
-def flags_text(run: ObservedRecording) -> str:
-    """The flags that were raised, with their seconds."""
-    raised = [f"{name} {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
-    return f"flags: {', '.join(raised)}" if raised else "no flags"
