@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -51,10 +52,11 @@ def positions(observer: Observer) -> FloatArray:
     return grid
 
 
-def curve(observer: Observer, state: ObserverState, position: FloatArray) -> Curve:
-    """The load as it is known in a state, at positions in m, shape (positions,)."""
-    force, half = observer.load(state).force(position), BAND * observer.load_deviation(state, position)
-    return Curve(position, force, force - half, force + half)
+def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> Curve:
+    """The load as it is known in a state, at positions in m."""
+    at = np.asarray(position, dtype=np.float64)
+    force, half = observer.load(state).force(at), BAND * observer.load_deviation(state, at)
+    return Curve(at, force, force - half, force + half)
 
 
 def known(observer: Observer, state: ObserverState) -> dict[str, Known]:
