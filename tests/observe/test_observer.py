@@ -143,6 +143,23 @@ def test_missing_positions_are_predicted(joint, log):
     assert np.isnan(found.innovations[800:900]).all()
 
 
+@pytest.mark.parametrize("lengths", [[2500], [1, 99, 2400], [1000, 1, 1499]])
+def test_a_stretch_that_begins_without_a_position_starts_with_the_first_one(joint, plant, log, lengths):
+    inside = int(np.argmax(log["position"] > 5e-3))
+    part = log.slice(inside, inside + 2500)
+    position = part["position"].copy()
+    position[:50] = np.nan
+    state, found, at = start(joint), [], 0
+    for length in lengths:
+        state, some = observe(joint, state, part.with_columns(position=position).slice(at, at + length))
+        found.append(some.states)
+        at += length
+    _, expected = observe(joint, start(joint), part.slice(50, 2500))
+    states = np.vstack(found)
+    assert np.isnan(states[:50]).all()
+    assert np.array_equal(states[50:], expected.states)
+
+
 def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
     state, _ = observe(joint, start(joint), log.slice(0, 300))
     with pytest.raises(DataError, match=r"begins at 0\.2 s, but the observer is at 0\.299 s; time must go on"):

@@ -42,16 +42,17 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
     position = log["position"]
     driven: Mask = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
     known = np.isfinite(position)
+    followed = np.isfinite(samples.states[:, 0])
     steps = np.diff(np.append(earlier[-1:], log.time))
     innovation, variance = samples.innovations.T
     corrected = np.isfinite(innovation)
     outliers = np.abs(innovation[corrected]) > observer.joint.noise.outlier * np.sqrt(variance[corrected])
     return {
         "position_missing": spacing * int(np.sum(~known)),
-        "position_frozen": spacing * int(np.sum(known & driven & ~samples.used)),
+        "position_frozen": spacing * int(np.sum(known & followed & ~samples.used)),
         "position_beyond_stops": spacing * int(np.sum((position < -BEYOND) | (position > y_max + BEYOND))),
         "duty_missing": spacing * int(np.sum(~driven)),
         "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
-        "diverged": spacing * int(np.sum(driven & ~np.isfinite(samples.states[:, 0]))),
+        "diverged": spacing * int(np.sum(known & driven & ~followed)),
     }

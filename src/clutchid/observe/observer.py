@@ -167,7 +167,7 @@ _EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0))
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
     """Follow the samples of a block, from the state before its first.
 
-    Blocks of any length give the same numbers, bit by bit.
+    A stretch without holes starts with its first position. Blocks of any length give the same numbers, bit by bit.
 
     Raises
     ------
@@ -180,18 +180,25 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     states = np.full((n, len(observer.actuator.states)), np.nan)
     deviations = states.copy()
     innovations, used = np.full((n, 2), np.nan), np.zeros(n, dtype=bool)
-    for a, b in _stretches(observer, block.time, duties):
-        if not _continues(observer, state, block.time[a], duties[a]):
+    known: Mask = np.isfinite(block["position"])
+    for begin, b in _stretches(observer, block.time, duties):
+        if not _continues(observer, state, block.time[begin], duties[begin]):
             state = _ended(observer, state)
-        if not np.isfinite(duties[a]).all():
+        a = begin if state.filter is not None else begin + _first(known[begin:b])
+        if a == b or not np.isfinite(duties[a]).all():
             continue
         state, found, usable = _stretch(observer, state, Tail(block.time[a:b], duties[a:b], block["position"][a:b]))
         if found is not None:
             states[a:b], deviations[a:b], innovations[a:b] = found.states, found.deviations, found.errors[:, 0]
-        used[a:b] = usable
+            used[a:b] = usable
     strokes, _ = count_strokes(state.strokes, block.time, block["position"])
     state = replace(state, strokes=strokes)
     return state, Observed(block.time, states, deviations, innovations, used)
+
+
+def _first(known: Mask) -> int:
+    """Number of the first known sample, as many as there are if none is."""
+    return int(np.argmax(np.append(known, True)))
 
 
 def _check(state: ObserverState, block: Log) -> None:
@@ -260,7 +267,7 @@ def _segment(observer: Observer, samples: Tail) -> Segment:
     m, actuator = samples.time.size, observer.joint.mapped.actuator
     log = Log(samples.time, dict(zip(INPUTS, samples.duties.T, strict=True)))
     dt = np.diff(samples.time)
-    position = float(np.clip(np.nan_to_num(samples.position[0]), -OUTSIDE, actuator.parameters.y_max + OUTSIDE))
+    position = float(np.clip(samples.position[0], -OUTSIDE, actuator.parameters.y_max + OUTSIDE))
     return Segment(
         start=0,
         stop=m,

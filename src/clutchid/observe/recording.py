@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import FloatArray, Log, name_and_unit
+from clutchid.log import INPUTS, FloatArray, Log, name_and_unit
 from clutchid.model.actuator import Actuator
 from clutchid.observe.by_stroke import BAND, StrokeRow, follow_strokes, known, positions
 from clutchid.observe.health import health
@@ -128,7 +128,7 @@ def observe_recording(observer: Observer, log: Log, state: ObserverState | None 
             f"{observer.spacing * 1e3:.3g} ms; go on with a recording at the same rate, or start anew."
         )
     after, samples, rows = follow_strokes(observer, before, log)
-    if not samples.used.any():
+    if not np.all([np.isfinite(log[name]) for name in ("position", *INPUTS)], axis=0).any():
         raise DataError(
             f"{log.name}: no sample has a position and both duty cycles, all finite; there is nothing to observe."
         )
