@@ -103,7 +103,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
         _, (recorded,) = with_gaps(log.time, [log["pressure_a"]], run.observer.spacing)
         draw(pressure, t, recorded / BAR, Line(STYLE.measured, "measured, not used", 2.2))
         fill(axes[2], t, -h / KPA, h / KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
-        draw(axes[2], t, (recorded - p) / KPA, Line(STYLE.red, "measured less estimated", 0.8))
+        draw(axes[2], t, (recorded - p) / KPA, Line(STYLE.measured, "measured less estimated", 0.8))
         label(axes[2], y="difference\n[kPa]")
     fill(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
     draw(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
