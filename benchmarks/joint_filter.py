@@ -38,8 +38,9 @@ def main() -> None:
     bounds = -5.0 * np.ones(k), 5.0 * np.ones(k)
 
     def filtered(every: int, memory: float) -> Callable[[], object]:
-        settings = JointSettings(every=every, drift=1e-5)
-        joint = joint_filter(actuator, free, bounds, ("position",), Noise(memory=memory), settings)
+        settings = JointSettings(every=every)
+        drifts = 1e-3 * np.eye(k)
+        joint = joint_filter(actuator, free, bounds, ("position",), Noise(memory=memory), settings, drifts)
         state, given = init(joint, track.segment, np.zeros(k), 0.3 * np.eye(k)), inputs(joint, track)
         return lambda: follow(joint, state, given, (0, count))
 

@@ -1,42 +1,116 @@
 """Loads and pressures of the observers: ``python benchmarks/online.py --family A --trucks 4 --seed 0``.
 
 Every truck is calibrated once with pressure. Then its worn clutch is followed from position alone, sample by sample,
-from the load of the new clutch. Load over 5 to 8 mm, rms in % of the peak, after 2 and 10 strokes and at the end of 30
-s; pressure in chamber A, rms in kPa; median / worst over the trucks. Covered is the share of the points from 0.5 to 20
-mm where the 95 % band of the load at the end holds the truth.
+from the load of the new clutch, undisturbed or with a fault. Load over 5 to 8 mm, rms in % of the peak, after 2 and 10
+strokes and at the end; worse is how much larger that error became than at the start, from 5 strokes on; pressure in
+chamber A, rms in kPa; median / worst over the trucks. Covered is the share of the points from 0.5 to 20 mm where the 95
+% band of the load at the end holds the truth, width the median of the band from low to high in % of the peak.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from clutchid import Fit, fit
-from clutchid.log import FloatArray, Log
+import clutchid
+from clutchid import fit
+from clutchid.estimate.parameter_file import ParameterFile
+from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.observe.methods import METHODS
 from clutchid.observe.observer import observe, observer, start
 from clutchid.study.proving.ground import SECONDS, STROKES
-from clutchid.truck import GRID, Drive, drive, truck
+from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
 #: Wear of the facing in m, and position in m whose upward crossings are counted as strokes.
 WEAR, STROKE = 1.5e-3, 2e-3
 
-#: Strokes after which the load is compared with the truth.
-AFTER = (2, 10)
+#: Strokes after which the load is compared with the truth, and those from which it should not become worse.
+AFTER, SETTLED = (2, 10), 5
+
+#: Quantile of the 95 % bands.
+QUANTILE = 1.96
+
+TITLES = (
+    "2 strokes [%]", "10 strokes [%]", "end [%]", "worse [%]", "p_A [kPa]", "covered [%]", "width [%]", "us a sample",
+)  # fmt: skip
 
 
 class Row(NamedTuple):
-    """Errors of one truck; NaN where there are fewer strokes."""
+    """Errors of a method with a fault on one truck; NaN where there are fewer strokes or the filter diverged."""
 
     after_2: float
     after_10: float
     end: float
+    worse: float
     pressure: float
     covered: float
+    width: float
     microseconds: float
+
+
+def _of_position(change: Callable[[FloatArray, np.random.Generator], FloatArray]) -> Callable[[Log], Log]:
+    """A fault of the position sensor."""
+    return lambda log: log.with_columns(position=change(log["position"].copy(), np.random.default_rng(len(log))))
+
+
+def _frozen(position: FloatArray, random: np.random.Generator) -> FloatArray:
+    for begin in random.integers(2000, position.size - 2000, 3):
+        position[begin : begin + 500] = position[begin]
+    return position
+
+
+def _spikes(position: FloatArray, random: np.random.Generator) -> FloatArray:
+    position[random.integers(0, position.size, 30)] += 5e-3 * random.choice([-1.0, 1.0], 30)
+    return position
+
+
+def _gaps(log: Log) -> Log:
+    keep = np.ones(len(log), dtype=bool)
+    for begin in np.random.default_rng(len(log)).integers(2000, len(log) - 2000, 3):
+        keep[begin : begin + 1000] = False
+    return Log(log.time[keep], {name: log[name][keep] for name in log.columns}, name=log.name)
+
+
+def _late(log: Log) -> Log:
+    return log.with_columns(**{name: np.append(log[name][:1], log[name][:-1]) for name in INPUTS})
+
+
+def _same(log: Log) -> Log:
+    return log
+
+
+def _thinner(kind: Vehicle) -> Vehicle:
+    return kind.replace({"D_v": 0.8 * kind.D_v})
+
+
+def _lower_supply(kind: Vehicle) -> Vehicle:
+    return kind.replace({"P_S": 0.95 * kind.P_S})
+
+
+def _as_it_is(kind: Vehicle) -> Vehicle:
+    return kind
+
+
+#: Faults: what changes of the truck since its calibration, and of the recording.
+FAULTS: dict[str, tuple[Callable[[Vehicle], Vehicle], Callable[[Log], Log]]] = {
+    "nothing": (_as_it_is, _same),
+    "grease 20 % thinner": (_thinner, _same),
+    "supply 5 % lower": (_lower_supply, _same),
+    "duty one sample late": (_as_it_is, _late),
+    "offset of 0.2 mm": (_as_it_is, _of_position(lambda position, _: position + 2e-4)),
+    "frozen 3 x 0.5 s": (_as_it_is, _of_position(_frozen)),
+    "three gaps of 1 s": (_as_it_is, _gaps),
+    "30 spikes of 5 mm": (_as_it_is, _of_position(_spikes)),
+}
 
 
 def strokes(log: Log) -> FloatArray:
@@ -46,52 +120,99 @@ def strokes(log: Log) -> FloatArray:
     return ends
 
 
-def followed(once: Fit, worn: Drive, method: str) -> Row:
-    """Errors of a method on a recording."""
-    one = observer(once.actuator, method)
+def one_truck(
+    number: int, family: str, faults: Sequence[str], methods: Sequence[str], passes: int, kept: Path | None
+) -> dict[tuple[str, str], Row]:
+    """Errors of every method with every fault on one truck."""
+    kind = truck(number, family)
+    seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
+    calibration = calibrated(kind, seeds[0], kept / f"{family}{number}.toml" if kept else None)
+    rows = {}
+    for fault in faults:
+        of_truck, of_log = FAULTS[fault]
+        worn = drive(of_truck(kind), seconds=SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False)
+        log = of_log(worn.log)
+        rows |= {(fault, method): followed(calibration, worn, log, method, passes) for method in methods}
+    return rows
+
+
+def calibrated(kind: Vehicle, seed: int, path: Path | None) -> ParameterFile:
+    """The calibration of a truck, read from a file if an earlier run has written it."""
+    if path is not None and path.exists():
+        return clutchid.read_parameters(path)
+    log = drive(kind, seconds=SECONDS, seed=seed, name="calibration").log
+    once = fit(log, measure=("position", "pressure_a"), free=("auto",))
+    if path is not None:
+        path.parent.mkdir(exist_ok=True)
+        clutchid.write_parameters(clutchid.parameter_file(once), path)
+    return clutchid.parameter_file(once)
+
+
+def followed(calibrated: ParameterFile, worn: Drive, log: Log, method: str, passes: int) -> Row:
+    """Errors of a method on a recording, the last of `passes` passes for pressure and the end."""
+    actuator = calibrated.actuator
+    one = observer(actuator, method, calibration=calibrated.calibration)
     state, truth = start(one), worn.truth.load(GRID)
     touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), strokes(worn.log)
-    cuts = [int(ends[n - 1]) for n in AFTER if ends.size >= n]
-    errors, pressures, begin, seconds = [], [], 0, 0.0
-    for end in (*cuts, len(worn.log)):
-        started = time.perf_counter()
-        state, found = observe(one, state, worn.log.slice(begin, end))
-        seconds += time.perf_counter() - started
-        pressures.append(found.states[:, once.actuator.states.index("p_A")])
+
+    def error() -> float:
         off = 100 * (one.load(state).force(GRID) - truth) / truth.max()
-        errors.append(float(np.sqrt(np.mean(off[touch] ** 2))))
-        begin = end
-    errors = [*errors[:-1], *[np.nan] * (len(AFTER) - len(cuts)), errors[-1]]
-    pressure = np.sqrt(np.nanmean((np.concatenate(pressures) - worn.truth.states["pressure_a"]) ** 2))
-    within = np.abs(one.load(state).force(GRID) - truth) <= 1.96 * one.load_deviation(state, GRID)
-    return Row(*errors, float(pressure) * 1e-3, 100 * float(within.mean()), seconds / len(worn.log) * 1e6)
+        return float(np.sqrt(np.mean(off[touch] ** 2)))
+
+    cuts = [*np.searchsorted(log.time, worn.log.time[ends]).tolist(), len(log)]
+    errors, pressures, seconds = [error()], [], 0.0
+    for number in range(passes):
+        again = Log(log.time + number * (log.time[-1] + 1.0), {name: log[name] for name in log.columns})
+        pressures = []
+        for begin, end in zip([0, *cuts], cuts, strict=False):
+            started = time.perf_counter()
+            state, found = observe(one, state, again.slice(begin, end))
+            seconds += time.perf_counter() - started
+            pressures.append(found.states[:, actuator.states.index("p_A")])
+            errors.append(error())
+    true = np.interp(log.time, worn.log.time, worn.truth.states["pressure_a"])
+    pressure = np.sqrt(np.nanmean((np.concatenate(pressures) - true) ** 2))
+    deviation = one.load_deviation(state, GRID)
+    within = np.abs(one.load(state).force(GRID) - truth) <= QUANTILE * deviation
+    reached = [errors[n] if len(errors) > n + 1 else np.nan for n in AFTER]
+    worse = max(errors[SETTLED:], default=np.nan) - errors[0]
+    return Row(
+        *reached, errors[-1], worse, float(pressure) * 1e-3, 100 * float(within.mean()),
+        200 * QUANTILE * float(np.median(deviation)) / truth.max(), seconds / (passes * len(log)) * 1e6,
+    )  # fmt: skip
 
 
 def main() -> None:
-    """Print a row a method."""
+    """Print a row a fault and method."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--family", default="A", choices=("A", "B"))
     options.add_argument("--trucks", type=int, default=4)
     options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--fault", action="append", choices=tuple(FAULTS), help="default: all")
+    options.add_argument("--method", action="append", choices=tuple(METHODS), help="default: all")
+    options.add_argument("--passes", type=int, default=1, help="of the same recording, one after the other")
+    options.add_argument("--calibrations", type=Path, help="folder in which calibrations are kept for the next run")
+    options.add_argument("--workers", type=int, default=1)
     chosen = options.parse_args()
-    rows: dict[str, list[Row]] = {method: [] for method in METHODS}
-    for number in range(chosen.seed, chosen.seed + chosen.trucks):
-        kind = truck(number, chosen.family)
-        seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-        log = drive(kind, seconds=SECONDS, seed=seeds[0], name="calibration").log
-        once = fit(log, measure=("position", "pressure_a"), free=("auto",))
-        worn = drive(
-            kind, seconds=SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, name="worn"
-        )
-        for method, found in rows.items():
-            found.append(followed(once, worn, method))
-    titles = ("2 strokes [%]", "10 strokes [%]", "end [%]", "p_A [kPa]", "covered [%]", "us a sample")
-    print(f"{'method':<12}" + "".join(f"{title:>18}" for title in titles))
-    for method, found in rows.items():
-        table = np.array(found)
-        cells = [f"{np.nanmedian(column):.2f} / {np.nanmax(column):.2f}" for column in table.T]
-        cells[4] = f"{table[:, 4].mean():.0f}"
-        print(f"{method:<12}" + "".join(f"{cell:>18}" for cell in cells))
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    faults, methods = chosen.fault or list(FAULTS), chosen.method or list(METHODS)
+    of_a_truck = partial(
+        one_truck, family=chosen.family, faults=faults, methods=methods, passes=chosen.passes, kept=chosen.calibrations
+    )
+    with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
+        found = list(pool.map(of_a_truck, range(chosen.seed, chosen.seed + chosen.trucks)))
+    print(f"{'fault':<22}{'method':<15}" + "".join(f"{title:>16}" for title in TITLES))
+    for fault in faults:
+        for method in methods:
+            print(f"{fault:<22}{method:<15}" + "".join(f"{cell:>16}" for cell in cells(found, fault, method)))
+
+
+def cells(found: Sequence[Mapping[tuple[str, str], Row]], fault: str, method: str) -> list[str]:
+    """A line of the table."""
+    table = np.array([rows[fault, method] for rows in found])
+    both = [f"{np.nanmedian(column):.2f} / {np.nanmax(column):.2f}" for column in table.T]
+    both[5], both[6] = f"{table[:, 5].mean():.0f}", f"{np.nanmedian(table[:, 6]):.1f}"
+    return both
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """The joint recursion on a linear model, against the textbook filter of the augmented state and batch least squares."""
 
+import math
+
 import numpy as np
 import pytest
 from numba import njit, types
@@ -76,6 +78,7 @@ def drawn():
         0.1 * random.standard_normal(K),
         T,
         np.zeros(SIZE),
+        np.zeros(1, np.int64),
     )
 
 
@@ -90,19 +93,18 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
         table.flags.writeable = False
     model = np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N)
     derived = np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K)
-    width, size = K + SIZE, SIZE
-    room = scratch(SIZE, N, width, 2), np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K + size, 2 * K + size))
+    room = scratch(SIZE, N, K + SIZE, 2), np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K, 2 * K))
     output = np.empty((span[1] - span[0], 2, 2)), np.empty((span[1] - span[0], N)), np.empty((span[1] - span[0], N))
     intervals = u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags
-    settings = every, NEVER, -1.0, 1, drift
+    settings, drifts = (every, NEVER, -1.0, (1, 0)), math.sqrt(drift) * np.eye(K)
     free = numbers, places, np.zeros((1, 2), np.int64)
-    return (model, free, derived, intervals, SENSORS, values, settings, output, room, (*span, 0)), output
+    return (model, free, derived, intervals, SENSORS, values, settings, drifts, output, room, (*span, 0)), output
 
 
 def textbook(every, noise=1.0):
     """Mean and covariance of (x, parameters in SI) by a Kalman filter that forms covariances."""
     u, values, sigma = recording()
-    x, S, theta, T, _ = drawn()
+    x, S, theta, T, _, _ = drawn()
     root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
     z, P = np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
     a, b, c = np.stack([lag_coefficients(tau, np.array([1e-3]))[0, :3] for tau in TAU]).T
@@ -132,7 +134,7 @@ def textbook(every, noise=1.0):
 
 
 def joint_moments(state):
-    x, S, theta, T, _ = state
+    x, S, theta, T, _, _ = state
     root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
     return np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
 
@@ -164,7 +166,7 @@ def test_deviations_are_those_of_the_covariance_and_there_are_none_between_corre
 def test_without_process_noise_it_is_batch_least_squares(kernels, calls):
     state, _ = followed(kernels, calls, 1, noise=0.0)
     u, values, _ = recording()
-    x, S, theta, T, _ = drawn()
+    x, S, theta, T, _, _ = drawn()
     root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
     z = np.concatenate([x, MEAN + WIDTH * theta])
     a, b, c = np.stack([lag_coefficients(tau, np.array([1e-3]))[0, :3] for tau in TAU]).T
@@ -188,15 +190,35 @@ def test_without_process_noise_it_is_batch_least_squares(kernels, calls):
     assert mean[SIZE:] == pytest.approx((z + start)[SIZE:], abs=1e-9)
 
 
-def test_drift_adds_its_variance_to_the_parameters_alone(kernels):
-    state = drawn()
-    mean, before = joint_moments(state)
-    kernels.drift(state, WIDTH.copy(), 0.04, np.empty((K + SIZE, 2 * K + SIZE)))
-    after_mean, after = joint_moments(state)
-    added = np.zeros(SIZE + K)
-    added[SIZE:] = 0.04 * WIDTH**2
-    assert after_mean == pytest.approx(mean)
-    assert after == pytest.approx(before + np.diag(added), abs=1e-12)
+@pytest.mark.parametrize("m", [K, K - 1])
+def test_drift_adds_its_covariance_to_that_of_the_parameters(kernels, m):
+    T = drawn()[3][:, :m].copy()
+    root = 0.2 * T
+    before = T @ T.T
+    kernels.drift(T, root, np.empty((K, 2 * m)))
+    assert pytest.approx(1.04 * before, abs=1e-12) == T @ T.T
+    assert np.array_equal(T, np.tril(T))
+
+
+def test_the_covariance_grows_by_its_drift_at_the_end_of_each_stroke_and_nowhere_else(kernels):
+    stroke, ends = np.zeros(1, np.int64), []
+    for i, position in enumerate([0.0, 1.9e-3, 2.1e-3, 1.6e-3, 2.2e-3, 1.4e-3, 0.0, 8e-3, 0.0]):
+        if kernels.stroke_ends(stroke, position):
+            ends.append(i)
+    assert ends == [5, 8]
+
+
+def test_covariance_of_fewer_modes_than_parameters_is_that_of_the_filter_with_all(kernels, calls):
+    few = drawn()[3][:, : K - 1]
+    states = []
+    for T in (np.ascontiguousarray(few), np.column_stack([few, np.zeros(K)])):
+        state = (*drawn()[:3], T, *drawn()[4:])
+        given, _ = arguments(1)
+        scratches = (*given[9][:2], np.empty(T.shape[1]), given[9][3], np.empty((K, 2 * K)))
+        assert kernels.follow_jointly(*calls, state, *given[:7], np.zeros((K, 0)), given[8], scratches, given[10]) == -1
+        states.append(state)
+    assert states[0][3] @ states[0][3].T == pytest.approx(states[1][3] @ states[1][3].T, abs=1e-12)
+    assert joint_moments(states[0])[0] == pytest.approx(joint_moments(states[1])[0], abs=1e-12)
 
 
 def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):

@@ -35,17 +35,18 @@ def problem(plant, worn, recorded_by, problem_of):
     return problem_of(recorded_by(worn, SECONDS), plant, (*plant.load.names, *NAMES), ("position",))
 
 
-def made(problem, settings=None):
-    """Filter, first state, and inputs."""
-    joint = joint_filter(
-        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), settings or JointSettings()
-    )
+def made(problem, settings=None, drift=0.0):
+    """Filter, first state, and inputs; the parameters drift by `drift` prior standard deviations a stroke."""
     k, track = len(problem.coordinates), problem.tracks[0]
+    joint = joint_filter(
+        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), settings or JointSettings(),
+        drift * np.eye(k) if drift else None,
+    )  # fmt: skip
     return joint, init(joint, track.segment, np.zeros(k), np.eye(k)), inputs(joint, track)
 
 
-def whole(problem, settings=None):
-    joint, state, given = made(problem, settings)
+def whole(problem, settings=None, drift=0.0):
+    joint, state, given = made(problem, settings, drift)
     return joint, state, given, follow(joint, state, given, (0, len(problem.tracks[0].segment)))
 
 
@@ -64,8 +65,7 @@ def test_a_load_that_has_grown_is_found_in_one_pass(problem, plant, worn):
 
 @pytest.mark.parametrize("cut", [1, 995, 1003])
 def test_a_run_that_is_cut_written_and_resumed_is_the_same_bit_by_bit(problem, cut):
-    settings = JointSettings(drift=1e-5)
-    joint, state, given, found = whole(problem, settings)
+    joint, state, given, found = whole(problem, drift=1e-3)
     first = follow(joint, state, given, (0, cut))
     file = io.BytesIO()
     np.savez(file, **first.state._asdict())
@@ -113,7 +113,7 @@ def test_missing_measurements_leave_everything_finite(problem):
 
 
 def test_the_covariance_stays_positive_and_the_parameters_gain_information(problem):
-    joint, state, _, found = whole(problem, JointSettings(every=1, drift=1e-5))
+    joint, state, _, found = whole(problem, JointSettings(every=1), drift=1e-3)
     k = len(problem.coordinates)
     before, after = (covariance(joint, s) for s in (state, found.state))
     scale = np.sqrt(np.diag(after))

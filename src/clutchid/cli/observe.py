@@ -157,7 +157,8 @@ def _followed(log: Log, content: ParameterFile, method: str, resume: Path | None
     from clutchid.observe.recording import observe_recording, spacing
     from clutchid.observe.state_file import read_state, saved_spacing
 
-    one = observer(content.actuator, method, spacing(log) if resume is None else saved_spacing(resume))
+    every = spacing(log) if resume is None else saved_spacing(resume)
+    one = observer(content.actuator, method, every, content.calibration)
     return observe_recording(one, log, None if resume is None else read_state(one, resume))
 
 

@@ -24,8 +24,8 @@ from clutchid.filter.triangle import triangularise
 from clutchid.log import FloatArray
 from clutchid.simulation.comparison import lag_coefficients
 
-#: Samples between two additions of the drift of the parameters.
-DRIFT_SAMPLES = 1000
+#: A stroke begins where the estimated position in m rises above the first, and ends where it falls below the second.
+STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
 
 
 @kernel
@@ -47,7 +47,7 @@ def predict_jointly(
     lags : (sensors,)
         Of the sensors in s: where one is free, its coefficients are computed anew.
     """
-    x, S, _, _, waiting = state
+    x, S, _, _, waiting, _ = state
     u, length, substeps, sigma, coefficients = interval
     for m in range(sensors.shape[0]):
         if sensors[m, LAG] >= 0:
@@ -62,7 +62,7 @@ def predict_jointly(
 @kernel
 def add_waiting_noise(state: StateArrays, sensors: IntArray, scratch: JointScratch) -> None:
     """Add the process noise since the last correction to the covariance of the states."""
-    _, S, _, _, waiting = state
+    _, S, _, _, waiting, _ = state
     _, W, sigma = scratch[0]
     n = waiting.size - sensors.shape[0]
     for i in range(n):
@@ -75,7 +75,7 @@ def add_waiting_noise(state: StateArrays, sensors: IntArray, scratch: JointScrat
 def project_parameters(T: FloatArray, h: FloatArray, slopes: FloatArray, w: FloatArray) -> float:
     """The variance w' w of a predicted measurement due to the parameters, and w, with its derivatives h in SI."""
     w[:] = 0.0
-    for i in range(w.size):
+    for i in range(T.shape[0]):
         for j in range(w.size):
             w[j] += T[i, j] * (h[i] * slopes[i])
     variance = 0.0
@@ -90,7 +90,7 @@ def update_parameters(
 ) -> None:
     """Step of theta by an innovation e of variance `weighted`, of which `predicted` is T's, and T after it (Potter)."""
     share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
-    for i in range(w.size):
+    for i in range(T.shape[0]):
         covariance = 0.0
         for j in range(w.size):
             covariance += T[i, j] * w[j]
@@ -126,7 +126,7 @@ def correct_jointly(
     scratch
         Its gain receives the gain of x with fixed parameters and the variance of the innovation.
     """
-    x, S, theta, T, _ = state
+    x, S, theta, T, _, _ = state
     value, offset, sigma, outlier = measurement
     (_, _, h), gain, w, step, _ = scratch
     size, k = x.size, theta.size
@@ -175,7 +175,7 @@ def correct_sample_jointly(
     errors : (sensors, 2)
         Receives the innovations and their variances, NaN for none.
     """
-    _, outlier, least_speed, at_speed, _ = settings
+    _, outlier, least_speed, (at_speed, _) = settings
     _, _, of_sensor, slopes = derived
     add_waiting_noise(state, sensors, scratch)
     adapts = abs(state[0][at_speed]) > least_speed
@@ -190,37 +190,34 @@ def correct_sample_jointly(
 
 
 @kernel
-def drift(state: StateArrays, slopes: FloatArray, variance: float, W: FloatArray) -> None:
-    """Add a `variance` to that of each theta: the covariance of parameters and states is triangularised.
+def stroke_ends(stroke: IntArray, position: float) -> bool:
+    """Whether a stroke ends with this position in m; `stroke` (1,) is 1 while one lasts."""
+    if position > STROKE_BEGINS:
+        stroke[0] = 1
+    ends = stroke[0] == 1 and position < STROKE_ENDS
+    if ends:
+        stroke[0] = 0
+    return bool(ends)
+
+
+@kernel
+def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
+    """Add root root' to the covariance T T' of the parameters; the states move with them along D.
 
     Parameters
     ----------
-    slopes : (k,)
-        Derivatives of the free parameters in SI with respect to theta.
-    W : (k + size, 2 k + size)
-        Scratch, ``[T, 0, Q; D T, L, 0]``.
+    T : (k, m)
+        Lower trapezoidal.
+    root : (k, d)
+        Lower trapezoidal, of the range of T.
+    W : (k, m + d)
+        Scratch.
     """
-    _, S, theta, T, _ = state
-    k, size = theta.size, S.shape[0]
-    W[:] = 0.0
-    for i in range(k):
-        W[i, :k] = T[i]
-        W[i, k + size + i] = math.sqrt(variance)
-    for i in range(size):
-        for q in range(k):
-            for j in range(k):
-                W[k + i, j] += S[i, q] * slopes[q] * T[q, j]
-        W[k + i, k : k + size] = S[i, k:]
+    m = T.shape[1]
+    W[:, :m] = T
+    W[:, m:] = root
     triangularise(W)
-    for i in range(k):
-        T[i] = W[i, :k]
-    for i in range(size):
-        for j in range(k - 1, -1, -1):
-            rest = W[k + i, j]
-            for q in range(j + 1, k):
-                rest -= S[i, q] * slopes[q] * T[q, j]
-            S[i, j] = rest / (T[j, j] * slopes[j])
-        S[i, k:] = W[k + i, k : k + size]
+    T[:] = W[:, :m]
 
 
 @kernel
@@ -235,6 +232,7 @@ def follow_jointly(
     sensors: IntArray,
     values: FloatArray,
     settings: SettingsArrays,
+    drifts: FloatArray,
     output: JointOutput,
     scratch: JointScratch,
     span: tuple[int, int, int],
@@ -249,12 +247,14 @@ def follow_jointly(
         After the sample before; before the first sample, that predicted for it.
     values : (samples, sensors)
         Measurements, NaN for none.
+    drifts : (k, d)
+        Root of the covariance that theta gains in a stroke, as for `drift`; d = 0 for none.
     span
         First sample, and the one after the last; number of sample 0 since the filter started.
     """
     u, length, substeps, sigma, lags = intervals
     errors, states, deviations = output
-    every, _, _, _, drift_rate = settings
+    every, _, _, (_, at_position) = settings
     begin, end, number = span
     n, (_, taus, _, slopes) = states.shape[1], derived
     refresh(prepare, state[2], free, derived, model)
@@ -270,8 +270,8 @@ def follow_jointly(
                 prepare, state, model, free, derived, sensors, values[i], settings, errors[i - begin], scratch
             )
             state_deviations(state[1], state[3], slopes, deviations[i - begin], scratch[2])
-        if drift_rate > 0.0 and i > 0 and (number + i) % DRIFT_SAMPLES == 0:
-            drift(state, slopes, drift_rate * DRIFT_SAMPLES * length[i - 1], scratch[4])
+        if stroke_ends(state[5], state[0][at_position]) and drifts.size > 0:
+            drift(state[3], drifts, scratch[4])
         for j in range(n):
             states[i - begin, j] = state[0][j]
     return -1

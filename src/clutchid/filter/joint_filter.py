@@ -40,21 +40,19 @@ class JointSettings:
         Time from one sample to the next.
     least_speed : m/s
         The parameters adapt only while the piston is faster.
-    drift : 1/s
-        Process noise of the parameters: variance that each gains in a second, in prior variances.
     """
 
     every: int = 10
     spacing: float = 1e-3
     least_speed: float = 5e-3
-    drift: float = 0.0
 
 
 class JointState(NamedTuple):
-    """State of the filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k).
+    """State of the filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, m).
 
     x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
-    `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction, see `joint_arrays`.
+    `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction, see `joint_arrays`,
+    and `stroke` (1,) is 1 while one lasts.
     To write it, write its arrays: a filter goes on from them bit by bit.
     """
 
@@ -63,10 +61,12 @@ class JointState(NamedTuple):
     theta: FloatArray
     T: FloatArray
     waiting: FloatArray
+    stroke: IntArray
 
     def copy(self) -> JointState:
         """An independent copy."""
-        return JointState(*(array.copy() for array in self))
+        x, S, theta, T, waiting, stroke = self
+        return JointState(x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy())
 
 
 class JointInputs(NamedTuple):
@@ -95,7 +95,8 @@ class JointFilter:
     """The joint filter of an actuator, as `joint_filter` makes it.
 
     `mapped` has the actuator at the means of the free parameters and `which` their columns, `free` what is fixed about
-    them; `calls` are the generated functions of the model.
+    them, `drifts` (k, d) the root of what their covariance gains in a stroke; `calls` are the generated functions of
+    the model.
     """
 
     mapped: ParameterMap
@@ -105,6 +106,7 @@ class JointFilter:
     noise: Noise
     settings: JointSettings
     free: FreeArrays
+    drifts: FloatArray
     sensors: IntArray
     calls: tuple[Any, Any]
 
@@ -130,6 +132,7 @@ def joint_filter(
     measure: Sequence[str],
     noise: Noise,
     settings: JointSettings,
+    drifts: FloatArray | None = None,
 ) -> JointFilter:
     """The joint filter of an actuator.
 
@@ -145,6 +148,8 @@ def joint_filter(
         Measured columns in use.
     noise : Noise
         Of sensors and model; samples within its `memory` have the information of one.
+    drifts : (k, d), optional
+        Root of the covariance that theta gains in a stroke, lower trapezoidal; by default none.
     """
     k, names = len(coordinates), [c.base for c in coordinates]
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
@@ -157,6 +162,7 @@ def joint_filter(
         noise=noise,
         settings=settings,
         free=_free_arrays(mean, coordinates, bounds, measure),
+        drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
         sensors=sensor_rows(mapped, measure),
         calls=(step(mean.model), prepare(mean.model)),
     )
@@ -195,15 +201,16 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     ----------
     theta : (k,)
         Mean of the free parameters.
-    T : (k, k)
-        Square root of their covariance T T'.
+    T : (k, m)
+        Square root of their covariance T T', lower trapezoidal.
     """
     k = theta.size
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
     x, S = first_state(segment, mapped, joint.which, L, joint.measure)
     waiting = np.zeros(x.size)
-    return JointState(x, np.ascontiguousarray(S), theta.copy(), np.ascontiguousarray(T), waiting)
+    T = np.array(T, order="C")
+    return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, np.zeros(1, dtype=np.int64))
 
 
 def follow(
@@ -219,7 +226,7 @@ def follow(
     model, derived, work = _work(joint, after)
     failed = kernels_in(_KERNELS).follow_jointly(
         *joint.calls, tuple(after), model, joint.free, derived, given.intervals, joint.sensors, given.values,
-        _settings(joint), output, work, (*span, number),
+        _settings(joint), joint.drifts, output, work, (*span, number),
     )  # fmt: skip
     if failed >= 0 or not all(np.isfinite(array).all() for array in after):
         return Failure(f"the filter diverged at sample {failed if failed >= 0 else span[1] - 1} of the segment")
@@ -266,19 +273,21 @@ def covariance(joint: JointFilter, state: JointState) -> FloatArray:
     """Covariance of x and theta, shape (size + k, size + k)."""
     k = state.theta.size
     slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, state.theta.tolist(), strict=True)])
-    root = np.block([[state.S[:, :k] * slopes @ state.T, state.S[:, k:]], [state.T, np.zeros((k, state.x.size))]])
+    root = np.block([
+        [state.S[:, :k] * slopes @ state.T, state.S[:, k:]], [state.T, np.zeros((k, state.x.size))]
+    ])  # fmt: skip
     result: FloatArray = root @ root.T
     return result
 
 
 def _settings(joint: JointFilter) -> SettingsArrays:
-    s = joint.settings
-    return s.every, float(joint.noise.outlier), s.least_speed, joint.mapped.actuator.states.index("v"), s.drift
+    s, states = joint.settings, joint.mapped.actuator.states
+    return s.every, float(joint.noise.outlier), s.least_speed, (states.index("v"), states.index("y"))
 
 
 def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, JointScratch]:
     """Arrays that the recursion computes from theta, and its scratch arrays."""
-    size, width, k = state.x.size, state.S.shape[1], state.theta.size
+    size, width, (k, m) = state.x.size, state.S.shape[1], state.T.shape
     actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
     model = model_arrays(joint.mapped, joint.which, width)
     own = model[0].copy(), *model[1:]
@@ -293,4 +302,5 @@ def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, 
         np.ones(k),
     )  # fmt: skip
     both = scratch(size, len(actuator.states), width, len(sensors))
-    return own, derived, (both, np.empty(size + 1), np.empty(k), np.empty(k), np.empty((k + size, 2 * k + size)))
+    drifting = np.empty((k, m + joint.drifts.shape[1]))
+    return own, derived, (both, np.empty(size + 1), np.empty(m), np.empty(k), drifting)

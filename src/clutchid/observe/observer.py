@@ -25,19 +25,20 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.numerics.failure import Failure
-from clutchid.observe.methods import adapting
+from clutchid.observe.methods import method_of
 from clutchid.observe.prior import online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes, count_strokes
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.simulation.plan import OUTSIDE, Segment, held_inputs
 from clutchid.simulation.stiffness import stiffness, substeps
+from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
 
 Mask = NDArray[np.bool_]
 
-#: Correlation time of what the model misses in s, samples from one correction to the next, and variance that load
-#: weights and parameters gain in a second, in prior variances. Provenance: docs/derivations.md.
-MEMORY, EVERY, DRIFT = 0.01, 10, 1e-5
+#: Correlation time of what the model misses in s, samples from one correction to the next at 1 kHz, and covariance that
+#: load weights and parameters gain in a stroke, as a share of that of their prior. Provenance: docs/derivations.md.
+MEMORY, EVERY, DRIFT = 0.01, 10, 2e-4
 
 #: As many equal samples of the position in a row are a frozen sensor, and the later ones are left out.
 FROZEN = 15
@@ -64,7 +65,7 @@ class Tail(NamedTuple):
 class ObserverState:
     """What an observer knows between two samples.
 
-    `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt; `filter` is
+    `theta` (k,) and `T` (k, m), a root of their covariance, are what is known of the parameters that adapt; `filter` is
     None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.
     `number` counts the samples of the stretch.
     """
@@ -95,7 +96,10 @@ class Observed(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observer:
-    """An observer of a calibrated actuator, as `observer` makes it."""
+    """An observer of a calibrated actuator, as `observer` makes it.
+
+    `missed` is how far off in N a load from position alone was on the calibration recordings, rms over the stroke.
+    """
 
     actuator: Actuator
     method: str
@@ -103,23 +107,29 @@ class Observer:
     root: FloatArray
     spacing: float
     rate: float
+    missed: float
 
     def load(self, state: ObserverState) -> Load:
         """The load as it is known in a state."""
         return self.joint.actuator(state.theta).load
 
     def load_deviation(self, state: ObserverState, position: FloatArray) -> FloatArray:
-        """Standard deviation in N of that load at positions in m, shape (n,); what does not adapt is taken as exact."""
+        """Standard deviation in N of that load at positions in m, shape (n,).
+
+        It has a part that no recording makes smaller: what the model missed on the calibration recordings.
+        """
         load, basis = self.load(state), np.zeros((position.size, len(self.joint.coordinates)))
         functions = load.phi(position)
         for j, c in enumerate(self.joint.coordinates):
             if c.base in load.names:
                 basis[:, j] = functions[:, load.names.index(c.base)] * c.slope(float(state.theta[j]))
-        deviation: FloatArray = np.linalg.norm(basis @ state.T, axis=1)
+        deviation: FloatArray = np.hypot(np.linalg.norm(basis @ state.T, axis=1), self.missed)
         return deviation
 
 
-def observer(actuator: Actuator, method: str = "joint", spacing: float = 1e-3) -> Observer:
+def observer(
+    actuator: Actuator, method: str = "joint", spacing: float = 1e-3, calibration: Calibration | None = None
+) -> Observer:
     """An observer of a calibrated actuator.
 
     Parameters
@@ -130,31 +140,43 @@ def observer(actuator: Actuator, method: str = "joint", spacing: float = 1e-3) -
         One of `clutchid.observe.methods.METHODS`.
     spacing : s
         Time from one sample to the next.
+    calibration : Calibration, optional
+        Its errors from position alone are part of every band.
 
     Raises
     ------
     ParameterError
         If there is no such method.
     """
-    free, root = online_prior(actuator, adapting(method, actuator))
+    chosen = method_of(method)
+    free, root = online_prior(actuator, chosen.adapting(actuator), chosen.modes)
     k = len(free)
-    settings = JointSettings(every=max(1, round(EVERY * 1e-3 / spacing)), spacing=spacing, drift=DRIFT if k else 0.0)
+    settings = JointSettings(every=max(1, round(EVERY * 1e-3 / spacing)), spacing=spacing)
     noise = Noise(states={name: row.noise for name, row in actuator.state_rows.items()}, memory=MEMORY)
     limits = -BOUND * np.ones(k), BOUND * np.ones(k)
     return Observer(
         actuator=actuator,
         method=method,
-        joint=joint_filter(actuator, free, limits, ("position",), noise, settings),
+        joint=joint_filter(actuator, free, limits, ("position",), noise, settings, np.sqrt(DRIFT) * root),
         root=root,
         spacing=spacing,
         rate=MARGIN * stiffness(actuator),
+        missed=_missed(actuator, calibration),
     )
+
+
+def _missed(actuator: Actuator, calibration: Calibration | None) -> float:
+    """Error in N of a load from position alone of the calibration recordings, rms over the stroke."""
+    if calibration is None or calibration.position_only is None:
+        return 0.0
+    position = np.linspace(0.0, actuator.parameters.y_max, 100)
+    shift = calibration.position_only.shift((), list(actuator.load.names))
+    return float(np.sqrt(np.mean((actuator.load.phi(position) @ shift) ** 2)))
 
 
 def start(observer: Observer) -> ObserverState:
     """The state before the first sample."""
-    k = observer.root.shape[0]
-    return ObserverState(None, np.zeros(k), observer.root.copy(), _EMPTY, _unknown(observer))
+    return ObserverState(None, np.zeros(len(observer.root)), observer.root.copy(), _EMPTY, _unknown(observer))
 
 
 def _unknown(observer: Observer) -> FloatArray:

@@ -97,14 +97,15 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     def array(section: str, name: str, *shape: int) -> FloatArray:
         return np.array(content[section][name], dtype=np.float64).reshape(shape)
 
-    k = observer.root.shape[0]
+    k = len(observer.root)
     tail = Tail(array("tail", "time", -1), array("tail", "duties", -1, 2), array("tail", "position", -1))
     found = None
     if "filter" in content:
         n = len(content["filter"]["x"])
         found = JointState(
             array("filter", "x", n), array("filter", "S", n, k + n), array("filter", "theta", k),
-            array("filter", "T", k, k), array("filter", "waiting", -1),
+            array("filter", "T", k, observer.root.shape[1]),
+            array("filter", "waiting", -1), np.array(content["filter"]["stroke"], dtype=np.int64).reshape(1),
         )  # fmt: skip
     made = start(observer)
     theta, root = array("parameters", "theta", *made.theta.shape), array("parameters", "root", *made.T.shape)
