@@ -9,6 +9,7 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
+from clutchid.filter.pace import AS_PLANNED
 from clutchid.filter.setup import scratch
 from clutchid.simulation.sensors import lag_coefficients
 
@@ -98,7 +99,20 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
     intervals = u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags
     settings, drifts = (every, NEVER, -1.0, (1, 0)), math.sqrt(drift) * np.eye(K)
     free = numbers, places, np.zeros((1, 2), np.int64)
-    return (model, free, derived, intervals, SENSORS, values, settings, drifts, output, room, (*span, 0)), output
+    return (
+        model,
+        free,
+        derived,
+        intervals,
+        SENSORS,
+        values,
+        settings,
+        drifts,
+        AS_PLANNED,
+        output,
+        room,
+        (*span, 0),
+    ), output
 
 
 def textbook(every, noise=1.0):
@@ -214,8 +228,11 @@ def test_covariance_of_fewer_modes_than_parameters_is_that_of_the_filter_with_al
     for T in (np.ascontiguousarray(few), np.column_stack([few, np.zeros(K)])):
         state = (*drawn()[:3], T, *drawn()[4:])
         given, _ = arguments(1)
-        scratches = (*given[9][:2], np.empty(T.shape[1]), given[9][3], np.empty((K, 2 * K)))
-        assert kernels.follow_jointly(*calls, state, *given[:7], np.zeros((K, 0)), given[8], scratches, given[10]) == -1
+        scratches = (*given[10][:2], np.empty(T.shape[1]), given[10][3], np.empty((K, 2 * K)))
+        assert (
+            kernels.follow_jointly(*calls, state, *given[:7], np.zeros((K, 0)), *given[8:10], scratches, given[11])
+            == -1
+        )
         states.append(state)
     assert states[0][3] @ states[0][3].T == pytest.approx(states[1][3] @ states[1][3].T, abs=1e-12)
     assert joint_moments(states[0])[0] == pytest.approx(joint_moments(states[1])[0], abs=1e-12)

@@ -17,8 +17,17 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernel
 from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
-from clutchid.filter.joint_arrays import Derived, FreeArrays, JointOutput, JointScratch, SettingsArrays, StateArrays
+from clutchid.filter.joint_arrays import (
+    Derived,
+    FreeArrays,
+    JointOutput,
+    JointScratch,
+    Pace,
+    SettingsArrays,
+    StateArrays,
+)
 from clutchid.filter.joint_parameters import move_parameters, refresh, state_deviations
+from clutchid.filter.pace import steps_at
 from clutchid.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, update_root
 from clutchid.filter.triangle import triangularise
 from clutchid.log import FloatArray
@@ -233,6 +242,7 @@ def follow_jointly(
     values: FloatArray,
     settings: SettingsArrays,
     drifts: FloatArray,
+    pace: Pace,
     output: JointOutput,
     scratch: JointScratch,
     span: tuple[int, int, int],
@@ -249,12 +259,14 @@ def follow_jointly(
         Measurements, NaN for none.
     drifts : (k, d)
         Root of the covariance that theta gains in a stroke, as for `drift`; d = 0 for none.
+    pace
+        Integration steps by position and speed, see `steps_at`.
     span
         First sample, and the one after the last; number of sample 0 since the filter started.
     """
     u, length, substeps, sigma, lags = intervals
     errors, states, deviations = output
-    every, _, _, (_, at_position) = settings
+    every, _, _, (at_speed, at_position) = settings
     begin, end, number = span
     n, (_, taus, _, slopes) = states.shape[1], derived
     refresh(prepare, state[2], free, derived, model)
@@ -262,7 +274,9 @@ def follow_jointly(
         errors[i - begin] = np.nan
         deviations[i - begin] = np.nan
         if i > 0:
-            interval = u[i - 1], length[i - 1 : i], int(substeps[i - 1]), sigma[i - 1], lags[i - 1]
+            x, dt, planned = state[0], length[i - 1 : i], int(substeps[i - 1])
+            steps = steps_at(pace, x[at_position], x[at_speed], dt[0], planned)
+            interval = u[i - 1], dt, steps, sigma[i - 1], lags[i - 1]
             if not predict_jointly(step, state, model, interval, taus, sensors, scratch):
                 return i
         if (number + i) % every == 0:

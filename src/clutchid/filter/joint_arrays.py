@@ -34,6 +34,9 @@ JointScratch = tuple[Scratch, FloatArray, FloatArray, FloatArray, FloatArray]
 #: speed in m/s above which parameters adapt; rows of speed and position in x.
 SettingsArrays = tuple[int, float, float, tuple[int, int]]
 
+#: Positions in m and speeds in m/s that separate ranges, and the integration steps a second in each; see `pace`.
+Pace = tuple[FloatArray, FloatArray, FloatArray]
+
 #: What `follow_jointly` writes: innovations and their variances (samples, sensors, 2), NaN for none; the states of the
 #: model after each sample (samples, n), and their standard deviations (samples, n), NaN between corrections.
 JointOutput = tuple[FloatArray, FloatArray, FloatArray]

@@ -10,7 +10,8 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
-from clutchid.filter.joint_arrays import Derived, FreeArrays, JointScratch, SettingsArrays
+from clutchid.filter.joint_arrays import Derived, FreeArrays, JointScratch, Pace, SettingsArrays
+from clutchid.filter.pace import AS_PLANNED
 from clutchid.filter.setup import first_state, intervals, measurements, model_arrays, scratch, sensor_rows
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
@@ -107,6 +108,7 @@ class JointFilter:
     settings: JointSettings
     free: FreeArrays
     drifts: FloatArray
+    pace: Pace
     sensors: IntArray
     calls: tuple[Any, Any]
 
@@ -133,6 +135,7 @@ def joint_filter(
     noise: Noise,
     settings: JointSettings,
     drifts: FloatArray | None = None,
+    pace: Pace = AS_PLANNED,
 ) -> JointFilter:
     """The joint filter of an actuator.
 
@@ -150,6 +153,8 @@ def joint_filter(
         Of sensors and model; samples within its `memory` have the information of one.
     drifts : (k, d), optional
         Root of the covariance that theta gains in a stroke, lower trapezoidal; by default none.
+    pace
+        Integration steps by position and speed, see `clutchid.filter.pace`; by default those of the segment.
     """
     k, names = len(coordinates), [c.base for c in coordinates]
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
@@ -163,6 +168,7 @@ def joint_filter(
         settings=settings,
         free=_free_arrays(mean, coordinates, bounds, measure),
         drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
+        pace=pace,
         sensors=sensor_rows(mapped, measure),
         calls=(step(mean.model), prepare(mean.model)),
     )
@@ -226,7 +232,7 @@ def follow(
     model, derived, work = _work(joint, after)
     failed = kernels_in(_KERNELS).follow_jointly(
         *joint.calls, tuple(after), model, joint.free, derived, given.intervals, joint.sensors, given.values,
-        _settings(joint), joint.drifts, output, work, (*span, number),
+        _settings(joint), joint.drifts, joint.pace, output, work, (*span, number),
     )  # fmt: skip
     if failed >= 0 or not all(np.isfinite(array).all() for array in after):
         return Failure(f"the filter diverged at sample {failed if failed >= 0 else span[1] - 1} of the segment")
@@ -240,7 +246,10 @@ def predict(joint: JointFilter, state: JointState, interval: Intervals) -> Joint
     compiled = kernels_in(_KERNELS)
     compiled.refresh(joint.calls[1], after.theta, joint.free, derived, model)
     u, length, substeps, sigma, lags = interval
-    row = u[0], length, int(substeps[0]), sigma[0], lags[0].copy()
+    states = joint.mapped.actuator.states
+    at = [float(after.x[states.index(name)]) for name in ("y", "v")]
+    steps = compiled.steps_at(joint.pace, *at, length[0], int(substeps[0]))
+    row = u[0], length, steps, sigma[0], lags[0].copy()
     compiled.predict_jointly(joint.calls[0], tuple(after), model, row, derived[1], joint.sensors, work)
     return after
 

@@ -20,6 +20,7 @@ from clutchid.filter.joint_filter import (
     init,
     joint_filter,
 )
+from clutchid.filter.pace import pace
 from clutchid.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -30,7 +31,6 @@ from clutchid.observe.prior import online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes, count_strokes
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.simulation.plan import OUTSIDE, Segment, held_inputs
-from clutchid.simulation.stiffness import stiffness, substeps
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
 
@@ -106,7 +106,6 @@ class Observer:
     joint: JointFilter
     root: FloatArray
     spacing: float
-    rate: float
     missed: float
 
     def load(self, state: ObserverState) -> Load:
@@ -157,10 +156,11 @@ def observer(
     return Observer(
         actuator=actuator,
         method=method,
-        joint=joint_filter(actuator, free, limits, ("position",), noise, settings, np.sqrt(DRIFT) * root),
+        joint=joint_filter(
+            actuator, free, limits, ("position",), noise, settings, np.sqrt(DRIFT) * root, pace(actuator, MARGIN)
+        ),
         root=root,
         spacing=spacing,
-        rate=MARGIN * stiffness(actuator),
         missed=_missed(actuator, calibration),
     )
 
@@ -296,7 +296,7 @@ def _segment(observer: Observer, samples: Tail) -> Segment:
         inputs=held_inputs(log, actuator, 0, m) if m > 1 else np.zeros((1, 2)),
         dt=dt,
         open_std=np.zeros(dt.size),
-        substeps=substeps(dt, observer.rate),
+        substeps=np.zeros(dt.size, dtype=np.int32),
         jump=np.zeros(m, dtype=np.uint8),
         measured=np.zeros((m, 2)),
         position_start=position,

@@ -117,6 +117,6 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
 def fingerprint(observer: Observer) -> str:
     """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, and settings."""
     told = repr((
-        observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise, observer.rate,
+        observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise,
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()
