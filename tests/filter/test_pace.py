@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.filter.joint_filter import follow, init, inputs
+from clutchid.filter.joint_setup import JointSettings, joint_filter
 from clutchid.filter.pace import AS_PLANNED, pace
 from clutchid.simulation.stiffness import STABLE_STEP, stiffness
 from clutchid.uncertainty.noise import Noise

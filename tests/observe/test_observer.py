@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.observe.observer import FROZEN, observe, observer, start
+from clutchid.observe.observer import observe, observer, start
 from clutchid.observe.state_file import read_state, write_state
+from clutchid.observe.tail import FROZEN
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 

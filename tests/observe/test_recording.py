@@ -10,8 +10,9 @@ from clutchid.log import Log
 from clutchid.numerics.failure import Failure
 from clutchid.observe.by_stroke import curve, known, positions
 from clutchid.observe.health import FLAGS
-from clutchid.observe.observer import FROZEN, observe, observer, start
+from clutchid.observe.observer import observe, observer, start
 from clutchid.observe.recording import observe_recording, spacing
+from clutchid.observe.tail import FROZEN
 
 #: The package offers a function of the same name.
 module = import_module("clutchid.observe.observer")

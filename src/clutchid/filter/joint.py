@@ -274,9 +274,8 @@ def follow_jointly(
         errors[i - begin] = np.nan
         deviations[i - begin] = np.nan
         if i > 0:
-            x, dt, planned = state[0], length[i - 1 : i], int(substeps[i - 1])
-            steps = steps_at(pace, x[at_position], x[at_speed], dt[0], planned)
-            interval = u[i - 1], dt, steps, sigma[i - 1], lags[i - 1]
+            steps = steps_at(pace, state[0][at_position], state[0][at_speed], length[i - 1], int(substeps[i - 1]))
+            interval = u[i - 1], length[i - 1 : i], steps, sigma[i - 1], lags[i - 1]
             if not predict_jointly(step, state, model, interval, taus, sensors, scratch):
                 return i
         if (number + i) % every == 0:
@@ -286,6 +285,5 @@ def follow_jointly(
             state_deviations(state[1], state[3], slopes, deviations[i - begin], scratch[2])
         if stroke_ends(state[5], state[0][at_position]) and drifts.size > 0:
             drift(state[3], drifts, scratch[4])
-        for j in range(n):
-            states[i - begin, j] = state[0][j]
+        states[i - begin] = state[0][:n]
     return -1

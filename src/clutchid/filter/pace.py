@@ -49,4 +49,5 @@ def steps_at(pace: Pace, position: float, speed: float, length: float, planned: 
         i += 1
     while j < speeds.size and abs(speed) > speeds[j]:
         j += 1
-    return max(1, math.ceil(length * rates[i, j] * (1.0 - 1e-9)))
+    steps: int = math.ceil(length * rates[i, j] * (1.0 - 1e-9))
+    return max(1, steps)

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observe.observer import Observed, Observer
+from clutchid.observe.tail import Mask
 
 #: A position further outside of the stroke than this in m is beyond the stops.
 BEYOND = 0.5e-3
@@ -24,8 +24,6 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "outlier": "the innovation is beyond 4 standard deviations, and counts less",
     "diverged": "the filter diverged, and was started again",
 })  # fmt: skip
-
-Mask = NDArray[np.bool_]
 
 
 def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed) -> dict[str, float]:

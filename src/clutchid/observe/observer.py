@@ -7,19 +7,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.filter.joint_filter import (
-    JointFilter,
-    JointInputs,
-    JointPass,
-    JointSettings,
-    JointState,
-    follow,
-    init,
-    joint_filter,
-)
+from clutchid.filter.joint_filter import JointInputs, JointPass, JointState, follow, init
+from clutchid.filter.joint_setup import JointFilter, JointSettings, joint_filter
 from clutchid.filter.pace import pace
 from clutchid.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
@@ -29,19 +20,13 @@ from clutchid.numerics.failure import Failure
 from clutchid.observe.methods import method_of
 from clutchid.observe.prior import online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes, count_strokes
-from clutchid.signals.excitation import VENTED_POSITION
-from clutchid.simulation.plan import OUTSIDE, Segment, held_inputs
+from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, segment_of, usable_positions
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
-
-Mask = NDArray[np.bool_]
 
 #: Correlation time of what the model misses in s, samples from one correction to the next at 1 kHz, and covariance that
 #: load weights and parameters gain in a stroke, as a share of that of their prior. Provenance: docs/derivations.md.
 MEMORY, EVERY, DRIFT = 0.01, 10, 2e-4
-
-#: As many equal samples of the position in a row are a frozen sensor, and the later ones are left out.
-FROZEN = 15
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
@@ -51,14 +36,6 @@ ROUNDING = 1e-9
 
 #: Bounds of the adapting parameters in prior standard deviations.
 BOUND = 5.0
-
-
-class Tail(NamedTuple):
-    """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions."""
-
-    time: FloatArray
-    duties: FloatArray
-    position: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,14 +153,11 @@ def _missed(actuator: Actuator, calibration: Calibration | None) -> float:
 
 def start(observer: Observer) -> ObserverState:
     """The state before the first sample."""
-    return ObserverState(None, np.zeros(len(observer.root)), observer.root.copy(), _EMPTY, _unknown(observer))
+    return ObserverState(None, np.zeros(len(observer.root)), observer.root.copy(), EMPTY, _unknown(observer))
 
 
 def _unknown(observer: Observer) -> FloatArray:
     return np.full(len(observer.actuator.states), np.nan)
-
-
-_EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0))
 
 
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
@@ -257,24 +231,21 @@ def _continues(observer: Observer, state: ObserverState, time: float, duties: Fl
 
 def _ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a hole: what is known of the parameters stays."""
-    return replace(state, filter=None, tail=_EMPTY, deviations=_unknown(observer), number=0)
+    return replace(state, filter=None, tail=EMPTY, deviations=_unknown(observer), number=0)
 
 
 def _stretch(observer: Observer, state: ObserverState, new: Tail) -> tuple[ObserverState, JointPass | None, Mask]:
     """Follow new samples of a stretch; the state after them, what was found, and which positions were usable."""
     old = state.tail
     both = Tail(*(np.concatenate([a, b]) for a, b in zip(old, new, strict=True)))
-    first, m = old.time.size, both.time.size
-    segment = _segment(observer, both)
-    usable = _usable(both.position)
+    first, m, joint = old.time.size, both.time.size, observer.joint
+    segment = segment_of(both, joint.mapped.actuator)
+    usable = usable_positions(both.position)
     values = np.where(usable, both.position, np.nan)[:, None]
-    joint = observer.joint
-    at = state.filter
-    if at is None:
-        at = init(joint, segment, state.theta, state.T)
+    at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     found = follow(joint, at, given, (first, m), state.number - first)
-    kept = _kept(observer, both)
+    kept = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
     if isinstance(found, Failure):
         return _ended(observer, state), None, usable[first:]
     after, number = found.state, state.number + m - first
@@ -282,40 +253,3 @@ def _stretch(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obser
     deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     state = replace(state, filter=after, theta=after.theta, T=after.T, tail=kept, deviations=deviations, number=number)
     return state, found, usable[first:]
-
-
-def _segment(observer: Observer, samples: Tail) -> Segment:
-    """The samples for the filter; nothing but the first is used to start."""
-    m, actuator = samples.time.size, observer.joint.mapped.actuator
-    log = Log(samples.time, dict(zip(INPUTS, samples.duties.T, strict=True)))
-    dt = np.diff(samples.time)
-    position = float(np.clip(samples.position[0], -OUTSIDE, actuator.parameters.y_max + OUTSIDE))
-    return Segment(
-        start=0,
-        stop=m,
-        inputs=held_inputs(log, actuator, 0, m) if m > 1 else np.zeros((1, 2)),
-        dt=dt,
-        open_std=np.zeros(dt.size),
-        substeps=np.zeros(dt.size, dtype=np.int32),
-        jump=np.zeros(m, dtype=np.uint8),
-        measured=np.zeros((m, 2)),
-        position_start=position,
-        pressure_start=np.nan,
-        vented=abs(position) <= VENTED_POSITION,
-    )
-
-
-def _usable(position: FloatArray) -> Mask:
-    """Whether each position is finite and not that of a frozen sensor."""
-    index = np.arange(position.size)
-    changed = np.append(True, position[1:] != position[:-1])
-    usable: Mask = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
-    return usable
-
-
-def _kept(observer: Observer, samples: Tail) -> Tail:
-    """The samples that the next one needs: a period of the carrier, and those that may be frozen."""
-    period = observer.joint.mapped.actuator.parameters.T_pwm
-    begin = int(np.searchsorted(samples.time, samples.time[-1] - period - 2.0 * observer.spacing))
-    begin = max(0, min(begin, samples.time.size - FROZEN - 1))
-    return Tail(*(array[begin:].copy() for array in samples))

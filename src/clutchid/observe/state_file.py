@@ -14,8 +14,9 @@ from clutchid.filter.joint_filter import JointState
 from clutchid.io.files import atomic_write
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
-from clutchid.observe.observer import Observer, ObserverState, Tail, start
+from clutchid.observe.observer import Observer, ObserverState, start
 from clutchid.observe.strokes import Strokes
+from clutchid.observe.tail import Tail
 
 FORMAT = 1
 
