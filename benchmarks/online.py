@@ -27,11 +27,12 @@ from clutchid.estimate.parameter_file import ParameterFile
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.observe.methods import METHODS
 from clutchid.observe.observer import observe, observer, start
+from clutchid.observe.strokes import NO_STROKES, count_strokes
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
-#: Wear of the facing in m, and position in m whose upward crossings are counted as strokes.
-WEAR, STROKE = 1.5e-3, 2e-3
+#: Wear of the facing in m.
+WEAR = 1.5e-3
 
 #: Strokes after which the load is compared with the truth, and those from which it should not become worse.
 AFTER, SETTLED = (2, 10), 5
@@ -113,15 +114,14 @@ FAULTS: dict[str, tuple[Callable[[Vehicle], Vehicle], Callable[[Log], Log]]] = {
 }
 
 
-def strokes(log: Log) -> FloatArray:
-    """Numbers of the samples at which strokes end."""
-    above = log["position"] > STROKE
-    ends: FloatArray = np.flatnonzero(above[:-1] & ~above[1:]) + 1
-    return ends
-
-
 def one_truck(
-    number: int, family: str, faults: Sequence[str], methods: Sequence[str], passes: int, kept: Path | None
+    number: int,
+    family: str,
+    faults: Sequence[str],
+    methods: Sequence[str],
+    seconds: float,
+    passes: int,
+    kept: Path | None,
 ) -> dict[tuple[str, str], Row]:
     """Errors of every method with every fault on one truck."""
     kind = truck(number, family)
@@ -130,7 +130,7 @@ def one_truck(
     rows = {}
     for fault in faults:
         of_truck, of_log = FAULTS[fault]
-        worn = drive(of_truck(kind), seconds=SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False)
+        worn = drive(of_truck(kind), seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False)
         log = of_log(worn.log)
         rows |= {(fault, method): followed(calibration, worn, log, method, passes) for method in methods}
     return rows
@@ -153,7 +153,7 @@ def followed(calibrated: ParameterFile, worn: Drive, log: Log, method: str, pass
     actuator = calibrated.actuator
     one = observer(actuator, method, calibration=calibrated.calibration)
     state, truth = start(one), worn.truth.load(GRID)
-    touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), strokes(worn.log)
+    touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), count_strokes(NO_STROKES, worn.log.time, worn.log["position"])[1]
 
     def error() -> float:
         off = 100 * (one.load(state).force(GRID) - truth) / truth.max()
@@ -190,6 +190,7 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--fault", action="append", choices=tuple(FAULTS), help="default: all")
     options.add_argument("--method", action="append", choices=tuple(METHODS), help="default: all")
+    options.add_argument("--seconds", type=float, default=60.0, help="of the worn clutch")
     options.add_argument("--passes", type=int, default=1, help="of the same recording, one after the other")
     options.add_argument("--calibrations", type=Path, help="folder in which calibrations are kept for the next run")
     options.add_argument("--workers", type=int, default=1)
@@ -197,7 +198,13 @@ def main() -> None:
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     faults, methods = chosen.fault or list(FAULTS), chosen.method or list(METHODS)
     of_a_truck = partial(
-        one_truck, family=chosen.family, faults=faults, methods=methods, passes=chosen.passes, kept=chosen.calibrations
+        one_truck,
+        family=chosen.family,
+        faults=faults,
+        methods=methods,
+        seconds=chosen.seconds,
+        passes=chosen.passes,
+        kept=chosen.calibrations,
     )
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
         found = list(pool.map(of_a_truck, range(chosen.seed, chosen.seed + chosen.trucks)))
