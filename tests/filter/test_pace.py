@@ -13,7 +13,7 @@ from clutchid.uncertainty.noise import Noise
 
 @pytest.fixture(scope="module")
 def steps_at():
-    return kernels_in("clutchid.filter.pace").steps_at
+    return kernels_in("clutchid.filter.steps").steps_at
 
 
 def test_at_top_speed_there_are_as_many_steps_as_the_stiffness_of_the_whole_range_needs(steps_at, plant):

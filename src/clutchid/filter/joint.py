@@ -27,8 +27,8 @@ from clutchid.filter.joint_arrays import (
     StateArrays,
 )
 from clutchid.filter.joint_parameters import move_parameters, refresh, state_deviations
-from clutchid.filter.pace import steps_at
 from clutchid.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, update_root
+from clutchid.filter.steps import steps_at
 from clutchid.filter.triangle import triangularise
 from clutchid.log import FloatArray
 from clutchid.simulation.comparison import lag_coefficients

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from clutchid.codegen.kernels import kernel
 from clutchid.filter.joint_arrays import Pace
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.stiffness import STABLE_STEP, TOP_SPEED, local_stiffness
@@ -33,21 +30,3 @@ def pace(actuator: Actuator, margin: float) -> Pace:
     speeds = [min(speed + GAIN, TOP_SPEED) for speed in (*SPEEDS, TOP_SPEED)]
     rates = [[local_stiffness(actuator, speed, reach) for speed in speeds] for reach in reaches]
     return positions, np.array(SPEEDS), margin / STABLE_STEP * np.array(rates)
-
-
-@kernel
-def steps_at(pace: Pace, position: float, speed: float, length: float, planned: int) -> int:
-    """Integration steps over an interval of `length` s from a position in m at a speed in m/s.
-
-    Without a pace they are as `planned`.
-    """
-    positions, speeds, rates = pace
-    if rates.size == 0:
-        return planned
-    i, j = 0, 0
-    while i < positions.size and position > positions[i]:
-        i += 1
-    while j < speeds.size and abs(speed) > speeds[j]:
-        j += 1
-    steps: int = math.ceil(length * rates[i, j] * (1.0 - 1e-9))
-    return max(1, steps)
