@@ -1,8 +1,8 @@
 """Loads and pressures of the observers: ``python benchmarks/online.py --family A --trucks 4 --seed 0``.
 
 Every truck is calibrated once with pressure. Then its worn clutch is followed from position alone, sample by sample,
-from the load of the new clutch, undisturbed or with a fault. Load over 5 to 8 mm, rms in % of the peak, after 2, 10 and 50
-strokes and at the end; worse is how much larger that error became than at the start, from 5 strokes on; pressure in
+from the load of the new clutch, undisturbed or with a fault. Load over 5 to 8 mm, rms in % of the peak, after 2, 10 and
+50 strokes and at the end; worse is how much larger that error became than at the start, from 5 strokes on; pressure in
 chamber A, rms in kPa; median / worst over the trucks. Covered is the share of the points from 0.5 to 20 mm where the 95
 % band of the load at the end holds the truth, width the median of the band from low to high in % of the peak.
 """
@@ -37,11 +37,15 @@ WEAR = 1.5e-3
 #: Strokes after which the load is compared with the truth, and those from which it should not become worse.
 AFTER, SETTLED = (2, 10, 50), 5
 
+#: What a calibration with the paper's model and load frees.
+PAPER = ("load", "C_vs", "C_ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "C_r", "y_max")
+
 #: Quantile of the 95 % bands.
 QUANTILE = 1.96
 
 TITLES = (
-    "2 strokes [%]", "10 strokes [%]", "50 strokes [%]", "end [%]", "worse [%]", "p_A [kPa]", "covered [%]", "width [%]", "us a sample",
+    "2 strokes [%]", "10 strokes [%]", "50 strokes [%]", "end [%]", "worse [%]", "p_A [kPa]", "covered [%]",
+    "width [%]", "us a sample",
 )  # fmt: skip
 
 
@@ -127,22 +131,27 @@ def one_truck(
     """Errors of every method with every fault on one truck."""
     kind = truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
-    calibration = calibrated(kind, seeds[0], kept / f"{family}{number}.toml" if kept else None)
+    of_method = {
+        method: calibrated(kind, seeds[0], kept / f"{family}{number}{mark}.toml" if kept else None, paper)
+        for method in methods
+        for paper, mark in [(method == "paper", "_paper" if method == "paper" else "")]
+    }
     rows = {}
     for fault in faults:
         of_truck, of_log = FAULTS[fault]
         worn = drive(of_truck(kind), seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False)
         log = of_log(worn.log)
-        rows |= {(fault, method): followed(calibration, worn, log, method, passes) for method in methods}
+        rows |= {(fault, method): followed(of_method[method], worn, log, method, passes) for method in methods}
     return rows
 
 
-def calibrated(kind: Vehicle, seed: int, path: Path | None) -> ParameterFile:
-    """The calibration of a truck, read from a file if an earlier run has written it."""
+def calibrated(kind: Vehicle, seed: int, path: Path | None, paper: bool = False) -> ParameterFile:
+    """The calibration of a truck, read from a file if an earlier run has written it; `paper` with the paper's model."""
     if path is not None and path.exists():
         return clutchid.read_parameters(path)
     log = drive(kind, seconds=SECONDS, seed=seed, name="calibration").log
-    once = fit(log, measure=("position", "pressure_a"), free=("auto",))
+    both = ("position", "pressure_a")
+    once = fit(log, measure=both, free=PAPER, method="shooting") if paper else fit(log, measure=both, free=("auto",))
     if path is not None:
         path.parent.mkdir(exist_ok=True)
         clutchid.write_parameters(clutchid.parameter_file(once), path)

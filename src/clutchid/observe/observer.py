@@ -17,7 +17,7 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.numerics.failure import Failure
-from clutchid.observe.methods import method_of
+from clutchid.observe.methods import method_for
 from clutchid.observe.prior import online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes, count_strokes
 from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, segment_of, usable_positions
@@ -122,9 +122,9 @@ def observer(
     Raises
     ------
     ParameterError
-        If there is no such method.
+        If there is no such method, or it does not take the actuator.
     """
-    chosen = method_of(method)
+    chosen = method_for(method, actuator)
     free, root = online_prior(actuator, chosen.adapting(actuator), chosen.modes)
     k = len(free)
     settings = JointSettings(every=max(1, round(EVERY * 1e-3 / spacing)), spacing=spacing)
