@@ -64,6 +64,7 @@ class Compiled:
     def step(self, x, S, u, p, h, substeps, table: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None):
         """x and S after an interval of h seconds, by NAME_step_columns; `table` are breakpoints, load and basis."""
         x, S, u, p = (self.array(values) for values in (x, S, u, p))
+        carry = np.zeros_like(x)
         library, step = self.library(), ctypes.c_float if self.real is np.float32 else ctypes.c_double
         constants, held = ctypes.create_string_buffer(1 << 14), ctypes.create_string_buffer(1 << 14)
         kept = [self.array(part) for part in table or ()]
@@ -75,7 +76,7 @@ class Compiled:
         getattr(library, f"{self.name}_hold")(pointer(u), pointer(p), constants, held)
         common = (ctypes.c_int(S.shape[1]), pointer(p), constants, held, *tables, step(h / substeps))
         for _ in range(substeps):
-            getattr(library, f"{self.name}_step_columns")(pointer(x), pointer(S), *common)
+            getattr(library, f"{self.name}_step_columns")(pointer(x), pointer(carry), pointer(S), *common)
         return x, S
 
 
@@ -92,7 +93,26 @@ def compiler() -> str:
 
 
 @pytest.fixture(scope="session")
-def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Compiled]:
+def compiled(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Compiles ``name.h`` and ``name.c`` strictly: compiled(code, name, flags), the file of the library."""
+
+    def make(code: CSource, name: str, flags: tuple[str, ...] = ("-O2",)) -> Path:
+        folder = tmp_path_factory.mktemp(name)
+        (folder / f"{name}.h").write_text(code.header)
+        (folder / f"{name}.c").write_text(code.source)
+        compile_only = [compiler, *STRICT, *flags, "-fPIC", "-c", "-o", "c.o", f"{name}.c"]
+        # Linked without the flags: -ffast-math would add code that changes the arithmetic of this whole process.
+        link = [compiler, "-shared", "-o", "c.so", "c.o", "-lm"]
+        for command in (compile_only, link):
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+            assert (done.returncode, done.stderr) == (0, "")
+        return folder / "c.so"
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def build(compiled: Callable[..., Path]) -> Callable[..., Compiled]:
     """Compiles a system's C strictly; further flags may be given."""
 
     def make(
@@ -102,15 +122,7 @@ def build(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[.
         derivatives: tuple[str, ...] | None = None,
     ) -> Compiled:
         code = c99_source(system, real=real, derivatives=derivatives)
-        folder = tmp_path_factory.mktemp(f"{system.name}_{real}")
-        (folder / f"{system.name}.h").write_text(code.header)
-        (folder / f"{system.name}.c").write_text(code.source)
-        compile_only = [compiler, *STRICT, *flags, "-fPIC", "-c", "-o", "c.o", f"{system.name}.c"]
-        # Linked without the flags: -ffast-math would add code that changes the arithmetic of this whole process.
-        link = [compiler, "-shared", "-o", "c.so", "c.o", "-lm"]
-        for command in (compile_only, link):
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-            assert (done.returncode, done.stderr) == (0, "")
-        return Compiled(code, folder / "c.so", system.name, np.float64 if real == "double" else np.float32)
+        file = compiled(code, system.name, flags)
+        return Compiled(code, file, system.name, np.float64 if real == "double" else np.float32)
 
     return make

@@ -183,6 +183,14 @@ def test_without_free_parameters_states_and_weights_keep_their_columns(build):
     np.testing.assert_allclose(found[1], [[shrinks, 3.0 * shrinks]], rtol=4 * EPS["double"])
 
 
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_state_that_changes_by_less_than_its_rounding_does_not_stand_still(build, real):
+    x, k = sp.symbols("x k", real=True)
+    module, eps = build(System("growth", (x,), (), (k,), (), (k * x,)), real, derivatives=()), EPS[real]
+    found, _ = module.step([1.0], [[1.0]], [], [0.1 * eps], 1000.0, 1000)  # a tenth of the last place, a thousand times
+    assert float(found[0]) - 1.0 == pytest.approx(100 * eps, abs=eps)
+
+
 def test_a_derivative_to_no_parameter_is_refused():
     with pytest.raises(ValueError, match=r"pendulum has no parameter length, so no derivatives to it\."):
         c99_source(pendulum(), derivatives=("g_l", "length"))

@@ -889,7 +889,7 @@ static void rates_of(const stage_t *stage, const double z[], const double source
     rates[4] = (jacobian[11] * z[1]) + (jacobian[12] * z[4]) + source[4];
 }
 
-void isothermal_step_columns(double x[], double S[], int columns, const double p[],
+void isothermal_step_columns(double x[], double carry[], double S[], int columns, const double p[],
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table, const isothermal_basis_t *basis, isothermal_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
@@ -910,7 +910,10 @@ void isothermal_step_columns(double x[], double S[], int columns, const double p
         }
     }
     for (int i = 0; i < isothermal_n_states; i++) {
-        x[i] += sixth * sum[i];
+        const double change = (sixth * sum[i]) + carry[i];
+        const double next = x[i] + change;
+        carry[i] = change - (next - x[i]);
+        x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
         double source[isothermal_n_states];

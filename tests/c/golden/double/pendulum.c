@@ -186,7 +186,7 @@ static void rates_of(const stage_t *stage, const double z[], const double source
     rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + source[1];
 }
 
-void pendulum_step_columns(double x[], double S[], int columns, const double p[],
+void pendulum_step_columns(double x[], double carry[], double S[], int columns, const double p[],
     const pendulum_constants_t *c, const pendulum_held_t *held, const pendulum_table_t *table, const pendulum_basis_t *basis, pendulum_memory_t *memory, double h)
 {
     const double reaches[4] = {0.5 * h, 0.5 * h, h, h};
@@ -207,7 +207,10 @@ void pendulum_step_columns(double x[], double S[], int columns, const double p[]
         }
     }
     for (int i = 0; i < pendulum_n_states; i++) {
-        x[i] += sixth * sum[i];
+        const double change = (sixth * sum[i]) + carry[i];
+        const double next = x[i] + change;
+        carry[i] = change - (next - x[i]);
+        x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
         double source[pendulum_n_states];

@@ -889,7 +889,7 @@ static void rates_of(const stage_t *stage, const float z[], const float source[]
     rates[4] = (jacobian[11] * z[1]) + (jacobian[12] * z[4]) + source[4];
 }
 
-void isothermal_step_columns(float x[], float S[], int columns, const float p[],
+void isothermal_step_columns(float x[], float carry[], float S[], int columns, const float p[],
     const isothermal_constants_t *c, const isothermal_held_t *held, const isothermal_table_t *table, const isothermal_basis_t *basis, isothermal_memory_t *memory, float h)
 {
     const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
@@ -910,7 +910,10 @@ void isothermal_step_columns(float x[], float S[], int columns, const float p[],
         }
     }
     for (int i = 0; i < isothermal_n_states; i++) {
-        x[i] += sixth * sum[i];
+        const float change = (sixth * sum[i]) + carry[i];
+        const float next = x[i] + change;
+        carry[i] = change - (next - x[i]);
+        x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
         float source[isothermal_n_states];

@@ -186,7 +186,7 @@ static void rates_of(const stage_t *stage, const float z[], const float source[]
     rates[1] = (jacobian[0] * z[0]) + (jacobian[1] * z[1]) + source[1];
 }
 
-void pendulum_step_columns(float x[], float S[], int columns, const float p[],
+void pendulum_step_columns(float x[], float carry[], float S[], int columns, const float p[],
     const pendulum_constants_t *c, const pendulum_held_t *held, const pendulum_table_t *table, const pendulum_basis_t *basis, pendulum_memory_t *memory, float h)
 {
     const float reaches[4] = {0.5F * h, 0.5F * h, h, h};
@@ -207,7 +207,10 @@ void pendulum_step_columns(float x[], float S[], int columns, const float p[],
         }
     }
     for (int i = 0; i < pendulum_n_states; i++) {
-        x[i] += sixth * sum[i];
+        const float change = (sixth * sum[i]) + carry[i];
+        const float next = x[i] + change;
+        carry[i] = change - (next - x[i]);
+        x[i] = next;
     }
     for (int column = 0; column < columns; column++) {
         float source[pendulum_n_states];

@@ -1,0 +1,423 @@
+"""The joint filter in C: each function against its kernel, and a recording followed in C and in Python.
+
+In double C computes bit by bit what the text of the kernels says. The compiled kernels reorder sums and contract
+products with them, so they agree with it up to rounding.
+"""
+
+import subprocess
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from numba import njit, types
+
+from clutchid.codegen.callback import Callback
+from clutchid.codegen.kernels import kernels_in
+from clutchid.filter.joint_arrays import LEAST, LOW, MEAN, MOST
+from clutchid.filter.joint_c99 import JointSize, joint_c99
+from clutchid.filter.setup import scratch
+from fixtures.joint_c import JointC, as_written
+
+EXACT = ("-O2", "-ffp-contract=off")
+SIZE = JointSize(states=4, sensors=2, parameters=6, modes=5, drifts=3, weights=3, pieces=4)
+N, M, K, ROWS = 4, 2, 6, 6
+DT = 1e-3
+
+#: Outputs and states of two sensors; the first has a free lag, the second a free offset.
+SENSORS = np.array([[4, 0, 4, -1], [5, 2, -1, 5]])
+PLACES = np.array([[0, -1, -1, -1], [2, -1, -1, -1], [-1, 0, -1, -1], [-1, 1, -1, -1], [-1, 2, 0, -1], [-1, 3, -1, 1]])
+PIECES = np.array([[0, 2], [1, 3], [2, 3]])
+
+
+@dataclass
+class Drawn:
+    """Arguments of the kernels, drawn at random and held by a float as well."""
+
+    state: tuple
+    numbers: np.ndarray
+    derived: tuple
+    p: np.ndarray
+    load: np.ndarray
+    basis: np.ndarray
+    drifts: np.ndarray
+    sigma: np.ndarray
+    W: np.ndarray
+    step: np.ndarray
+    h: np.ndarray
+    values: np.ndarray
+    sensor: int
+    settings: tuple
+
+    @property
+    def free(self):
+        return self.numbers, PLACES, PIECES
+
+    @property
+    def room(self):
+        """JointScratch."""
+        columns = SIZE.modes + SIZE.drifts
+        both = scratch(ROWS, N, K + ROWS, M)
+        return both, np.zeros(ROWS + 1), np.zeros(SIZE.modes), np.zeros(K), np.zeros((K, columns))
+
+    @property
+    def model(self):
+        none = np.zeros(0, np.int64)
+        fixed = np.zeros(3), self.basis.copy()
+        for array in fixed:
+            array.flags.writeable = False
+        return self.p, fixed[0], self.load, fixed[1], *[none] * 5, np.zeros(N)
+
+
+def drawn(seed):
+    random = np.random.default_rng(seed)
+
+    def single(*shape):
+        return random.uniform(-1, 1, shape).astype(np.float32).astype(np.float64)
+
+    endless, ones = np.full(K, np.inf), np.ones(K)
+    positive = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+    numbers = np.column_stack([1.5 + single(K), 0.25 * single(K), positive, -endless, endless, -1.5 * ones, 1.5 * ones])
+    numbers[3, [LEAST, MOST]] = -0.5, 0.5
+    numbers[2, LOW] = 1.0
+    numbers[4, MEAN] = 2.0**-20 if seed % 3 == 0 else 2.0**-10  # below a hundredth of an interval, the lag is a shift
+    T, L = np.tril(single(K, SIZE.modes)) + np.eye(K, SIZE.modes), single(ROWS, ROWS) + 2.0 * np.eye(ROWS)
+    outlier, speed = 1.5, 0.25
+    return Drawn(
+        state=(
+            single(ROWS), np.hstack([single(ROWS, K), L]), single(K), T, np.abs(single(ROWS)), np.array([seed % 2]),
+        ),
+        numbers=numbers,
+        derived=(single(3), np.array([numbers[4, MEAN], 2.0**-11]), 1.0 + np.abs(single(M, 2)), single(K)),
+        p=single(4),
+        load=single(4, 4),
+        basis=single(3, 4, 4),
+        drifts=np.tril(single(K, SIZE.drifts)),
+        sigma=np.abs(single(N)),
+        W=np.hstack([single(ROWS, ROWS) + 3.0 * np.eye(ROWS), np.tril(single(ROWS, N))]),
+        step=2.0 * single(K),
+        h=single(K + ROWS),
+        values=np.array([20.0 * single(1)[0], np.nan if seed % 4 == 0 else 1.0]),
+        sensor=seed % 2,
+        settings=(1, outlier, speed, (1, 0)),
+    )  # fmt: skip
+
+
+def rest(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, row, column, work):
+    """A model whose states stay as they are."""
+    return bool(h > 0.0)
+
+
+def nothing(p, slots, work):
+    work[0] = 0.0
+
+
+class InPython:
+    """Arguments as the kernels `m` take them."""
+
+    def __init__(self, m, calls, g):
+        self.m, self.g, self.room, self.model = m, g, g.room, g.model
+        self.step, self.prepare = calls
+        self.x, self.S, self.theta, self.T, _, self.stroke = self.state = g.state
+        self.weights, self.lags, self.of_sensor, self.slopes = self.derived = g.derived
+
+    def after(self, extra):
+        """All that a function may change, and what it returns."""
+        return flat(self.state, self.derived, self.g.p, self.g.load, self.g.W, extra)
+
+
+class InC:
+    """The same arguments as C takes them."""
+
+    def __init__(self, c, g):
+        names = ("p", "load", "basis", "W", "sigma", "step", "h", "values")
+        self.p, self.load, self.basis, self.W, self.sigma, self.step, self.h, self.values = (
+            c.array(getattr(g, name)) for name in names
+        )
+        self.c, self.call, self.g, self.room = c, c.call, g, c.scratch
+        self.state, self.derived = c.state(g.state), c.derived(g.derived, self.p, self.load)
+        self.fixed = c.filter(g.free, SENSORS, self.basis, g.drifts, g.settings)
+        self.weights, _, _, self.slopes = map(c.array, g.derived)
+
+    def zeros(self, *shape):
+        return self.c.array(np.zeros(shape))
+
+    def after(self, extra):
+        d = self.derived
+        derived = d.weights, d.lags, np.column_stack([d.offsets, d.sigmas]), d.slopes
+        return flat(self.c.arrays(self.state), derived, self.p, self.load, self.W, extra)
+
+
+def flat(state, derived, p, load, W, extra):
+    return [np.array(part, dtype=np.float64).ravel() for part in (*state, *derived, p, load, W, extra)]
+
+
+def filled(array, function, *arguments):
+    """`array`, which a function fills that has it as its last argument but for those after it."""
+    function(*arguments)
+    return array
+
+
+def lag_in_python(a, tau):
+    return filled(found := np.zeros((1, 6)), a.m.lag_coefficients, tau, np.array([DT]), found)
+
+
+def predicted_in_python(a):
+    interval = np.zeros(1), np.array([DT]), 1, a.g.sigma, np.vstack([lag_in_python(a, tau) for tau in a.lags])
+    a.m.predict_jointly(a.step, a.state, a.model, interval, a.lags, SENSORS, a.room)
+
+
+def predicted_in_c(c):
+    c.call("begin_interval", c.state, c.fixed, c.derived, c.sigma, DT, c.room)
+    c.call("end_interval", c.state, c.fixed, c.room)
+
+
+def corrected_in_python(a):
+    measurement = a.g.values[0], *a.of_sensor[a.g.sensor], a.g.settings[1]
+    e = a.m.correct_jointly(a.state, SENSORS[a.g.sensor], measurement, True, a.g.free, a.slopes, a.room)
+    return e, a.room[1][ROWS]
+
+
+def sample_in_python(a):
+    errors = np.zeros((M, 2))
+    a.m.correct_sample_jointly(
+        a.prepare, a.state, a.model, a.g.free, a.derived, SENSORS, a.g.values, a.g.settings, errors, a.room
+    )
+    return errors
+
+
+def strokes_in_c(c):
+    ends, at = [], c.state.x[0]
+    for c.state.x[0] in STROKE:
+        ends.append(c.call("stroke_ends", c.state, c.fixed))
+    c.state.x[0] = at
+    return ends
+
+
+#: Positions in m around the thresholds of a stroke.
+STROKE = (0.0, 1.9e-3, 2.1e-3, 1.6e-3, 2.2e-3, 1.4e-3, 0.0, 8e-3, 0.0)
+
+#: An innovation's variance, and what is predicted of it.
+WEIGHTED, PREDICTED = 3.0, 1.25
+
+#: How each function is called in Python and in C; what it returns or fills besides state, model and W.
+FUNCTIONS = {
+    "value_in_si": (
+        lambda a: [a.m.value_in_si(row, at) for row, at in zip(a.g.numbers, a.theta, strict=True)],
+        lambda c: [c.call("value_in_si", row, float(at)) for row, at in zip(c.fixed.parameters, c.g.state[2], strict=True)],
+    ),
+    "combine_load": (
+        lambda a: a.m.combine_load(a.g.load, a.g.basis, PIECES, a.weights),
+        lambda c: c.call("combine_load", c.load, c.fixed, c.weights),
+    ),
+    "refresh": (
+        lambda a: a.m.refresh(a.prepare, a.theta, a.g.free, a.derived, a.model),
+        lambda c: c.call("refresh", c.state, c.fixed, c.derived),
+    ),
+    "move_parameters": (
+        lambda a: a.m.move_parameters(a.x, a.S, a.theta, a.g.free, a.g.step),
+        lambda c: c.call("move_parameters", c.state, c.fixed, c.step),
+    ),
+    "lag_coefficients": (
+        lambda a: lag_in_python(a, a.lags[0]),
+        lambda c: filled(found := c.zeros(6), c.call, "lag_coefficients", float(c.g.derived[1][0]), DT, found),
+    ),
+    "triangularise": (
+        lambda a: a.m.triangularise(a.g.W),
+        lambda c: c.call("triangularise", c.W, *c.W.shape),
+    ),
+    "add_waiting_noise": (
+        lambda a: a.m.add_waiting_noise(a.state, SENSORS, a.room),
+        lambda c: c.call("add_waiting_noise", c.state, c.fixed, c.room),
+    ),
+    "predict": (predicted_in_python, predicted_in_c),
+    "project_parameters": (
+        lambda a: [a.m.project_parameters(a.T, a.g.h, a.slopes, a.room[2]), *a.room[2]],
+        lambda c: [c.call("project_parameters", c.state, c.h, c.slopes, w := c.zeros(SIZE.modes)), *w],
+    ),
+    "update_parameters": (
+        lambda a: filled(
+            a.room[3], a.m.update_parameters, a.T, a.g.h[: SIZE.modes], a.g.step[0], WEIGHTED, PREDICTED, a.room[3]
+        ),
+        lambda c: filled(
+            step := c.zeros(K), c.call, "update_parameters", c.state, c.h, float(c.g.step[0]), WEIGHTED, PREDICTED, step
+        ),
+    ),
+    "update_root": (
+        lambda a: filled(a.room[1][:ROWS], a.m.update_root, a.S, a.g.h, PREDICTED, WEIGHTED, a.room[1]),
+        lambda c: filled(gain := c.zeros(ROWS), c.call, "update_root", c.state, c.h, PREDICTED, WEIGHTED, gain),
+    ),
+    "correct": (
+        corrected_in_python,
+        lambda c: filled(
+            error := c.zeros(2), c.call, "correct", c.state, c.fixed, c.derived, c.g.sensor, float(c.g.values[0]), 1,
+            error, c.room,
+        ),
+    ),
+    "correct_sample": (
+        sample_in_python,
+        lambda c: filled(
+            errors := c.zeros(M, 2), c.call, "correct_sample", c.state, c.fixed, c.derived, c.values, errors, c.room
+        ),
+    ),
+    "stroke_ends": (lambda a: [a.m.stroke_ends(a.stroke, at) for at in STROKE], strokes_in_c),
+    "drift": (
+        lambda a: a.m.drift(a.T, a.g.drifts, a.room[4]),
+        lambda c: c.call("drift", c.state, c.fixed, c.room),
+    ),
+    "state_deviations": (
+        lambda a: filled(found := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, found, a.room[2]),
+        lambda c: filled(found := c.zeros(N), c.call, "state_deviations", c.state, c.derived, found, c.room),
+    ),
+}  # fmt: skip
+
+#: Those whose result in C is a number or nothing, but no result of theirs.
+PROCEDURES = {"combine_load", "refresh", "move_parameters", "triangularise", "add_waiting_noise", "drift"}
+
+
+def in_python(m, calls, g, name):
+    given = InPython(m, calls, deepcopy(g))
+    result = FUNCTIONS[name][0](given)
+    return given.after([] if result is None else result)
+
+
+def in_c(c, g, name):
+    given = InC(c, deepcopy(g))
+    result = FUNCTIONS[name][1](given)
+    return given.after([] if result is None or name in PROCEDURES else result)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return as_written()
+
+
+@pytest.fixture(scope="module")
+def kernels():
+    return kernels_in("clutchid.filter.joint")
+
+
+@pytest.fixture(scope="module")
+def calls():
+    x, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
+    fixed, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 3))
+    load = types.Array(types.float64, 2, "C", readonly=True)
+    places = types.Array(types.int64, 1, "C")
+    arguments = (x, matrix, fixed, fixed, types.float64, types.int64, fixed, load, basis, *[places] * 5, x)
+    return Callback(njit(rest), arguments), Callback(njit(nothing), (x, places, x))
+
+
+@pytest.fixture(scope="module")
+def joint_of(compiled):
+    """The library of a size: joint_of(size, real, flags)."""
+
+    @cache
+    def make(size, real="double", flags=EXACT):
+        return JointC(compiled(joint_c99(size, real), "joint", flags), size, real)
+
+    return make
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_in_double_c_computes_bit_by_bit_what_the_text_of_a_kernel_says(joint_of, plain, name):
+    c, changed = joint_of(SIZE), False
+    for seed in range(24):
+        g = drawn(seed)
+        expected = in_python(plain, (rest, nothing), g, name)
+        before = flat(g.state, g.derived, g.p, g.load, g.W, np.zeros_like(expected[-1]))
+        for found, one in zip(in_c(c, g, name), expected, strict=True):
+            np.testing.assert_array_equal(found, one)
+        changed |= any(not np.array_equal(*both) for both in zip(before, expected, strict=True))
+    assert changed
+
+
+#: Roundings of a result: sums of at most 12 terms through at most 8 stages, one after the other. They are divided by
+#: the variance of a sensor at the least, 1, or by a pivot of a matrix near 2 or 3 times the unit matrix.
+ROUNDINGS = 12 * 8
+
+
+def assert_close(found, expected, eps):
+    """Within roundings of what is largest in what they are made from, at most 20² (an outlier times its gain)."""
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(
+            one, other, rtol=ROUNDINGS * eps, atol=ROUNDINGS * eps * np.nanmax(np.abs(other), initial=1.0)
+        )
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_in_double_c_is_its_compiled_kernel_up_to_the_order_of_sums(joint_of, kernels, calls, name):
+    c = joint_of(SIZE)
+    for seed in range(24):
+        g = drawn(seed)
+        assert_close(in_c(c, g, name), in_python(kernels, calls, g, name), 2.0**-52)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_in_float_c_is_its_kernel_up_to_rounding(joint_of, kernels, calls, name):
+    c = joint_of(SIZE, "float", ("-O2",))
+    for seed in range(24):
+        g = drawn(seed)
+        assert_close(in_c(c, g, name), in_python(kernels, calls, g, name), 2.0**-23)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_of, plain, real):
+    size = JointSize(N, M, 0, 0, 0, 3, 4)
+    c, g = joint_of(size, real, EXACT), drawn(1)
+    x, S, _, _, waiting, stroke = deepcopy(g.state)
+    S, empty = np.ascontiguousarray(S[:, K:]), np.zeros((0, 0))
+    state, sensors = (x, S, np.zeros(0), empty, waiting, stroke), SENSORS * [1, 1, 0, 0] - [0, 0, 1, 1]
+    free, basis = (np.zeros((0, 7)), np.zeros((0, 4), np.int64), PIECES), c.array(g.basis)
+    derived, p, load = (*g.derived[:3], np.zeros(0)), c.array(g.p), c.array(g.load)
+    in_c, errors, expected = c.state(state), c.array(np.zeros((M, 2))), np.zeros((M, 2))
+    fixed = c.filter(free, sensors, basis, np.zeros((0, 0)), g.settings)
+    c.call("correct_sample", in_c, fixed, c.derived(derived, p, load), c.array(g.values), errors, c.scratch)
+    c.call("drift", in_c, fixed, c.scratch)
+    room = scratch(ROWS, N, ROWS, M), np.zeros(ROWS + 1), np.zeros(0), np.zeros(0), empty
+    plain.correct_sample_jointly(nothing, state, g.model, free, derived, sensors, g.values, g.settings, expected, room)
+    for one, other in zip((*c.arrays(in_c), errors), (*state, expected), strict=True):
+        if real == "double":
+            np.testing.assert_array_equal(one, other)
+    assert_close((*c.arrays(in_c), errors), (*state, expected), 2.0**-52 if real == "double" else 2.0**-23)
+
+
+def test_what_is_neither_a_number_nor_finite_is_left_out(joint_of):
+    c, g = joint_of(SIZE), drawn(1)
+    for value in (np.nan, np.inf, -np.inf):
+        g.values[:] = value
+        given, quiet = InC(c, g), InC(c, g)
+        errors = given.zeros(M, 2)
+        assert c.call("correct_sample", given.state, given.fixed, given.derived, given.values, errors, c.scratch) == 0
+        c.call("add_waiting_noise", quiet.state, quiet.fixed, c.scratch)
+        assert np.isnan(errors).all()
+        for one, other in zip(given.after([]), quiet.after([]), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_parameters_move_only_while_the_piston_is_fast(joint_of):
+    c, g = joint_of(SIZE), drawn(1)
+    for speed, moves in ((0.2, 0), (-0.3, 1), (0.3, 1)):
+        g.state[0][1] = speed
+        given = InC(c, g)
+        errors = given.zeros(M, 2)
+        moved = c.call("correct_sample", given.state, given.fixed, given.derived, given.values, errors, c.scratch)
+        assert moved == moves
+        assert np.array_equal(c.arrays(given.state)[2], g.state[2]) is not bool(moves)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_the_compiled_filter_needs_nothing_but_mathematics_and_float_knows_no_double(compiled, real):
+    code = joint_c99(SIZE, real)
+    file = compiled(code, "joint", ("-O2",)).with_name("c.o")
+    asked = subprocess.run(["nm", "-u", str(file)], capture_output=True, text=True, check=True).stdout.split()
+    allowed = {"double": {"sqrt", "exp"}, "float": {"sqrtf", "expf"}}[real]
+    extra = {"memset", "memcpy", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}  # of the compiler
+    assert {name for name in asked if name != "U"} <= allowed | extra
+    if real == "float":
+        assert "double" not in code.header + code.source
+
+
+def test_another_type_of_numbers_is_refused():
+    with pytest.raises(ValueError, match=r"real = 'half': known are double, float\."):
+        joint_c99(SIZE, "half")
