@@ -128,3 +128,23 @@ def test_a_pass_that_leaves_the_finite_numbers_is_a_failure(problem):
     found = follow(joint, state, given._replace(intervals=(u, broken, *others)), (0, 1000))
     assert isinstance(found, Failure)
     assert "sample 701" in found.message
+
+
+def test_innovations_of_the_models_own_data_are_white_and_have_the_variance_that_is_predicted(
+    plant, recorded_by, problem_of
+):
+    problem = problem_of(recorded_by(plant, 6.0), plant, (*plant.load.names, *NAMES), ("position",))
+    exact = Noise(states=dict.fromkeys(plant.states, 0.0), flow=0.0)
+    k, track = len(problem.coordinates), problem.tracks[0]
+    joint = joint_filter(
+        plant, problem.coordinates, problem.bounds(), ("position",), exact, JointSettings(every=1, least_speed=0.0)
+    )
+    found = follow(
+        joint, init(joint, track.segment, np.zeros(k), 0.1 * np.eye(k)), inputs(joint, track), (0, len(track.segment))
+    )
+    innovations, variances = found.errors[:, 0].T
+    z = innovations / np.sqrt(variances)
+    n = z.size
+    # chi-squared with n degrees of freedom less those of the prior, and a correlation of 0: four standard deviations
+    assert -k - 4.0 * np.sqrt(2.0 * n) < z @ z - n < 4.0 * np.sqrt(2.0 * n)
+    assert abs(z[1:] @ z[:-1] / n) < 4.0 / np.sqrt(n)
