@@ -44,6 +44,7 @@ THETA = (9.0e5, -0.3e5, 0.6e5)
 #: inner loop leaves them out with ``-m "not slow"``.
 SLOW = {
     "assess/test_manoeuvre_choice.py", "c/test_columns_c.py", "c/test_energy_balance_c.py", "c/test_isothermal_c.py",
+    "c/test_joint_c.py", "c/test_joint_recording_c.py",
     "c/test_own_model_c.py", "cli/test_commands.py", "cli/test_completion.py", "cli/test_fit_output.py",
     "cli/test_process.py", "codegen/test_callback.py", "codegen/test_program.py", "docs/test_console_blocks.py",
     "estimate/prediction_error/test_fit.py", "estimate/prediction_error/test_innovations.py",

@@ -188,7 +188,7 @@ def test_a_state_that_changes_by_less_than_its_rounding_does_not_stand_still(bui
     x, k = sp.symbols("x k", real=True)
     module, eps = build(System("growth", (x,), (), (k,), (), (k * x,)), real, derivatives=()), EPS[real]
     found, _ = module.step([1.0], [[1.0]], [], [0.1 * eps], 1000.0, 1000)  # a tenth of the last place, a thousand times
-    assert float(found[0]) - 1.0 == pytest.approx(100 * eps, abs=eps)
+    assert float(found[0]) - 1.0 == pytest.approx(100 * float(eps), abs=float(eps))
 
 
 def test_a_derivative_to_no_parameter_is_refused():

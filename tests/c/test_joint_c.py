@@ -205,7 +205,7 @@ WEIGHTED, PREDICTED = 3.0, 1.25
 FUNCTIONS = {
     "value_in_si": (
         lambda a: [a.m.value_in_si(row, at) for row, at in zip(a.g.numbers, a.theta, strict=True)],
-        lambda c: [c.call("value_in_si", row, float(at)) for row, at in zip(c.fixed.parameters, c.g.state[2], strict=True)],
+        lambda c: [c.call("value_in_si", c.fixed.parameters[j], float(c.g.state[2][j])) for j in range(K)],
     ),
     "combine_load": (
         lambda a: a.m.combine_load(a.g.load, a.g.basis, PIECES, a.weights),

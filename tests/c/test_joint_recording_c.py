@@ -1,0 +1,133 @@
+"""A recording followed by the joint filter in C, prediction and correction, against the filter in Python."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from clutchid.filter.joint import STROKE_ENDS
+from clutchid.filter.joint_c99 import joint_c99
+from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.log import Log
+from clutchid.model.compiled import system
+from clutchid.observe.prior import online_prior
+from clutchid.preparation.prepare import prepare
+from clutchid.simulation.windows import tracks
+from clutchid.uncertainty.noise import Noise
+from fixtures.joint_c import FilterC, JointC, as_written, derived_of, size_of
+
+#: Parameters of the model that adapt, which have a column in C before the load weights; then the lag of the sensor.
+FREE = ("F_C", "V_0A", "y_max", "D_v")
+EXACT = ("-O2", "-ffp-contract=off")
+SAMPLES, DRIFT = 6000, 2e-4
+
+
+class Case(NamedTuple):
+    """A filter, its first state, a recording for it, standard deviations of the prior, and what the kernels found."""
+
+    made: object
+    state: object
+    given: object
+    prior: np.ndarray
+    found: object
+
+
+@pytest.fixture(scope="module")
+def case(plant, worn, recorded_by):
+    """From the load of the plant, the load of the worn one is followed from position alone."""
+    log: Log = recorded_by(worn, seconds=SAMPLES * 1e-3, driven=1)
+    weights, names = plant.load.names, (*FREE, *plant.load.names, "tau_y")
+    free, root = online_prior(plant, (*weights, *FREE, "tau_y"))
+    order = [[c.base for c in free].index(name) for name in names]
+    T = np.linalg.cholesky((root @ root.T)[np.ix_(order, order)])
+    limits = 5.0 * np.ones(len(names))
+    noise = Noise(states={name: row.noise for name, row in plant.state_rows.items()}, memory=0.01)
+    made = joint_filter(
+        plant, [free[i] for i in order], (-limits, limits), ("position",), noise, JointSettings(), np.sqrt(DRIFT) * T
+    )
+    track = tracks([prepare(log, plant, ("position",))])[0]
+    state, given = init(made, track.segment, np.zeros(len(names)), T), inputs(made, track)
+    found = follow(made, state, given, (0, SAMPLES))
+    return Case(made, state, given, np.linalg.norm(T, axis=1), found)
+
+
+@pytest.fixture(scope="module")
+def filter_of(case, build, compiled):
+    """The filter of the case in C: filter_of(real)."""
+    made, size = case.made, size_of(case.made, case.state.T.shape[1])
+
+    @cache
+    def libraries(real):
+        return compiled(joint_c99(size, real), "joint", EXACT), build(
+            system(made.mapped.actuator.model), real, EXACT, FREE
+        )
+
+    def make(real):
+        file, model = libraries(real)
+        return FilterC(JointC(file, size, real), model, made)
+
+    return make
+
+
+def plainly_followed(case, c, count):
+    """As `follow`, by the text of the kernels in plain Python, with the model's step and constants in C."""
+    made, (x, S, *others), carry = case.made, case.state.copy(), np.zeros(c.c.size.states)
+
+    def step(x, S, u, p, h, substeps, *_):
+        c.p[:] = p
+        c.step((x.ctypes.data, carry.ctypes.data, S.ctypes.data), u, h, substeps)
+        return bool(np.isfinite(x).all())
+
+    def constants(p, *_):
+        c.p[:] = p
+        c.prepare()
+
+    written, actuator, settings = as_written(), made.mapped.actuator, made.settings
+    load, none = actuator.load, np.zeros(0, np.int64)
+    model = actuator.array(), load.breakpoints, c.load, load.coefficients, *[none] * 5, np.zeros(1)
+    rows = actuator.states.index("v"), actuator.states.index("y")
+    (k, m), size, width, n = case.state.T.shape, x.size, S.shape[1], len(actuator.states)
+    both = np.zeros((1, 1 + width)), np.zeros((size, size + n)), np.zeros(width)
+    room = both, np.zeros(size + 1), np.zeros(m), np.zeros(k), np.zeros((k, m + made.drifts.shape[1]))
+    output = np.zeros((count, 1, 2)), np.zeros((count, n)), np.zeros((count, n))
+    fixed = settings.every, made.noise.outlier, settings.least_speed, rows
+    failed = written.follow_jointly(
+        step, constants, (x, S, *others), model, made.free, derived_of(made), case.given.intervals, made.sensors,
+        case.given.values, fixed, made.drifts, output, room, (0, count, 0),
+    )  # fmt: skip
+    assert failed == -1
+    return (x, S, *others), output
+
+
+def test_in_double_a_recording_is_followed_bit_by_bit_as_the_text_says(case, filter_of):
+    count, engaged = 2500, case.found.states[:, 0] < STROKE_ENDS
+    ends = np.flatnonzero(engaged[1:] & ~engaged[:-1])
+    assert ends.min() < count - 500, "a stroke ends, and the parameters drift, while it is compared"
+    state, outputs = filter_of("double").follow(tuple(case.state), case.given, count)
+    expected, others = plainly_followed(case, filter_of("double"), count)
+    for one, other in zip((*state, *outputs), (*expected, *others), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+#: Roundings of a state: 4 stages of some 100, over 1800 steps, in which the slowest state forgets, see
+#: `test_energy_balance_c`.
+ROUNDINGS = 4 * 100 * 1800
+
+
+def test_in_double_a_recording_is_followed_as_by_the_compiled_kernels_up_to_rounding(case, filter_of):
+    state, (errors, states, deviations) = filter_of("double").follow(tuple(case.state), case.given, SAMPLES)
+    found, bound = case.found, ROUNDINGS * 2.0**-52
+    assert np.abs((state[2] - found.state.theta) / case.prior).max() < bound
+    assert (np.abs(states - found.states).max(axis=0) < bound * np.abs(found.states).max(axis=0)).all()
+    assert np.array_equal(np.isnan(errors), np.isnan(found.errors))
+    np.testing.assert_allclose(deviations, found.deviations, rtol=bound)
+
+
+def test_in_float_weights_and_pressure_are_those_of_double(case, filter_of):
+    """The bounds of a prototype that kept covariance, gains, weights and states in float, and moved them in double."""
+    state, (_, states, deviations) = filter_of("float").follow(tuple(case.state), case.given, SAMPLES)
+    found, p_A = case.found, case.made.mapped.actuator.states.index("p_A")
+    assert np.abs((state[2] - found.state.theta) / case.prior).max() < 3e-4
+    assert np.sqrt(np.mean((states - found.states)[:, p_A] ** 2)) < 5.0
+    np.testing.assert_allclose(deviations[:, p_A], found.deviations[:, p_A], rtol=1e-2)
