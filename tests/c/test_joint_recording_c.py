@@ -8,7 +8,8 @@ import pytest
 
 from clutchid.filter.joint import STROKE_ENDS
 from clutchid.filter.joint_c99 import joint_c99
-from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.filter.joint_filter import follow, init, inputs
+from clutchid.filter.joint_setup import JointSettings, joint_filter
 from clutchid.log import Log
 from clutchid.model.compiled import system
 from clutchid.observe.prior import online_prior
@@ -94,7 +95,7 @@ def plainly_followed(case, c, count):
     fixed = settings.every, made.noise.outlier, settings.least_speed, rows
     failed = written.follow_jointly(
         step, constants, (x, S, *others), model, made.free, derived_of(made), case.given.intervals, made.sensors,
-        case.given.values, fixed, made.drifts, output, room, (0, count, 0),
+        case.given.values, fixed, made.drifts, made.pace, output, room, (0, count, 0),
     )  # fmt: skip
     assert failed == -1
     return (x, S, *others), output
