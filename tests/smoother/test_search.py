@@ -134,6 +134,25 @@ def test_a_step_too_short_to_gain_is_the_end_only_where_little_gain_is_predicted
     assert len(calls) == starts
 
 
+def test_a_step_that_gains_little_of_what_it_predicted_has_the_problem_linearised_anew(problem, start, monkeypatch):
+    starts, original = [], projection.VariableProjection.start
+    shares = iter([0.5, 0.1, 0.1, 0.1, 0.5])
+
+    def counted(projected, *at):
+        starts.append(at)
+        return original(projected, *at)
+
+    def gaining(_projection, current, radius):
+        share = next(shares, 0.0)
+        return replace(current, cost=current.cost * (1.0 - 1e-3 * share)), 1e-3 * current.cost if share else 0.0, radius
+
+    monkeypatch.setattr(projection.VariableProjection, "start", counted)
+    monkeypatch.setattr(projection.VariableProjection, "step", gaining)
+    assert search(problem, *start, (1.0,)).status == "converged"
+    # the first, then after the second and the fourth step: the third is the first after a new linearisation
+    assert len(starts) == 3
+
+
 def test_a_start_that_cannot_be_simulated_is_a_failure_with_its_sentence(problem, start):
     broken = [X.copy() for X in start[1]]
     broken[0][5, 1] = np.nan

@@ -28,9 +28,9 @@ MAX_STEPS, MAX_REDUCTIONS, CONVERGED_GAIN = 100, 4, 0.1
 #: so that one parameter with an excessive step, such as that of a stop, does not shorten those of the others.
 MAX_RADIUS, SHRINK_FACTOR = 3.0, 0.2
 
-#: A step that predicts at least this decrease and gains less than `CONVERGED_GAIN` may suffer from derivatives that
-#: were kept from nearby points: the problem is linearised anew.
-RELINEARISATION_GAIN = 2.0
+#: A predicted decrease that need not be achieved for the search to have converged, and the share of a predicted one
+#: below which a step suffers from derivatives that were kept from nearby points: the problem is linearised anew.
+LITTLE_TO_GAIN, POOR_SHARE = 2.0, 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,8 +74,8 @@ def project(
     -------
     solution : ShootingSolution
         "converged" if a step predicts a gain below `CONVERGED_GAIN`, or gains less with a prediction below
-        `RELINEARISATION_GAIN`; "stalled" if a larger predicted gain is not achieved by any reduced step, also after a
-        new linearisation.
+        `LITTLE_TO_GAIN`; "stalled" if a larger predicted gain is not achieved by any reduced step right after a new
+        linearisation.
 
     References
     ----------
@@ -86,7 +86,7 @@ def project(
     start = projection.start(x, X)
     if isinstance(start, Failure):
         return start
-    current, radius, relinearised = start, MAX_RADIUS, False
+    current, radius, fresh = start, MAX_RADIUS, False
 
     def solution(status: Literal["converged", "stalled", "limit"]) -> ShootingSolution:
         return ShootingSolution(current.x, current.X, current, status, next(counter))
@@ -94,17 +94,18 @@ def project(
     for _ in range(MAX_STEPS):
         candidate, predicted, radius = projection.step(current, radius)
         gain, current = current.cost - candidate.cost, candidate
-        if gain >= CONVERGED_GAIN:
-            relinearised = False
-        elif predicted < (RELINEARISATION_GAIN if gain > 0.0 else CONVERGED_GAIN):
+        little = gain < CONVERGED_GAIN
+        if predicted < CONVERGED_GAIN or (little and predicted < LITTLE_TO_GAIN and (fresh or gain > 0.0)):
             return solution("converged")
-        elif relinearised or predicted < RELINEARISATION_GAIN:
+        if little and fresh:
             return solution("stalled")
+        if not fresh and (little or gain < POOR_SHARE * predicted):
+            anew = projection.start(current.x, current.X)
+            if isinstance(anew, Failure):
+                return anew
+            current, radius, fresh = anew, MAX_RADIUS, True
         else:
-            restarted = projection.start(current.x, current.X)
-            if isinstance(restarted, Failure):
-                return restarted
-            current, radius, relinearised = restarted, MAX_RADIUS, True
+            fresh = False
     return solution("limit")
 
 

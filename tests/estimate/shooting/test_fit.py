@@ -1,5 +1,7 @@
 """`shoot`: from recordings to the end of the search, with the phases of the carrier and the noise re-estimated."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -136,3 +138,23 @@ def test_a_prior_of_the_user_on_a_phase_wins(switched, carried):
     own = {"s_pwm@one": Prior(0.25, 1e-6)}
     shot = shoot([carried[0]], switched, FreeParameters(("theta_9",), ("position",), priors=own), EXACT)
     assert shot.problem.actuator_of(shot.solution.x, "one").value("s_pwm") == pytest.approx(0.25, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("costs", "cost", "status"),
+    [
+        ((1000.0, 1001.0), 1000.0, "converged"),
+        ((1000.0, 900.0, 899.0), 899.0, "converged"),
+        ((1000.0, 1010.0), 1000.0, "stalled"),
+        ((1000.0, 900.0, 800.0, 700.0, 600.0), 600.0, "stalled"),
+    ],
+)
+def test_a_search_that_stalls_at_the_same_cost_from_new_states_has_converged(monkeypatch, costs, cost, status):
+    left = iter(costs)
+    monkeypatch.setattr(module, "_states", lambda *_: ())
+    monkeypatch.setattr(
+        module, "search", lambda *_: ShootingSolution(np.zeros(1), (), SimpleNamespace(cost=next(left)), "stalled", 7)
+    )
+    found = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), None)
+    assert (found.at.cost, found.status) == (cost, status)
+    assert next(left, None) is None

@@ -28,8 +28,8 @@ from clutchid.uncertainty.calibration import Calibration
 #: A load from position alone comes closer to the truth, and calibrations converge, see docs/derivations.md.
 MEMORY = 0.01
 
-#: Most restarts of a search that stalls.
-MAX_RESTARTS = 4
+#: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
+MAX_RESTARTS, SAME_COST = 4, 3e-3
 
 _METHOD = "shooting"
 
@@ -73,7 +73,8 @@ def _fine(
 ) -> ShootingSolution | Failure:
     """The fine stage; one that stalls goes on with new states, a few times, from the best parameters so far.
 
-    A search stalls where a few windows with stiction lie in a poor local minimum of their states.
+    A search stalls where a few windows with stiction lie in a poor local minimum of their states. One that arrives at
+    the same cost with new states has converged: there the cost has a kink, and the least cost no vanishing gradient.
     """
     best = search(problem, x, X, FINE_STAGE, progress, before)
     for _ in range(MAX_RESTARTS):
@@ -85,9 +86,11 @@ def _fine(
         )  # fmt: skip
         if isinstance(further, Failure):
             return best
-        if further.at.cost >= best.at.cost:
-            return replace(best, evaluations=further.evaluations)
-        best = further
+        gain, better = best.at.cost - further.at.cost, min(best, further, key=_cost)
+        same = abs(gain) <= SAME_COST * best.at.cost
+        best = replace(better, evaluations=further.evaluations, status="converged" if same else better.status)
+        if gain <= 0.0:
+            return best
     return best
 
 
