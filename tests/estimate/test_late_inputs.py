@@ -64,13 +64,3 @@ def test_the_phase_of_a_carrier_is_that_of_the_edges(known):
     log = late(known["switched"], 3e-4)
     assert pulsed(log, known["switched"], False).actuator.value("s_pwm") == pytest.approx(0.03)
     assert pulsed(replace(log, edges={}), known["switched"], False).actuator.value("s_pwm") == pytest.approx(0.1)
-
-
-def test_averaged_valves_have_the_mean_of_each_interval(known):
-    log = late(known["averaged"], 3e-4)
-    found = pulsed(log, known["averaged"], False).log["duty_supply"]
-    changed = np.flatnonzero(np.diff(log["duty_supply"]) != 0.0)
-    both = [k for k in changed if min(log["duty_supply"][k : k + 2]) >= known["averaged"].value("R_0vs")]
-    assert both
-    before, after = log["duty_supply"][both], log["duty_supply"][np.add(both, 1)]
-    assert found[both] == pytest.approx(0.3 * before + 0.7 * after), "0.3 ms with the old one"

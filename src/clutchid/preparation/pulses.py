@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
-from clutchid.preparation.time_grid import in_clock, interpolated, latched, with_means
+from clutchid.preparation.time_grid import in_clock, interpolated, latched
 from clutchid.signals.duty_cycle import CONTINUOUS_STEP, grid_phase, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
@@ -186,9 +186,9 @@ def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulse
 def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log, FloatArray | None]:
     """A slow recording on a time grid that resolves the pulses with the phase of `actuator`, and `Pulsed.open_std`.
 
-    Others have the means of duty cycles with edges over each interval, if the valves are averaged; with a carrier the
-    pulses begin where its phase says, which the edges determine. `delay` of the duty cycles in s matches a position
-    that is recorded late.
+    Others stay as they are, also with edges: `clutchid.simulation.held_inputs` has their means where the valves are
+    averaged; with a carrier the pulses begin where its phase says, which the edges determine. `delay` of the duty
+    cycles in s matches a position that is recorded late.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log,
         return latched(log, in_clock(_period(actuator), log.time), p.s_pwm, _step(actuator), closed, delay)
     if known is Duties.INTERPOLATED:
         return interpolated(log, actuator.duty_period or CONTROL_STEP, _step(actuator), closed, delay)
-    return (with_means(log, closed) if log.edges and p.T_pwm == 0.0 else log), None
+    return log, None
 
 
 def _period(actuator: Actuator) -> float:

@@ -98,28 +98,6 @@ def _spread_evenly(size: FloatArray, between: IntArray) -> FloatArray:
     return each[at]
 
 
-def with_means(log: Log, closed: Mapping[str, float]) -> Log:
-    """`log` with the means of duty cycles with `Log.edges` over each interval.
-
-    The mean is that of the opening: a valve opens from the duty cycle `closed` on.
-    """
-    columns = {}
-    for name, (stamps, values) in log.edges.items():
-        column, least = log[name], closed[name]
-        nodes = np.unique(np.concatenate([log.time, stamps[(stamps > log.time[0]) & (stamps < log.time[-1])]]))
-        opened = np.maximum(_held(nodes[:-1], stamps, values, np.full(nodes.size - 1, column[0])), least)
-        area = np.concatenate([[0.0], np.cumsum(np.nan_to_num(opened) * np.diff(nodes))])
-        mean = np.append(np.diff(area[np.searchsorted(nodes, log.time)]) / np.diff(log.time), column[-1])
-        columns[name] = np.where(np.isnan(column) | (mean > least), mean + 0.0 * column, np.minimum(column, least))
-    return log.with_columns(**columns)
-
-
-def _held(at: FloatArray, stamps: FloatArray, values: FloatArray, before: FloatArray) -> FloatArray:
-    """Last of `values` at each instant, `before` the first that of `before`."""
-    last = np.searchsorted(stamps, at, side="right") - 1
-    return np.where(last >= 0, values[np.maximum(last, 0)], before)
-
-
 def in_clock(period: float, time: FloatArray) -> float:
     """`period` in s by the clock of time stamps whose messages are sent in step with it, else as it is.
 

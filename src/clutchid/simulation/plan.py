@@ -13,6 +13,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.parameters import Parameters
 from clutchid.signals.excitation import VENTED_POSITION
+from clutchid.simulation.mean_duties import mean_duties
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 
@@ -215,8 +216,15 @@ def _segment(
 
 
 def held_inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
-    """Held inputs at every sample: both duty cycles, and the valves' carrier where the model has one."""
+    """Held inputs at every sample: both duty cycles, and the valves' carrier where the model has one.
+
+    Averaged valves take duty cycles with `Log.edges` as means over each interval.
+    """
     columns = [log[name][start:stop] for name in INPUTS]
+    if log.edges and actuator.parameters.T_pwm == 0.0 and stop > start + 1:
+        p = actuator.parameters
+        opening = {"duty_supply": (p.R_0vs, p.R_1vs), "duty_exhaust": (p.R_0ve, p.R_1ve)}
+        columns = mean_duties(log.slice(start, stop), opening)
     if "c_pwm" in kernels(actuator.model).INPUTS:
         time, p = log.time[start:stop], actuator.parameters
         before = period_before(time, p)

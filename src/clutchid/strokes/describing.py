@@ -21,7 +21,7 @@ def section(part: Completed, name: str, metadata: Mapping[str, str]) -> Section:
     """The section of a completed stroke or rest; samples are copied so that the recording can be freed."""
     samples = part.samples
     columns = {column: values.copy() for column, values in samples.columns.items()}
-    log = Log(samples.time.copy(), columns, name, metadata)
+    log = Log(samples.time.copy(), columns, name, metadata, edges=samples.edges)
     summary = _summary(part)
     if part.kind == "rest":
         label = rest_label(part.bins, long_hold=part.long_hold, missing=summary.missing)

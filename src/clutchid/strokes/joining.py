@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, FloatArray, Log
+from clutchid.strokes.edges import joined_edges
 from clutchid.strokes.section import Section
 
 
@@ -67,6 +68,7 @@ def joined(sections: Iterable[Section]) -> Log:
         {name: np.concatenate([part[name] for part in columns]) for name in names},
         logs[0].name,
         logs[0].metadata,
+        edges=joined_edges(logs),
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.strokes.edges import Edges, edges_of_part, edges_within, joined_edges
 
 #: Samples per block. All estimates are updated per block, so the sections do not depend on the lengths of the pieces.
 BLOCK = 2**16
@@ -16,11 +17,12 @@ BLOCK = 2**16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Consecutive samples: index of the first one in the recording, time in s, columns in SI."""
+    """Consecutive samples: index of the first one in the recording, time in s, columns in SI, edges as of a `Log`."""
 
     first: int
     time: FloatArray
     columns: Mapping[str, FloatArray]
+    edges: Edges = field(default_factory=dict)
 
     def __len__(self) -> int:
         return int(self.time.size)
@@ -28,12 +30,11 @@ class Samples:
     def part(self, start: int, stop: int) -> Samples:
         """Samples `start` to `stop` (exclusive), counted from the first, as a view."""
         columns = {name: values[start:stop] for name, values in self.columns.items()}
-        return Samples(self.first + start, self.time[start:stop], columns)
+        return Samples(self.first + start, self.time[start:stop], columns, edges_of_part(self, start, stop))
 
     def followed_by(self, other: Samples) -> Samples:
         """These samples and the next ones."""
-        columns = {name: np.concatenate([values, other.columns[name]]) for name, values in self.columns.items()}
-        return Samples(self.first, np.concatenate([self.time, other.time]), columns)
+        return _joined([self, other])
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +79,11 @@ def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
 def blocks(pieces: Iterable[Log], size: int = BLOCK) -> Iterator[Samples]:
     """The recording in blocks of `size` samples, the last one shorter."""
     pending: list[Samples] = []
-    size_pending = count = 0
+    size_pending, count, last = 0, 0, -np.inf
     for piece in pieces:
-        rest = Samples(count, piece.time, piece.columns)
-        count += len(rest)
+        until = float(piece.time[-1])
+        rest = Samples(count, piece.time, piece.columns, edges_within(piece.edges, last, until))
+        count, last = count + len(rest), until
         while size_pending + len(rest) >= size:
             pending.append(rest.part(0, size - size_pending))
             rest, size_pending = rest.part(size - size_pending, len(rest)), 0
@@ -137,4 +139,4 @@ def _joined(parts: list[Samples]) -> Samples:
     if len(parts) == 1:
         return parts[0]
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
-    return Samples(parts[0].first, np.concatenate([part.time for part in parts]), columns)
+    return Samples(parts[0].first, np.concatenate([part.time for part in parts]), columns, joined_edges(parts))
