@@ -32,6 +32,8 @@ def test_the_readme_names_every_verb_of_the_command_line():
         "__init__",
         "common",
         "fit_output",
+        "observe_live",
+        "observe_output",
         "terminal",
         "completion",
     }

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, check_outputs, guarded, pressure, print_json, print_written
-from clutchid.cli.terminal import printable_lines
+from clutchid.cli.common import DONE, guarded, pressure
+from clutchid.cli.observe_live import LiveOptions, is_live, observe_live
+from clutchid.cli.observe_output import Files, answer, calibration_file
 from clutchid.errors import DataError, ParameterError
-from clutchid.names import printable
-from clutchid.workflow import Reading, inspected, read_recordings, start_file
+from clutchid.workflow import Reading, inspected, read_recordings
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def observe(
-    log: Path,
+    log: Annotated[Path, Parameter(allow_leading_hyphen=True)],
     /,
     *,
     start: Path,
@@ -47,7 +45,8 @@ def observe(
     Parameters
     ----------
     log
-        Recording in any format that `clutchid look` reads.
+        Recording in any format that `clutchid look` reads; `-` follows CSV or JSON lines on standard input while they
+        arrive, until they end or Ctrl-C.
     start
         Calibration (TOML), as written by `clutchid fit --save`.
     out
@@ -74,72 +73,24 @@ def observe(
     debug
         Show the traceback of an error.
     """
-    files = _Files(log, start, out, save, resume, report)
+    files = Files(log, start, out, save, resume, report)
 
     def work() -> int:
+        if str(log).startswith("-") and not is_live(log):
+            raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
         files.check()
-        content = _calibration(start)
+        content = calibration_file(start)
         air = pressure(ambient, content.actuator.parameters.P_0)
+        if is_live(log):
+            return observe_live(files, content, LiveOptions(air, map_, method, resume, json))
         read = read_recordings([log], Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
         checked = _fast_enough(inspected(read, content.actuator, force=force)[0], content, force)
         run = _followed(checked, content, method, resume)
         files.write(run, content)
-        _answer(run, content, files, json)
+        answer(run, content, files, as_json=json)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
-
-
-@dataclass(frozen=True, slots=True)
-class _Files:
-    """Paths that are read and written."""
-
-    log: Path
-    start: Path
-    out: Path
-    save: Path | None
-    resume: Path | None
-    report: Path | None
-
-    @property
-    def by_stroke(self) -> Path:
-        """The load by stroke, beside the samples."""
-        return self.out.with_name(f"{self.out.stem}.load{self.out.suffix}")
-
-    def check(self) -> None:
-        """Check, before any work, that the files can be written; a state may replace the one that it went on from."""
-        read: list[tuple[str, Path | None]] = [("the recording itself", self.log), ("the calibration", self.start)]
-        written = {"--out": self.out, "--out (load by stroke)": self.by_stroke, "--report": self.report}
-        check_outputs(written, [*read, ("the state of --resume", self.resume)])
-        others = [(f"the file of {option}", path) for option, path in written.items()]
-        check_outputs({"--save": self.save}, [*read, *others])
-
-    def write(self, run: ObservedRecording, content: ParameterFile) -> None:
-        """Write all files."""
-        from clutchid.io import write
-        from clutchid.observe.state_file import write_state
-        from clutchid.report.observe_page import observe_page
-
-        write(run.estimates(), self.out)
-        write(run.load_by_stroke(), self.by_stroke)
-        if self.save is not None:
-            write_state(run.observer, run.after, self.save)
-        if self.report is not None:
-            command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
-            observe_page(run, content.origin, command, self.report)
-
-
-def _calibration(path: Path) -> ParameterFile:
-    """The calibration, whose file must have a load."""
-    from clutchid.io.toml_file import read_toml
-
-    content = start_file(path, None)
-    if not set(read_toml(path, "parameter file").get("parameters", {})) & set(content.actuator.load.names):
-        raise ParameterError(
-            f"{path}: has no load weights (theta_1, ...) in [parameters], and an observer starts from a load; "
-            "calibrate with pressure first: clutchid fit LOG --measure position,pressure_a --free auto --save CAL.toml."
-        )
-    return content
 
 
 def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
@@ -160,16 +111,3 @@ def _followed(log: Log, content: ParameterFile, method: str, resume: Path | None
     every = spacing(log) if resume is None else saved_spacing(resume)
     one = observer(content.actuator, method, every, content.calibration)
     return observe_recording(one, log, None if resume is None else read_state(one, resume))
-
-
-def _answer(run: ObservedRecording, content: ParameterFile, files: _Files, json: bool) -> None:
-    from clutchid.report.observe_json import observe_json
-    from clutchid.report.observe_text import observe_sentence
-
-    if json:
-        print_json({**EMPTY, **observe_json(run, content.origin)})
-        return
-    for warning in run.log.warnings:
-        print(f"warning: {printable_lines(warning)}", file=sys.stderr)
-    print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"))
-    print_written(files.out, files.by_stroke, files.save, files.report)

@@ -25,6 +25,15 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "diverged": "the filter diverged, and was started again",
 })  # fmt: skip
 
+#: What the flags of a live recording mean besides.
+LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
+    "late": "samples came too late, or with a time that goes back, and were left out",
+    "repeated": "samples repeat the time of others; the last ones count",
+    "lost": "single samples are missing",
+    "unreadable": "lines or frames could not be read",
+    "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and was taken as missing",
+})  # fmt: skip
+
 
 def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed) -> dict[str, float]:
     """Seconds of each of `FLAGS` in a recording.
@@ -54,3 +63,22 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
         "diverged": spacing * int(np.sum(known & driven & ~followed)),
     }
+
+
+def live_health(
+    observer: Observer, earlier: FloatArray, log: Log, samples: Observed, left_out: Mapping[str, int]
+) -> dict[str, float]:
+    """Seconds of each of `FLAGS` and of `LIVE_FLAGS` in a block.
+
+    Parameters
+    ----------
+    left_out
+        Number of samples by live flag, but for those that are `lost`: these are intervals that are too long, but no
+        holes.
+    """
+    spacing = observer.spacing
+    steps = np.diff(np.append(earlier[-1:], log.time))
+    lost = np.round(steps[steps <= HOLE * spacing] / spacing) - 1.0
+    counts = {**left_out, "lost": int(np.sum(np.maximum(lost, 0.0)))}
+    found = health(observer, earlier, log, samples) if len(log) else dict.fromkeys(FLAGS, 0.0)
+    return {**found, **{name: spacing * counts[name] for name in LIVE_FLAGS}}

@@ -122,15 +122,46 @@ def observe_recording(observer: Observer, log: Log, state: ObserverState | None 
         duty cycles.
     """
     before = start(observer) if state is None else state
+    check_pace(observer, log)
+    found = follow_block(observer, before, log)
+    if not usable(log):
+        raise DataError(no_sample(log.name))
+    return found
+
+
+def check_pace(observer: Observer, log: Log) -> None:
+    """Check that a recording, or its first samples, is sampled at the rate of the observer.
+
+    Raises
+    ------
+    DataError
+        If it is not.
+    """
     if len(log) > 1 and abs(spacing(log) / observer.spacing - 1.0) > SAME_PACE:
         raise DataError(
             f"{log.name}: a sample every {spacing(log) * 1e3:.3g} ms, but the observer was started with one every "
             f"{observer.spacing * 1e3:.3g} ms; go on with a recording at the same rate, or start anew."
         )
+
+
+def usable(log: Log) -> bool:
+    """Whether a recording has a sample with the position and both duty cycles."""
+    return bool(np.all([np.isfinite(log[name]) for name in ("position", *INPUTS)], axis=0).any())
+
+
+def no_sample(name: str) -> str:
+    """What is wrong with a recording that is not `usable`, in a sentence."""
+    return f"{name}: no sample has a position and both duty cycles, all finite; there is nothing to observe."
+
+
+def follow_block(observer: Observer, before: ObserverState, log: Log) -> ObservedRecording:
+    """Follow a part of a recording, of any length.
+
+    Raises
+    ------
+    DataError
+        As `observe`.
+    """
     after, samples, rows = follow_strokes(observer, before, log)
-    if not np.all([np.isfinite(log[name]) for name in ("position", *INPUTS)], axis=0).any():
-        raise DataError(
-            f"{log.name}: no sample has a position and both duty cycles, all finite; there is nothing to observe."
-        )
     found = health(observer, before.tail.time, log, samples)
     return ObservedRecording(observer, log, before, after, samples, tuple(rows), found)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from os import PathLike
 
 from clutchid.observe.by_stroke import known
-from clutchid.observe.health import FLAGS
+from clutchid.observe.health import FLAGS, LIVE_FLAGS
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.figures import png, svg
 from clutchid.report.files import write_text
@@ -17,6 +17,7 @@ from clutchid.report.provenance import provenance
 from clutchid.report.tables import Cell, Column, Table
 from clutchid.uncertainty.calibration import Origin
 
+_MEANINGS = {**FLAGS, **LIVE_FLAGS}
 _LOADS = (
     "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and the "
     "change. The band before is that of a clutch that may have worn since."
@@ -70,7 +71,7 @@ def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
 
 def _result(run: ObservedRecording) -> tuple[Block, ...]:
     notices = [Notice(warning) for warning in run.log.warnings]
-    raised = [f"{FLAGS[name]}: {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
+    raised = [f"{_MEANINGS[name]}: {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
     if raised:
         notices.append(Notice("Faults of the signals", "warning", tuple(raised)))
     else:
@@ -116,5 +117,5 @@ def health_table(run: ObservedRecording) -> Table:
     columns = (
         Column("flag", "flag"), Column("meaning", "meaning"), Column("seconds [s]", "seconds", 1.0, 3),
     )  # fmt: skip
-    rows = tuple((name, FLAGS[name], seconds) for name, seconds in run.health.items())
+    rows = tuple((name, _MEANINGS[name], seconds) for name, seconds in run.health.items())
     return Table("Faults of the signals", columns, rows)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import polars as pl
 
 #: Keys of a log's metadata and edges in the footer.
-_KEY, _EDGES = "clutchid", "clutchid edges"
+KEY, _EDGES = "clutchid", "clutchid edges"
 
 #: Rows in which the first stamp is looked for, and columns without numbers that a warning names.
 _TELLING = 1000
@@ -169,7 +169,7 @@ def _source(opened: _Opened) -> Source:
         return _refused(opened.path, f"holds no column of numbers, only others {left}; write the channels as Float64.")
     columns = tuple(_heading(replace(every[name], index=i), kinds[name]) for i, name in enumerate(shown))
     firsts = _firsts(opened.reader, [name for name in shown if kinds[name].is_temporal() and name not in opened.unread])
-    metadata = _metadata(opened.reader.metadata.get(_KEY))
+    metadata = _metadata(opened.reader.metadata.get(KEY))
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is not None and shown[clock] in firsts:
         metadata["start"] = str(firsts[shown[clock]][1])
@@ -271,7 +271,7 @@ def save(log: Log, path: Path) -> None:
     OSError
         If the file cannot be written.
     """
-    metadata = {_KEY: json.dumps(dict(log.metadata))}
+    metadata = {KEY: json.dumps(dict(log.metadata))}
     if log.edges:
         numbers = {name: [b64encode(a.astype("<f8").tobytes()).decode() for a in s] for name, s in log.edges.items()}
         metadata[_EDGES] = json.dumps(numbers)

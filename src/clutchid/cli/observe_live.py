@@ -1,0 +1,162 @@
+"""``clutchid observe -``: follow samples while they arrive; Ctrl-C and SIGTERM end it, and files are whole."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from clutchid.cli.common import BAD_INPUT, DONE, complain
+from clutchid.cli.observe_output import Files, answer
+from clutchid.cli.terminal import printable_lines
+from clutchid.errors import DataError, ExportError
+
+if TYPE_CHECKING:
+    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.io.live.arrival import LiveBlock
+    from clutchid.observe.live import LiveRun
+    from clutchid.observe.observer import Observer, ObserverState
+
+#: What stands for standard input.
+STANDARD_INPUT = "-"
+
+Stopped = Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """How a live recording is read and observed: ambient pressure in Pa, channel map, method, state to go on from."""
+
+    ambient: float
+    channel_map: Path | None
+    method: str
+    resume: Path | None
+    as_json: bool
+
+
+def is_live(log: Path) -> bool:
+    """Whether a recording arrives while it is observed."""
+    return str(log) == STANDARD_INPUT
+
+
+def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> int:
+    """Follow a live recording until it ends or is stopped; write all files, and say what was found.
+
+    Raises
+    ------
+    DataError, ExportError, ParameterError
+        If nothing could be observed, or a file cannot be written; nothing is written then.
+    """
+    _check_format(files)
+    with stop_signals() as stopped:
+        blocks = _blocks(content, options, stopped)
+        run, trouble = _followed(blocks, files, content, options)
+        files.write_rest(run.recent(), content)
+    answer(run.recent(), content, files, as_json=options.as_json, trouble=trouble)
+    if not trouble:
+        return DONE
+    return BAD_INPUT if options.as_json else complain(trouble, as_json=False, status="bad_input")
+
+
+def _check_format(files: Files) -> None:
+    from clutchid.io.spool import SPOOLED
+
+    if files.out.suffix.lower() not in SPOOLED:
+        raise ExportError(f"--out {files.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
+
+
+@contextmanager
+def stop_signals() -> Iterator[Stopped]:
+    """Function that says whether Ctrl-C or SIGTERM came; a second one stops at once, as everywhere else."""
+    asked: list[int] = []
+
+    def ask(number: int, _frame: FrameType | None) -> None:
+        if asked:
+            raise KeyboardInterrupt
+        asked.append(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _blocks(content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Iterator[LiveBlock]:
+    """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
+    from clutchid.io.live.feed import from_descriptor
+    from clutchid.io.live.text_recording import text_blocks
+    from clutchid.io.map.channel_map import read_map
+
+    channels = None if options.channel_map is None else read_map(options.channel_map)
+    equipment = content.actuator.equipment
+    required = ("time", "position", *equipment.recorded)
+    pieces = from_descriptor(sys.stdin.fileno(), stopped)
+    for block in text_blocks(pieces, "stdin", channels, options.ambient, required):
+        yield replace(block, log=equipment.driven(block.log))
+
+
+def _followed(
+    blocks: Iterator[LiveBlock], files: Files, content: ParameterFile, options: LiveOptions
+) -> tuple[LiveRun, str]:
+    """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault."""
+    from clutchid.io.spool import spooled
+    from clutchid.observe.live import checked, gone_on, live_run
+    from clutchid.observe.recording import no_sample
+
+    first = next(blocks)
+    run = live_run(*_start(first, content, options))
+    trouble = ""
+    with spooled(files.out) as add_samples, spooled(files.by_stroke) as add_strokes:
+        for block in _until_trouble(first, blocks):
+            if isinstance(block, DataError):
+                trouble = str(block)
+                break
+            had = run.checked
+            run, part = gone_on(run, block.log, block.left_out._asdict())
+            add_samples(part.estimates())
+            if part.strokes or part.before is run.before:
+                add_strokes(part.load_by_stroke())
+            if had is None and run.checked:
+                _warn(run.checked, options)
+        if not run.usable:
+            raise DataError(trouble or no_sample(first.log.name))
+    return checked(run), trouble
+
+
+def _start(first: LiveBlock, content: ParameterFile, options: LiveOptions) -> tuple[Observer, ObserverState]:
+    """The observer for a recording with these first samples, and the state that it starts from."""
+    from clutchid.observe.observer import observer, start
+    from clutchid.observe.recording import check_pace, spacing
+    from clutchid.observe.state_file import read_state, saved_spacing
+
+    every = spacing(first.log) if options.resume is None else saved_spacing(options.resume)
+    one = observer(content.actuator, options.method, every, content.calibration)
+    check_pace(one, first.log)
+    return one, start(one) if options.resume is None else read_state(one, options.resume)
+
+
+def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[LiveBlock | DataError]:
+    """The blocks, and last the fault that ended them, if one did: what came before it counts."""
+    yield first
+    try:
+        yield from blocks
+    except DataError as error:
+        yield error
+
+
+def _warn(sentences: tuple[str, ...], options: LiveOptions) -> None:
+    """Say what the checks of the first samples found, while the recording goes on."""
+    if not options.as_json:
+        for sentence in sentences:
+            print(f"warning: {printable_lines(sentence)}", file=sys.stderr, flush=True)

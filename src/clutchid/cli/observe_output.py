@@ -1,0 +1,91 @@
+"""What `clutchid observe` reads and writes, and what it says at the end."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from clutchid.cli.common import EMPTY, check_outputs, print_json, print_written
+from clutchid.cli.terminal import printable_lines
+from clutchid.errors import ParameterError
+from clutchid.names import printable
+from clutchid.workflow import start_file
+
+if TYPE_CHECKING:
+    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.observe.recording import ObservedRecording
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """Paths that are read and written."""
+
+    log: Path
+    start: Path
+    out: Path
+    save: Path | None
+    resume: Path | None
+    report: Path | None
+
+    @property
+    def by_stroke(self) -> Path:
+        """The load by stroke, beside the samples."""
+        return self.out.with_name(f"{self.out.stem}.load{self.out.suffix}")
+
+    def check(self) -> None:
+        """Check, before any work, that the files can be written; a state may replace the one that it went on from."""
+        read: list[tuple[str, Path | None]] = [("the recording itself", self.log), ("the calibration", self.start)]
+        written = {"--out": self.out, "--out (load by stroke)": self.by_stroke, "--report": self.report}
+        check_outputs(written, [*read, ("the state of --resume", self.resume)])
+        others = [(f"the file of {option}", path) for option, path in written.items()]
+        check_outputs({"--save": self.save}, [*read, *others])
+
+    def write(self, run: ObservedRecording, content: ParameterFile) -> None:
+        """Write all files."""
+        from clutchid.io import write
+
+        write(run.estimates(), self.out)
+        write(run.load_by_stroke(), self.by_stroke)
+        self.write_rest(run, content)
+
+    def write_rest(self, run: ObservedRecording, content: ParameterFile) -> None:
+        """Write the state and the page."""
+        from clutchid.observe.state_file import write_state
+        from clutchid.report.observe_page import observe_page
+
+        if self.save is not None:
+            write_state(run.observer, run.after, self.save)
+        if self.report is not None:
+            command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
+            observe_page(run, content.origin, command, self.report)
+
+
+def calibration_file(path: Path) -> ParameterFile:
+    """The calibration, whose file must have a load."""
+    from clutchid.io.toml_file import read_toml
+
+    content = start_file(path, None)
+    if not set(read_toml(path, "parameter file").get("parameters", {})) & set(content.actuator.load.names):
+        raise ParameterError(
+            f"{path}: has no load weights (theta_1, ...) in [parameters], and an observer starts from a load; "
+            "calibrate with pressure first: clutchid fit LOG --measure position,pressure_a --free auto --save CAL.toml."
+        )
+    return content
+
+
+def answer(run: ObservedRecording, content: ParameterFile, files: Files, *, as_json: bool, trouble: str = "") -> None:
+    """Say what was found, and which files were written; `trouble` is why a live recording ended."""
+    from clutchid.report.observe_json import observe_json
+    from clutchid.report.observe_text import observe_sentence
+
+    if as_json:
+        ended = {"status": "bad_input", "message": trouble} if trouble else {}
+        print_json({**EMPTY, **observe_json(run, content.origin), **ended})
+        return
+    for warning in run.log.warnings:
+        print(f"warning: {printable_lines(warning)}", file=sys.stderr)
+    print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"))
+    print_written(files.out, files.by_stroke, files.save, files.report)

@@ -1,0 +1,99 @@
+"""Where bytes come from while they arrive: a pipe, or a file that grows."""
+
+from __future__ import annotations
+
+import os
+import select
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from clutchid.errors import DataError
+from clutchid.io.files import plain_file
+
+#: Time in s for which arriving bytes are collected, so that a block is worth its cost; bytes of a piece at most.
+PACE, MOST = 0.02, 1 << 20
+
+#: Time in s after which a feed that waits asks whether it is stopped.
+PATIENCE = 0.1
+
+#: Bytes that are read at once.
+_CHUNK = 1 << 16
+
+Stopped = Callable[[], bool]
+
+
+def from_descriptor(descriptor: int, stopped: Stopped) -> Iterator[bytes]:
+    """Bytes of an open pipe or file as they arrive, until it ends or is stopped.
+
+    Where it ends in an unfinished line, that line is ended; where it is stopped, it is not.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read.
+    """
+    last = b"\n"
+    try:
+        while not stopped():
+            if not select.select([descriptor], [], [], PATIENCE)[0]:
+                continue
+            collected, ended = _collected(descriptor)
+            if collected:
+                last = collected[-1:]
+                yield collected
+            if ended:
+                if last != b"\n":
+                    yield b"\n"
+                return
+    except OSError as error:
+        raise DataError(f"standard input: cannot be read ({error.strerror or error}).") from error
+
+
+def _collected(descriptor: int) -> tuple[bytes, bool]:
+    """What arrives within `PACE`, and whether the feed has ended."""
+    parts: list[bytes] = []
+    size, until = 0, time.monotonic() + PACE
+    while size < MOST and (rest := until - time.monotonic()) > 0.0:
+        if not select.select([descriptor], [], [], rest)[0]:
+            break
+        part = os.read(descriptor, _CHUNK)
+        if not part:
+            return b"".join(parts), True
+        parts.append(part)
+        size += len(part)
+    return b"".join(parts), False
+
+
+def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterator[bytes]:
+    """Bytes of a file from its start, and then those that are appended, until it is stopped.
+
+    Raises
+    ------
+    DataError
+        If there is no readable plain file, or it becomes shorter or another file.
+    """
+    file = plain_file(path)
+    done = 0
+    try:
+        with file.open("rb", buffering=0) as stream:
+            number = os.fstat(stream.fileno()).st_ino
+            while not stopped():
+                part = stream.read(MOST)
+                if part:
+                    done += len(part)
+                    yield part
+                    continue
+                _check_same(file, number, done)
+                time.sleep(PACE)
+    except OSError as error:
+        if isinstance(error, DataError):
+            raise
+        raise DataError(f"{file}: cannot be read any more ({error.strerror or error}).") from error
+
+
+def _check_same(file: Path, number: int, done: int) -> None:
+    found = file.stat()
+    if found.st_ino != number or found.st_size < done:
+        what = "is another file now" if found.st_ino != number else "has become shorter"
+        raise DataError(f"{file}: {what}; samples can only be appended to a file that is followed. Start again.")

@@ -1,0 +1,84 @@
+"""JSON lines: an object a line, whose keys are headings such as ``position [mm]``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+from clutchid.log import FloatArray
+
+
+def keys_of(text: bytes, name: str) -> list[str]:
+    """The keys of the objects of some lines, in the order in which they first occur.
+
+    Raises
+    ------
+    DataError
+        If no line is an object.
+    """
+    keys = list(dict.fromkeys(key for one in map(_object, text.split(b"\n")) if one for key in one))
+    if not keys:
+        raise DataError(
+            f'{name}: no line is a JSON object; send an object a line, such as {{"time [s]": 0.0, "position [m]": 0.0, '
+            '"duty_supply [1]": 0.0, "duty_exhaust [1]": 0.0}.'
+        )
+    return keys
+
+
+def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], NDArray[np.bool_], int]:
+    """A column for each key; which objects have a value that is no number; the number of lines left out.
+
+    A key that an object lacks is NaN. A line that is no object is left out; a value that is no number is missing.
+
+    Examples
+    --------
+    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "x"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
+    >>> columns, spoiled.tolist(), left_out
+    ([array([1. , 2.5]), array([nan, nan])], [True, False], 1)
+    """
+    lines = [line for line in text.split(b"\n") if line.strip()]
+    objects = _together(lines)
+    if objects is None:
+        objects = [one for one in map(_object, lines) if one is not None]
+    spoiled = np.zeros(len(objects), dtype=bool)
+    try:
+        columns = [np.array([one.get(key) for one in objects], dtype=np.float64) for key in keys]
+    except (TypeError, ValueError, OverflowError):
+        rows = [[_number(one.get(key)) for key in keys] for one in objects]
+        spoiled |= [None in row for row in rows]
+        columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
+    return columns, spoiled, len(lines) - len(objects)
+
+
+def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
+    """The objects of some lines; None unless every line is one."""
+    try:
+        found = json.loads(b"[" + b",".join(lines) + b"]")
+    except (ValueError, RecursionError):
+        return None
+    whole = len(found) == len(lines) and all(type(one) is dict for one in found)
+    return found if whole else None
+
+
+def _object(line: bytes) -> dict[str, Any] | None:
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _number(value: Any) -> float | None:
+    """A value as a number, NaN for null; None if it is none."""
+    if value is None:
+        return math.nan
+    try:
+        return float(value) if isinstance(value, (int, float, str)) else None
+    except (ValueError, OverflowError):
+        return None
