@@ -31,6 +31,7 @@ def test_the_readme_names_every_verb_of_the_command_line():
     verbs = {path.stem for path in (ROOT / "src" / "clutchid" / "cli").glob("*.py")} - {
         "__init__",
         "common",
+        "drive_fleet",
         "fit_output",
         "observe_live",
         "observe_output",

@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, guarded, print_json, print_written
+from clutchid.cli.drive_fleet import SINGLE, Alone, Service, Types, drive_fleet
 from clutchid.errors import ParameterError
 
 
@@ -28,19 +29,23 @@ def drive(
     conditions: Annotated[bool, Parameter(negative="")] = False,
     bus: Annotated[bool, Parameter(negative="")] = False,
     dropouts: int = 0,
+    service: Annotated[Service, Parameter(name="*")] = SINGLE,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Simulate a virtual truck, more detailed than the model, and write a recording and, separately, its truth.
 
+    With --fleet, many vehicles in service: recordings over months and seasons, in which supplies drift, clutches wear
+    and are replaced, sensors are exchanged, leaks begin and files go wrong.
+
     Parameters
     ----------
     out
-        Recording to write (.csv or .parquet).
+        Recording to write (.csv or .parquet); with --fleet a new folder.
     family
         A, or B: another plant with other valves, air, friction, springs and sensors.
     truck
-        Number of the truck type; the same number is always the same truck.
+        Number of the truck type, with --fleet of the first one; the same number is always the same truck.
     seed
         Seed of manoeuvre, noise and air supply.
     seconds
@@ -71,24 +76,34 @@ def drive(
         Show the traceback of an error.
     """
 
-    def work() -> int:
-        from clutchid import truck as virtual
-        from clutchid.io import write
+    alone = Alone(
+        manoeuvre, wear * 1e-3, cycles, None if temperature is None else temperature + 273.15, pressure,
+        "bus" if bus else "controller", dropouts, conditions, tuple(change or ()),
+    )  # fmt: skip
 
-        _check(out, truth)
-        done = virtual.drive(
-            virtual.truck(truck, family), manoeuvre=manoeuvre, seconds=seconds, seed=seed, wear=wear * 1e-3,
-            cycles=cycles, temperature=None if temperature is None else temperature + 273.15, pressure=pressure,
-            recorder="bus" if bus else "controller", dropouts=dropouts, conditions=conditions, change=change or (),
-            name=out.stem,
-        )  # fmt: skip
-        write(done.log, out)
-        if truth is not None:
-            done.write_truth(truth)
-        _print(json, f"recording of truck {truck} of family {family}", out, truth)
+    def work() -> int:
+        types = Types(family, truck, seed)
+        if service.fleet:
+            drive_fleet(service, types, out, seconds, alone, truth)
+            _print(json, f"fleet of {service.fleet} vehicles of family {family}", out)
+        else:
+            _drive(types, out, seconds, alone, truth)
+            _print(json, f"recording of truck {truck} of family {family}", out, truth)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
+
+
+def _drive(types: Types, out: Path, seconds: float, alone: Alone, truth: Path | None) -> None:
+    from clutchid import truck as virtual
+    from clutchid.io import write
+
+    _check(out, truth)
+    kind = virtual.truck(types.first, types.family)
+    done = virtual.drive(kind, seconds=seconds, seed=types.seed, name=out.stem, **alone._asdict())
+    write(done.log, out)
+    if truth is not None:
+        done.write_truth(truth)
 
 
 def _print(json: bool, message: str, *files: Path | None) -> None:

@@ -12,6 +12,7 @@ import pytest
 from clutchid.assess.half_load import half_load
 from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
+from clutchid.fleet import pool
 from clutchid.study.proving import answers, workflows
 from clutchid.study.proving import ground as proving
 from clutchid.study.proving.answers import Answer, score
@@ -98,7 +99,7 @@ def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, mo
         # numbers, not times, are the same; logs hold curves, scores and parameters to the last digit
         assert json.dumps(a["logs"]) == json.dumps(b["logs"])
     assert calls[-1] == ("3 of 3 trucks", 1.0)
-    monkeypatch.setattr(proving, "ProcessPoolExecutor", lambda *a, **k: pytest.fail("a kept result was computed again"))
+    monkeypatch.setattr(pool, "ProcessPoolExecutor", lambda *a, **k: pytest.fail("a kept result was computed again"))
     assert proving.prove("paper", [0, 1, 2], tmp_path / "two") == pair
     assert proving.kept(tmp_path / "two", range(3)) == {"paper": pair}
 

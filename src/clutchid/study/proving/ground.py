@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
-from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from clutchid.errors import ExportError, ParameterError
+from clutchid.errors import ExportError
+from clutchid.fleet import pool
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.study.proving.answers import Answer, Workflow, score
@@ -32,8 +28,6 @@ SECONDS = 30.0
 #: Wear of the facing in m in the two worn recordings, and strokes per metre of wear.
 WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
 STROKES = 3e8
-
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,8 +140,7 @@ def prove(
     ExportError
         If `out` cannot be written, or contains results of other settings.
     """
-    if workers < 1:
-        raise ParameterError(f"--workers {workers}: must be at least 1.")
+    pool.check_workers(workers)
     workflow(name)
     changed(truck(0, conditions.family), *conditions.changes)
     requested = sorted(set(numbers))
@@ -155,49 +148,12 @@ def prove(
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     show = progress or (lambda _text, _fraction: None)
-    for result in _results(name, todo, conditions, workers):
+    for result in pool.results(partial(prove_one, name, conditions=conditions), todo, workers):
         _write(folder / f"truck_{result['truck']:05d}.json", result)
         done[result["truck"]] = result
         ready = sum(r is not None for r in done.values())
         show(f"{ready} of {len(requested)} trucks", ready / len(requested))
     return [result for result in done.values() if result is not None]
-
-
-def _results(name: str, numbers: Sequence[int], conditions: Conditions, workers: int) -> Iterable[dict[str, Any]]:
-    """Results in order of completion; even a single worker is a separate process, so that results are identical."""
-    if not numbers:
-        return
-    count = min(workers, len(numbers))
-    with _one_thread(), ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
-        for future in as_completed([pool.submit(prove_one, name, n, conditions) for n in numbers]):
-            yield future.result()
-
-
-def end_with_parent() -> None:
-    """Let this worker end when the process that started it is gone, however it went."""
-
-    def wait() -> None:
-        parent = parent_process()
-        if parent is not None:
-            parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Limit linear algebra to one thread in new processes, because the workers already use all cores."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 @cache

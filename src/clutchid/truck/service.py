@@ -1,0 +1,183 @@
+"""Vehicles in service: which recordings a fleet sends over months, and what happens to its clutches meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from clutchid.errors import ParameterError
+from clutchid.truck.fleet import truck
+from clutchid.truck.vehicle import Vehicle
+
+#: First day of the fleet.
+BEGIN = datetime(2024, 1, 8, 6, tzinfo=UTC)
+
+#: Days of a month.
+MONTH = 365.25 / 12
+
+#: Most vehicles, and months, of a fleet.
+MOST = 100_000, 240
+
+#: Strokes in a week, km in a week, and wear in m of a stroke: median, and standard deviation of the logarithm between
+#: vehicles. An assumption: a facing of 3.5 mm lasts about a million strokes, three years of distribution traffic.
+STROKES_A_WEEK, KM_A_WEEK, WEAR_A_STROKE = (7000.0, 0.25), (2500.0, 0.3), (1 / 3e8, 0.25)
+
+#: Scatter of these within a vehicle, from a week to the next; an assumption.
+SCATTER = 0.2
+
+#: Mean of the air temperature over a year in K, its yearly amplitude, and the scatter of a day; an assumption.
+CLIMATE, SEASON, DAY = (283.0, 5.0), (12.0, 3.0), 4.0
+
+#: Supply pressure as a share of the set one: standard deviation of the drift in a year; an assumption.
+SUPPLY_DRIFT = 0.01
+
+#: Probability in a year that a clutch is replaced early, a position sensor is replaced, a leak begins; and in a
+#: recording that its file is cut off, the clock restarts, or it is sent twice. Assumptions.
+REPLACED, SENSOR, LEAK = 0.1, 0.1, 0.05
+CUT_OFF, CLOCK, TWICE = 0.01, 0.003, 0.005
+
+#: Standard deviation of the gain of a new position sensor, recordings for which a restarted clock is wrong, and the
+#: conductance in m³/(Pa·s) that a leak gains in a week.
+GAIN, WRONG, LEAK_A_WEEK = 3e-3, 3, 2e-12
+
+#: Share of the facing at which a worn clutch is replaced.
+WORN_OUT = 0.97
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """One recording of a vehicle in service.
+
+    `number` is that of the truck type, `begin` the true time, `clock` what the file says; `odometer` in km, `strokes`
+    of the vehicle, `wear` [m] and `cycles` of its clutch, `temperature` in K, `supply` as a share of the set pressure,
+    `leak` in m³/(Pa·s), `gain` of the position sensor. `event` is what happened since the recording before ("clutch
+    replaced", "sensor replaced", "leak", or empty), `fault` is what is wrong with its file ("cut off", "clock" or
+    "twice").
+    """
+
+    recording: str
+    vehicle: str
+    family: str
+    number: int
+    begin: datetime
+    clock: datetime
+    odometer: float
+    strokes: float
+    wear: float
+    cycles: float
+    temperature: float
+    supply: float
+    leak: float
+    gain: float
+    seed: int
+    event: str = ""
+    fault: str = ""
+
+    @property
+    def truck(self) -> Vehicle:
+        """The truck as it is at this recording, but for wear and cycles."""
+        new = truck(self.number, self.family)
+        return new.replace({"P_S": new.P_S * self.supply, "C_A0": new.C_A0 + self.leak})
+
+
+def visits(
+    vehicles: int, months: float, family: str = "A", first: int = 0, types: int = 4, seed: int = 0, days: float = 7.0
+) -> Iterator[tuple[Visit, ...]]:
+    """The recordings of every vehicle, in order of time; the same arguments give the same fleet.
+
+    Parameters
+    ----------
+    vehicles, months
+        Number of vehicles, and months of service.
+    family, first, types
+        Family of the trucks, number of the first type, and number of types, which the vehicles take in turn.
+    seed
+        Seed of what happens to the vehicles.
+    days
+        Mean time from a recording to the next.
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of its range.
+    """
+    most, longest = MOST
+    for what, value, low, high in (
+        ("vehicles", vehicles, 1, most), ("months", months, 0.1, longest), ("types", types, 1, most),
+        ("days between recordings", days, 0.1, 365.0), ("seed", seed, 0, 2**63),
+    ):  # fmt: skip
+        if not low <= value <= high:
+            raise ParameterError(f"{value} {what}: a fleet has {low} to {high:g}.")
+    limit = truck(first, family).w_max
+    for v in range(vehicles):
+        yield tuple(_service(v, family, first + v % types, limit, months * MONTH, days, seed))
+
+
+def _service(v: int, family: str, number: int, limit: float, length: float, days: float, seed: int) -> Iterator[Visit]:
+    """Recordings of vehicle `v` over `length` days."""
+    random = np.random.default_rng([seed, v])
+    strokes_a_week, km_a_week, wear_a_stroke = (
+        median * float(np.exp(spread * random.standard_normal()))
+        for median, spread in (STROKES_A_WEEK, KM_A_WEEK, WEAR_A_STROKE)
+    )
+    mean, season = CLIMATE[0] + CLIMATE[1] * random.standard_normal(), SEASON[0] + SEASON[1] * random.standard_normal()
+    day = float(random.uniform(0.0, days))
+    now = Visit(
+        "", f"{family}{v:05d}", family, number, BEGIN, BEGIN, 0.0, 0.0, 0.0, 0.0, mean, 1.0, 0.0, 1.0, 0
+    )  # fmt: skip
+    passed, wrong, count = day, 0, 0
+    while day < length:
+        weeks = passed / 7.0
+        scatter = np.exp(SCATTER * random.standard_normal(3))
+        done = strokes_a_week * weeks * float(scatter[0])
+        now = _gone_on(now, done, km_a_week * weeks * float(scatter[1]), wear_a_stroke * float(scatter[2]), weeks)
+        now = _with_event(now, weeks, limit, random)
+        begin = BEGIN + timedelta(days=day)
+        yearly = np.cos(2 * np.pi * (begin.timetuple().tm_yday - 200) / 365.25)
+        fault = _fault(random)
+        wrong = WRONG if fault == "clock" else max(wrong - 1, 0)
+        clock = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(hours=10.0 * (WRONG - wrong)) if wrong else begin
+        now = replace(
+            now, recording=f"{now.vehicle}_{count:04d}", begin=begin, clock=clock,
+            temperature=float(np.clip(mean + season * yearly + DAY * random.standard_normal(), 238.0, 318.0)),
+            seed=int(random.integers(2**31)), fault="clock" if wrong and not fault else fault,
+        )  # fmt: skip
+        yield now
+        passed = float(days * random.uniform(0.7, 1.3))
+        day, count = day + passed, count + 1
+
+
+def _gone_on(now: Visit, strokes: float, km: float, wear_a_stroke: float, weeks: float) -> Visit:
+    """A vehicle after some weeks, in which nothing special happened."""
+    return replace(
+        now, strokes=now.strokes + strokes, cycles=now.cycles + strokes, odometer=now.odometer + km,
+        wear=now.wear + wear_a_stroke * strokes, event="",
+        leak=now.leak + (LEAK_A_WEEK * weeks if now.leak else 0.0),
+    )  # fmt: skip
+
+
+def _with_event(now: Visit, weeks: float, limit: float, random: np.random.Generator) -> Visit:
+    """What happens to a vehicle, at most one event at a time, and the drift of its supply."""
+    years, drawn = weeks * 7.0 / 365.25, random.uniform(size=3)
+    drift, gain = SUPPLY_DRIFT * np.sqrt(years) * random.standard_normal(), GAIN * random.standard_normal()
+    now = replace(now, supply=float(np.clip(now.supply + drift, 0.9, 1.05)))
+    if now.wear >= WORN_OUT * limit or drawn[0] < REPLACED * years:
+        return replace(now, wear=0.0, cycles=0.0, event="clutch replaced")
+    if drawn[1] < SENSOR * years:
+        return replace(now, gain=1.0 + float(gain), event="sensor replaced")
+    if drawn[2] < LEAK * years and not now.leak:
+        return replace(now, leak=LEAK_A_WEEK, event="leak")
+    return now
+
+
+def _fault(random: np.random.Generator) -> str:
+    """What is wrong with a file."""
+    drawn, edge = float(random.uniform()), 0.0
+    for fault, probability in (("cut off", CUT_OFF), ("clock", CLOCK), ("twice", TWICE)):
+        edge += probability
+        if drawn < edge:
+            return fault
+    return ""
