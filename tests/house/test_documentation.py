@@ -35,6 +35,7 @@ def test_the_readme_names_every_verb_of_the_command_line():
         "fit_output",
         "observe_live",
         "observe_output",
+        "observe_sinks",
         "terminal",
         "completion",
     }

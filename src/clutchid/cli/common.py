@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 from clutchid.cli.terminal import printable_lines, sentences
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
@@ -80,11 +80,11 @@ EMPTY: dict[str, Any] = {
 }
 
 
-def print_written(*paths: Path | None) -> None:
-    """Say which files were written."""
+def print_written(*paths: Path | None, to: TextIO | None = None) -> None:
+    """Say which files were written, on standard output by default."""
     for path in paths:
         if path is not None:
-            print(f"written: {printable(str(path.resolve()))}")
+            print(f"written: {printable(str(path.resolve()))}", file=to)
 
 
 def print_json(content: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, guarded, pressure
-from clutchid.cli.observe_live import LiveOptions, is_live, observe_live
+from clutchid.cli.observe_live import STANDARD_INPUT, LiveOptions, is_live, observe_live
 from clutchid.cli.observe_output import Files, answer, calibration_file
 from clutchid.errors import DataError, ParameterError
 from clutchid.workflow import Reading, inspected, read_recordings
@@ -33,6 +33,10 @@ def observe(
     ambient: str | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    follow: Annotated[bool, Parameter(negative="")] = False,
+    publish: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
+    publish_every: float | None = None,
+    view: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
@@ -66,6 +70,14 @@ def observe(
         Channel map (TOML) of the recording, as written by `clutchid look --save`.
     dbc
         DBC files that decode a bus log; several may follow each other.
+    follow
+        Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
+    publish
+        Results of a live recording while it goes on: `-` writes JSON lines on standard output.
+    publish_every
+        Time in ms from one published sample to the next; 0, each sample, by default.
+    view
+        Show load curve, pressure and flags of a live recording on standard error, if that is a terminal.
     force
         Observe although a check of the recording is bad; the checks are those of `clutchid look`.
     json
@@ -74,23 +86,30 @@ def observe(
         Show the traceback of an error.
     """
     files = Files(log, start, out, save, resume, report)
+    options = LiveOptions(method, map_, tuple(dbc or ()), resume, follow, publish, publish_every, view, json)
 
     def work() -> int:
-        if str(log).startswith("-") and not is_live(log):
+        if str(log).startswith("-") and str(log) != STANDARD_INPUT:
             raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
+        options.check(log)
         files.check()
         content = calibration_file(start)
         air = pressure(ambient, content.actuator.parameters.P_0)
-        if is_live(log):
-            return observe_live(files, content, LiveOptions(air, map_, method, resume, json))
-        read = read_recordings([log], Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
-        checked = _fast_enough(inspected(read, content.actuator, force=force)[0], content, force)
+        if options.follow or is_live(log):
+            return observe_live(files, content, replace(options, ambient=air))
+        checked = _checked(log, content, Reading(air, map_, tuple(dbc or ())), force)
         run = _followed(checked, content, method, resume)
         files.write(run, content)
         answer(run, content, files, as_json=json)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
+
+
+def _checked(path: Path, content: ParameterFile, reading: Reading, force: bool) -> Log:
+    """A recording with the warnings of its checks; a bad one is bad input unless it is forced."""
+    read = read_recordings([path], reading, content.actuator.equipment)
+    return _fast_enough(inspected(read, content.actuator, force=force)[0], content, force)
 
 
 def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:

@@ -1,21 +1,23 @@
-"""``clutchid observe -``: follow samples while they arrive; Ctrl-C and SIGTERM end it, and files are whole."""
+"""Observe a live recording: follow samples while they arrive; Ctrl-C and SIGTERM end it, and files are whole."""
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from clutchid.cli.common import BAD_INPUT, DONE, complain
 from clutchid.cli.observe_output import Files, answer
-from clutchid.cli.terminal import printable_lines
-from clutchid.errors import DataError, ExportError
+from clutchid.cli.observe_sinks import Sink, published_lines, say, view
+from clutchid.errors import DataError, ExportError, ParameterError
+from clutchid.names import printable
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
@@ -23,21 +25,53 @@ if TYPE_CHECKING:
     from clutchid.observe.live import LiveRun
     from clutchid.observe.observer import Observer, ObserverState
 
-#: What stands for standard input.
-STANDARD_INPUT = "-"
+#: What stands for standard input, and for standard output.
+STANDARD_INPUT = STANDARD_OUTPUT = "-"
 
 Stopped = Callable[[], bool]
 
 
 @dataclass(frozen=True, slots=True)
 class LiveOptions:
-    """How a live recording is read and observed: ambient pressure in Pa, channel map, method, state to go on from."""
+    """How a live recording is read and observed, and where its results go.
 
-    ambient: float
-    channel_map: Path | None
+    `resume` is the state to go on from, `publish_every` the time in ms from one published sample to the next, `ambient`
+    the pressure in Pa for gauge units.
+    """
+
     method: str
+    channel_map: Path | None
+    dbc: tuple[Path, ...]
     resume: Path | None
+    follow: bool
+    publish: str | None
+    publish_every: float | None
+    view: bool
     as_json: bool
+    ambient: float = math.nan
+
+    @property
+    def messages(self) -> TextIO:
+        """Where sentences go: standard output, unless lines are published there."""
+        return sys.stderr if self.publish == STANDARD_OUTPUT else sys.stdout
+
+    def check(self, log: Path) -> None:
+        """Check that the options go together and with the recording.
+
+        Raises
+        ------
+        ParameterError
+            If they do not.
+        """
+        if (self.publish is not None or self.view) and not (self.follow or is_live(log)):
+            option = "--view" if self.publish is None else f"--publish {self.publish}"
+            raise ParameterError(f"{option}: is for a live recording; give - for standard input, or --follow {log}.")
+        if self.publish is not None and self.publish != STANDARD_OUTPUT:
+            raise ParameterError(f"--publish {self.publish}: results go to -, standard output.")
+        if self.publish == STANDARD_OUTPUT and self.as_json:
+            raise ParameterError("--publish - and --json both write on standard output; leave one of them out.")
+        if self.publish_every is not None and not 0.0 <= self.publish_every < math.inf:
+            raise ParameterError(f"--publish-every {self.publish_every:g}: a time in ms is at least 0, for example 20.")
 
 
 def is_live(log: Path) -> bool:
@@ -55,10 +89,10 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
     """
     _check_format(files)
     with stop_signals() as stopped:
-        blocks = _blocks(content, options, stopped)
+        blocks = _blocks(files.log, content, options, stopped)
         run, trouble = _followed(blocks, files, content, options)
         files.write_rest(run.recent(), content)
-    answer(run.recent(), content, files, as_json=options.as_json, trouble=trouble)
+    answer(run.recent(), content, files, as_json=options.as_json, trouble=trouble, to=options.messages)
     if not trouble:
         return DONE
     return BAD_INPUT if options.as_json else complain(trouble, as_json=False, status="bad_input")
@@ -92,17 +126,20 @@ def stop_signals() -> Iterator[Stopped]:
             signal.signal(number, handler)
 
 
-def _blocks(content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Iterator[LiveBlock]:
+def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Iterator[LiveBlock]:
     """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
-    from clutchid.io.live.feed import from_descriptor
+    from clutchid.io.live.feed import from_descriptor, from_growing_file
     from clutchid.io.live.text_recording import text_blocks
     from clutchid.io.map.channel_map import read_map
 
     channels = None if options.channel_map is None else read_map(options.channel_map)
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
-    pieces = from_descriptor(sys.stdin.fileno(), stopped)
-    for block in text_blocks(pieces, "stdin", channels, options.ambient, required):
+    if str(log) == STANDARD_INPUT:
+        pieces, name = from_descriptor(sys.stdin.fileno(), stopped), "stdin"
+    else:
+        pieces, name = from_growing_file(log, stopped), printable(log.stem)
+    for block in text_blocks(pieces, name, channels, options.ambient, required):
         yield replace(block, log=equipment.driven(block.log))
 
 
@@ -117,18 +154,20 @@ def _followed(
     first = next(blocks)
     run = live_run(*_start(first, content, options))
     trouble = ""
-    with spooled(files.out) as add_samples, spooled(files.by_stroke) as add_strokes:
+    with _sinks(options) as sinks, spooled(files.out) as add_samples, spooled(files.by_stroke) as add_strokes:
         for block in _until_trouble(first, blocks):
             if isinstance(block, DataError):
                 trouble = str(block)
                 break
-            had = run.checked
+            before = run
             run, part = gone_on(run, block.log, block.left_out._asdict())
             add_samples(part.estimates())
             if part.strokes or part.before is run.before:
                 add_strokes(part.load_by_stroke())
-            if had is None and run.checked:
-                _warn(run.checked, options)
+            if before.checked is None and run.checked and not options.as_json:
+                say(run.checked)
+            for sink in sinks:
+                sink(before, run, part)
         if not run.usable:
             raise DataError(trouble or no_sample(first.log.name))
     return checked(run), trouble
@@ -155,8 +194,13 @@ def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[Li
         yield error
 
 
-def _warn(sentences: tuple[str, ...], options: LiveOptions) -> None:
-    """Say what the checks of the first samples found, while the recording goes on."""
-    if not options.as_json:
-        for sentence in sentences:
-            print(f"warning: {printable_lines(sentence)}", file=sys.stderr, flush=True)
+@contextmanager
+def _sinks(options: LiveOptions) -> Iterator[list[Sink]]:
+    """What takes the results of each block besides the files."""
+    with ExitStack() as stack:
+        sinks = []
+        if options.publish is not None:
+            sinks.append(stack.enter_context(published_lines(1e-3 * (options.publish_every or 0.0))))
+        if options.view:
+            sinks.append(stack.enter_context(view()))
+        yield sinks

@@ -6,7 +6,7 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from clutchid.cli.common import EMPTY, check_outputs, print_json, print_written
 from clutchid.cli.terminal import printable_lines
@@ -76,8 +76,19 @@ def calibration_file(path: Path) -> ParameterFile:
     return content
 
 
-def answer(run: ObservedRecording, content: ParameterFile, files: Files, *, as_json: bool, trouble: str = "") -> None:
-    """Say what was found, and which files were written; `trouble` is why a live recording ended."""
+def answer(
+    run: ObservedRecording,
+    content: ParameterFile,
+    files: Files,
+    *,
+    as_json: bool,
+    trouble: str = "",
+    to: TextIO | None = None,
+) -> None:
+    """Say what was found, and which files were written; `trouble` is why a live recording ended.
+
+    `to` is where sentences go, standard output by default.
+    """
     from clutchid.report.observe_json import observe_json
     from clutchid.report.observe_text import observe_sentence
 
@@ -87,5 +98,5 @@ def answer(run: ObservedRecording, content: ParameterFile, files: Files, *, as_j
         return
     for warning in run.log.warnings:
         print(f"warning: {printable_lines(warning)}", file=sys.stderr)
-    print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"))
-    print_written(files.out, files.by_stroke, files.save, files.report)
+    print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), file=to)
+    print_written(files.out, files.by_stroke, files.save, files.report, to=to)

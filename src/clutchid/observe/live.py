@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.inspection import inspect
-from clutchid.log import Log
+from clutchid.log import FloatArray, Log
 from clutchid.observe.by_stroke import StrokeRow
 from clutchid.observe.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observe.observer import Observed, Observer, ObserverState
@@ -20,13 +21,17 @@ RECENT, STROKES = 120.0, 1000
 #: Time in s of the first samples that the checks of a recording look at.
 CHECKED = 30.0
 
+#: Part of an interval by which a stamp may be rounded below the instant that it stands for.
+ROUNDED = 1e-6
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveRun:
     """A recording that has not ended: its last parts and strokes, and what is known of all of it.
 
-    `health` are the seconds of each fault so far; `begin` is the time in s of the first sample, NaN before; `checked`
-    the sentences of the checks of its first samples, None before there were enough.
+    `health` are the seconds of each fault so far; `begin` and `latest` are the times in s of the first and of the last
+    sample, NaN before them; `checked` are the sentences of the checks of its first samples, None before there were
+    enough.
     """
 
     observer: Observer
@@ -36,6 +41,7 @@ class LiveRun:
     strokes: tuple[StrokeRow, ...] = ()
     health: Mapping[str, float] | None = None
     begin: float = np.nan
+    latest: float = np.nan
     usable: bool = False
     checked: tuple[str, ...] | None = None
 
@@ -50,7 +56,8 @@ class LiveRun:
 
 def live_run(observer: Observer, state: ObserverState) -> LiveRun:
     """A recording before its first sample."""
-    return LiveRun(observer, state, state)
+    latest = float(state.tail.time[-1]) if state.tail.time.size else np.nan
+    return LiveRun(observer, state, state, latest=latest)
 
 
 def gone_on(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[LiveRun, ObservedRecording]:
@@ -67,7 +74,8 @@ def gone_on(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[Live
         As `clutchid.observe.observe`.
     """
     part = follow_block(run.observer, run.after, block)
-    found = live_health(run.observer, run.after.tail.time, block, part.samples, left_out)
+    earlier = np.array([run.latest])[np.isfinite([run.latest])]
+    found = live_health(run.observer, earlier, block, part.samples, left_out)
     part = replace(part, health=found)
     total = found if run.health is None else {name: run.health[name] + seconds for name, seconds in found.items()}
     last = block.time[-1] if len(block) else -np.inf
@@ -79,9 +87,32 @@ def gone_on(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[Live
         strokes=(*run.strokes, *part.strokes)[-STROKES:],
         health=total,
         begin=float(block.time[0]) if len(block) and np.isnan(run.begin) else run.begin,
+        latest=float(block.time[-1]) if len(block) else run.latest,
         usable=run.usable or usable(block),
     )
     return (checked(after) if last - after.begin >= CHECKED else after), part
+
+
+def due(time: FloatArray, latest: float, every: float) -> NDArray[np.bool_]:
+    """Which samples of a block are published: the first in each interval of `every` seconds; all of them with 0.
+
+    It depends on the stamps only, not on how a recording is cut into blocks.
+
+    Parameters
+    ----------
+    time, latest : s
+        Of the samples of the block, and of the one before it (NaN: there is none).
+
+    Examples
+    --------
+    >>> due(np.array([0.0, 0.004, 0.008, 0.012, 0.02]), np.nan, 0.01)
+    array([ True, False, False,  True,  True])
+    """
+    if every == 0.0:
+        return np.ones(time.size, dtype=bool)
+    number = np.floor(np.append(latest if np.isfinite(latest) else -np.inf, time) / every + ROUNDED)
+    chosen: NDArray[np.bool_] = number[1:] > number[:-1]
+    return chosen
 
 
 def checked(run: LiveRun) -> LiveRun:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from clutchid.errors import DataError
 from clutchid.io.files import plain_file
+from clutchid.io.formats.kinds import kind_of
+from clutchid.io.formats.opening import head_of
 
 #: Time in s for which arriving bytes are collected, so that a block is worth its cost; bytes of a piece at most.
 PACE, MOST = 0.02, 1 << 20
@@ -66,26 +68,32 @@ def _collected(descriptor: int) -> tuple[bytes, bool]:
 
 
 def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterator[bytes]:
-    """Bytes of a file from its start, and then those that are appended, until it is stopped.
+    """Bytes of a file from its start, and then those that are appended, until it is stopped and its end is reached.
+
+    Where it is stopped before, it ends within `MOST` bytes.
 
     Raises
     ------
     DataError
-        If there is no readable plain file, or it becomes shorter or another file.
+        If there is no readable plain file of text, or it becomes shorter or another file.
     """
     file = plain_file(path)
+    if (kind := kind_of(head_of(file))) != "csv":
+        raise DataError(f"{file}: is {kind.upper()}; a file that is followed while it grows is CSV or JSON lines.")
     done = 0
     try:
         with file.open("rb", buffering=0) as stream:
             number = os.fstat(stream.fileno()).st_ino
-            while not stopped():
+            ending = False
+            while not ending:
+                ending = stopped()
                 part = stream.read(MOST)
+                done += len(part)
                 if part:
-                    done += len(part)
                     yield part
-                    continue
-                _check_same(file, number, done)
-                time.sleep(PACE)
+                if len(part) < MOST and not ending:
+                    _check_same(file, number, done)
+                    time.sleep(PACE)
     except OSError as error:
         if isinstance(error, DataError):
             raise

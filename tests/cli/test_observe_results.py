@@ -1,0 +1,219 @@
+"""What a live recording gives while it goes on: a growing file, published lines, and a view on the terminal."""
+
+import io
+import json
+import os
+import pty
+import re
+import signal
+import threading
+import time
+
+import numpy as np
+import polars as pl
+import pytest
+
+from clutchid.cli import main
+from clutchid.estimate.parameter_file import ParameterFile, write_parameters
+from clutchid.io import write
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, plant, recorded_by):
+    """A calibration, a recording of a worn clutch, and what is observed in the file."""
+    made = tmp_path_factory.mktemp("results")
+    write_parameters(ParameterFile(plant), made / "cal.toml")
+    worn = plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
+    write(recorded_by(worn, seconds=6.0, name="worn"), made / "worn.csv")
+    (made / "file").mkdir()
+    outputs = ["--out", str(made / "file" / "est.parquet"), "--save", str(made / "file" / "state.toml")]
+    with pytest.raises(SystemExit) as ended:
+        main(["observe", str(made / "worn.csv"), "--start", str(made / "cal.toml"), *outputs])
+    assert ended.value.code == 0
+    return made
+
+
+@pytest.fixture
+def call(folder, tmp_path, monkeypatch, capsys):
+    """Run the command in a folder of its own; exit code, output and errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(log, *options):
+        with pytest.raises(SystemExit) as ended:
+            main(["observe", log, "--start", str(folder / "cal.toml"), "--out", "est.parquet", *options])
+        return ended.value.code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def piped(folder, monkeypatch):
+    """The recording on standard input."""
+    with (folder / "worn.csv").open() as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        yield
+
+
+def ready(number, before):
+    """Wait until the command listens to the signal."""
+    while signal.getsignal(number) is before:
+        time.sleep(0.01)
+
+
+def same(folder, tmp_path):
+    for name in ("est.parquet", "est.load.parquet"):
+        assert pl.read_parquet(tmp_path / name).equals(pl.read_parquet(folder / "file" / name), null_equal=True), name
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_file_that_grows_gives_the_numbers_of_the_whole_file(call, folder, tmp_path, number):
+    text = (folder / "worn.csv").read_bytes()
+    (tmp_path / "worn.csv").write_bytes(text[:50_007])
+    before = signal.getsignal(number)
+
+    def grow():
+        ready(number, before)
+        with (tmp_path / "worn.csv").open("ab") as file:
+            for begin in range(50_007, len(text), 30_011):
+                file.write(text[begin : begin + 30_011])
+                file.flush()
+                time.sleep(0.02)
+        os.kill(os.getpid(), number)
+
+    grower = threading.Thread(target=grow)
+    grower.start()
+    code, said, errors = call("worn.csv", "--follow", "--save", "state.toml")
+    grower.join()
+    assert (code, errors) == (0, "")
+    assert said.startswith("observed worn: load at 12.5 mm ")
+    same(folder, tmp_path)
+    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
+
+
+def test_a_file_that_becomes_shorter_ends_the_recording_and_what_came_before_is_written(call, folder, tmp_path):
+    (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
+
+    def shorten():
+        while not list(tmp_path.glob(".*")):  # the outputs are begun
+            time.sleep(0.01)
+        os.truncate(tmp_path / "worn.csv", 1000)
+
+    other = threading.Thread(target=shorten)
+    other.start()
+    code, _, errors = call("worn.csv", "--follow")
+    other.join()
+    assert code == 2
+    assert "worn.csv: has become shorter; samples can only be appended" in " ".join(errors.split())
+    same(folder, tmp_path)
+
+
+def published(said):
+    lines = [json.loads(line) for line in said.splitlines()]
+    strokes = [line for line in lines if "stroke" in line]
+    return [line for line in lines if "position [m]" in line], strokes, lines
+
+
+def test_published_lines_have_the_numbers_of_the_files_bit_for_bit(call, folder, tmp_path, piped):
+    code, said, errors = call("-", "--publish", "-")
+    assert code == 0
+    assert errors.startswith("observed stdin: ")
+    samples, strokes, lines = published(said)
+    file = pl.read_parquet(folder / "file" / "est.parquet")
+    assert list(samples[0]) == file.columns
+    for name in file.columns:
+        column = np.array([line[name] for line in samples], dtype=float)
+        assert np.array_equal(column, file[name].to_numpy(), equal_nan=True), name
+    by_stroke = pl.read_parquet(folder / "file" / "est.load.parquet")
+    assert [line["stroke"] for line in strokes] == by_stroke["stroke [1]"].to_list()
+    assert [line["load_curve"]["force_N"][10] for line in strokes] == by_stroke["load_05000um [N]"].to_list()
+    theta = [line["parameters"]["theta_1"] for line in strokes]
+    assert [one["std"] for one in theta] == by_stroke["theta_1_std [N]"].to_list()
+    assert lines[lines.index(strokes[0]) - 1]["time [s]"] == strokes[0]["time [s]"]
+
+
+def test_fewer_samples_are_published_at_equal_times(call, folder, piped):
+    code, said, _ = call("-", "--publish", "-", "--publish-every", "20")
+    samples, strokes, _ = published(said)
+    assert code == 0
+    assert [line["time [s]"] for line in samples] == pytest.approx(np.arange(300) * 0.02)
+    assert strokes
+
+
+def test_faults_are_published_when_they_occur(call, folder, monkeypatch, tmp_path):
+    lines = (folder / "worn.csv").read_text().splitlines(keepends=True)
+    del lines[3000]
+    (tmp_path / "torn.csv").write_text("".join(lines))
+    with (tmp_path / "torn.csv").open() as stream:
+        monkeypatch.setattr("sys.stdin", stream)
+        _, said, _ = call("-", "--publish", "-", "--publish-every", "1000")
+    faults = [line for line in published(said)[2] if "health" in line]
+    assert [line["health"]["lost"] for line in faults] == pytest.approx([1e-3])
+
+
+def test_where_nobody_reads_the_lines_any_more_the_recording_goes_on(call, folder, tmp_path, monkeypatch, piped):
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as stream:
+        monkeypatch.setattr("sys.stdout", stream)
+        code, _, errors = call("-", "--publish", "-")
+    assert code == 0
+    assert "warning: standard output was closed: nothing is published any more" in errors
+    same(folder, tmp_path)
+
+
+def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_path, monkeypatch, piped):
+    leader, follower = pty.openpty()
+    shown = []
+
+    def read():
+        try:
+            while part := os.read(leader, 1 << 16):
+                shown.append(part)
+        except OSError:  # the other end was closed
+            pass
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    monkeypatch.setenv("COLUMNS", "70")
+    monkeypatch.setenv("TERM", "xterm")
+    with os.fdopen(follower, "w") as stream:
+        monkeypatch.setattr("sys.stderr", stream)
+        code, said, _ = call("-", "--view")
+    reader.join()
+    os.close(leader)
+    assert code == 0
+    assert said.startswith("observed stdin: ")
+    text = b"".join(shown).decode()
+    for words in ("stdin  6.00 s  position", "p_A [###", "* load (. 95 %)  o as calibrated; at 12.5 mm", "no flags"):
+        assert words in text
+    plain = re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", text)
+    assert max(map(len, plain.splitlines())) <= 70
+
+
+def test_a_view_is_nothing_where_there_is_no_terminal(call, folder, tmp_path, piped):
+    code, _, errors = call("-", "--view")
+    assert (code, errors) == (0, "")
+    same(folder, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (
+            ["worn.csv", "--publish", "-"],
+            "--publish -: is for a live recording; give - for standard input, or --follow",
+        ),
+        (["worn.csv", "--view"], "--view: is for a live recording"),
+        (["-", "--publish", "results.jsonl"], "--publish results.jsonl: results go to -"),
+        (["-", "--publish", "-", "--json"], "leave one of them out"),
+        (["-", "--publish", "-", "--publish-every", "-1"], "--publish-every -1: a time in ms is at least 0"),
+        (["-", "--publish-every", "nan"], "--publish-every nan: a time in ms is at least 0"),
+        (["none.csv", "--follow"], "none.csv"),
+    ],
+)
+def test_options_that_do_not_go_together_are_said_in_a_sentence(call, tmp_path, monkeypatch, options, words):
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    code, said, errors = call(*options)
+    assert code == 2
+    assert words in " ".join((json.loads(said)["message"] if "--json" in options else errors).split())
+    assert list(tmp_path.iterdir()) == []
