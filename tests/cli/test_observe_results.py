@@ -201,7 +201,7 @@ def test_a_view_is_nothing_where_there_is_no_terminal(call, folder, tmp_path, pi
     [
         (
             ["worn.csv", "--publish", "-"],
-            "--publish -: is for a live recording; give - for standard input, or --follow",
+            "--publish -: is for a live recording; give -, can:CHANNEL, or --follow worn.csv",
         ),
         (["worn.csv", "--view"], "--view: is for a live recording"),
         (["-", "--publish", "results.jsonl"], "--publish results.jsonl: results go to -"),

@@ -50,7 +50,7 @@ def observe(
     ----------
     log
         Recording in any format that `clutchid look` reads; `-` follows CSV or JSON lines on standard input while they
-        arrive, until they end or Ctrl-C.
+        arrive, until they end or Ctrl-C; `can:CHANNEL` follows a bus.
     start
         Calibration (TOML), as written by `clutchid fit --save`.
     out
@@ -73,9 +73,10 @@ def observe(
     follow
         Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
     publish
-        Results of a live recording while it goes on: `-` writes JSON lines on standard output.
+        Results of a live recording while it goes on: `-` writes JSON lines on standard output,
+        `can:CHANNEL` frames on a bus, whose DBC is written as OUT.dbc.
     publish_every
-        Time in ms from one published sample to the next; 0, each sample, by default.
+        Time in ms from one published sample to the next; 0 publishes each, the default for lines; 10 for frames.
     view
         Show load curve, pressure and flags of a live recording on standard error, if that is a terminal.
     force
@@ -85,8 +86,8 @@ def observe(
     debug
         Show the traceback of an error.
     """
-    files = Files(log, start, out, save, resume, report)
     options = LiveOptions(method, map_, tuple(dbc or ()), resume, follow, publish, publish_every, view, json)
+    files = Files(log, start, out, save, resume, report, options.dbc, options.bus is not None)
 
     def work() -> int:
         if str(log).startswith("-") and str(log) != STANDARD_INPUT:
@@ -97,7 +98,7 @@ def observe(
         air = pressure(ambient, content.actuator.parameters.P_0)
         if options.follow or is_live(log):
             return observe_live(files, content, replace(options, ambient=air))
-        checked = _checked(log, content, Reading(air, map_, tuple(dbc or ())), force)
+        checked = _checked(log, content, Reading(air, map_, options.dbc), force)
         run = _followed(checked, content, method, resume)
         files.write(run, content)
         answer(run, content, files, as_json=json)

@@ -6,8 +6,8 @@ import math
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, TextIO
 
 from clutchid.cli.common import BAD_INPUT, DONE, complain
 from clutchid.cli.observe_output import Files, answer
-from clutchid.cli.observe_sinks import Sink, published_lines, say, view
+from clutchid.cli.observe_sinks import Sink, published_frames, published_lines, say, view
 from clutchid.errors import DataError, ExportError, ParameterError
+from clutchid.io.live.bus import BusName, bus_name
 from clutchid.names import printable
 
 if TYPE_CHECKING:
@@ -51,6 +52,11 @@ class LiveOptions:
     ambient: float = math.nan
 
     @property
+    def bus(self) -> BusName | None:
+        """The bus that results go to, if they do."""
+        return bus_name(self.publish or "")
+
+    @property
     def messages(self) -> TextIO:
         """Where sentences go: standard output, unless lines are published there."""
         return sys.stderr if self.publish == STANDARD_OUTPUT else sys.stdout
@@ -65,9 +71,11 @@ class LiveOptions:
         """
         if (self.publish is not None or self.view) and not (self.follow or is_live(log)):
             option = "--view" if self.publish is None else f"--publish {self.publish}"
-            raise ParameterError(f"{option}: is for a live recording; give - for standard input, or --follow {log}.")
-        if self.publish is not None and self.publish != STANDARD_OUTPUT:
-            raise ParameterError(f"--publish {self.publish}: results go to -, standard output.")
+            raise ParameterError(f"{option}: is for a live recording; give -, can:CHANNEL, or --follow {log}.")
+        if self.publish not in (None, STANDARD_OUTPUT) and self.bus is None:
+            raise ParameterError(
+                f"--publish {self.publish}: results go to -, standard output, or to a bus, such as can:can0."
+            )
         if self.publish == STANDARD_OUTPUT and self.as_json:
             raise ParameterError("--publish - and --json both write on standard output; leave one of them out.")
         if self.publish_every is not None and not 0.0 <= self.publish_every < math.inf:
@@ -76,7 +84,7 @@ class LiveOptions:
 
 def is_live(log: Path) -> bool:
     """Whether a recording arrives while it is observed."""
-    return str(log) == STANDARD_INPUT
+    return str(log) == STANDARD_INPUT or bus_name(str(log)) is not None
 
 
 def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> int:
@@ -89,8 +97,8 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
     """
     _check_format(files)
     with stop_signals() as stopped:
-        blocks = _blocks(files.log, content, options, stopped)
-        run, trouble = _followed(blocks, files, content, options)
+        with closing(_blocks(files.log, content, options, stopped)) as blocks:
+            run, trouble = _followed(blocks, files, content, options)
         files.write_rest(run.recent(), content)
     answer(run.recent(), content, files, as_json=options.as_json, trouble=trouble, to=options.messages)
     if not trouble:
@@ -126,8 +134,10 @@ def stop_signals() -> Iterator[Stopped]:
             signal.signal(number, handler)
 
 
-def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Iterator[LiveBlock]:
+def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Generator[LiveBlock]:
     """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
+    from clutchid.io.live.bus import from_bus
+    from clutchid.io.live.bus_recording import bus_blocks
     from clutchid.io.live.feed import from_descriptor, from_growing_file
     from clutchid.io.live.text_recording import text_blocks
     from clutchid.io.map.channel_map import read_map
@@ -135,11 +145,17 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
     channels = None if options.channel_map is None else read_map(options.channel_map)
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
-    if str(log) == STANDARD_INPUT:
-        pieces, name = from_descriptor(sys.stdin.fileno(), stopped), "stdin"
+    if (bus := bus_name(str(log))) is not None:
+        frames = from_bus(bus, stopped)
+        name = printable(bus.channel)
+        blocks = bus_blocks(frames, name, options.dbc, channels, options.ambient, required)
+    elif str(log) == STANDARD_INPUT:
+        pieces = from_descriptor(sys.stdin.fileno(), stopped)
+        blocks = text_blocks(pieces, "stdin", channels, options.ambient, required)
     else:
-        pieces, name = from_growing_file(log, stopped), printable(log.stem)
-    for block in text_blocks(pieces, name, channels, options.ambient, required):
+        pieces = from_growing_file(log, stopped)
+        blocks = text_blocks(pieces, printable(log.stem), channels, options.ambient, required)
+    for block in blocks:
         yield replace(block, log=equipment.driven(block.log))
 
 
@@ -154,7 +170,7 @@ def _followed(
     first = next(blocks)
     run = live_run(*_start(first, content, options))
     trouble = ""
-    with _sinks(options) as sinks, spooled(files.out) as add_samples, spooled(files.by_stroke) as add_strokes:
+    with _sinks(options, files) as sinks, spooled(files.out) as add_samples, spooled(files.by_stroke) as add_strokes:
         for block in _until_trouble(first, blocks):
             if isinstance(block, DataError):
                 trouble = str(block)
@@ -195,12 +211,15 @@ def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[Li
 
 
 @contextmanager
-def _sinks(options: LiveOptions) -> Iterator[list[Sink]]:
+def _sinks(options: LiveOptions, files: Files) -> Iterator[list[Sink]]:
     """What takes the results of each block besides the files."""
     with ExitStack() as stack:
         sinks = []
-        if options.publish is not None:
-            sinks.append(stack.enter_context(published_lines(1e-3 * (options.publish_every or 0.0))))
+        every = None if options.publish_every is None else 1e-3 * options.publish_every
+        if options.bus is not None:
+            sinks.append(stack.enter_context(published_frames(options.bus, every, files.results_dbc)))
+        elif options.publish is not None:
+            sinks.append(stack.enter_context(published_lines(every or 0.0)))
         if options.view:
             sinks.append(stack.enter_context(view()))
         yield sinks

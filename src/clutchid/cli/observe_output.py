@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """Paths that are read and written."""
+    """Paths that are read and written; `publishes_frames` is whether results go to a bus, which writes a DBC."""
 
     log: Path
     start: Path
@@ -29,16 +29,26 @@ class Files:
     save: Path | None
     resume: Path | None
     report: Path | None
+    dbc: tuple[Path, ...] = ()
+    publishes_frames: bool = False
 
     @property
     def by_stroke(self) -> Path:
         """The load by stroke, beside the samples."""
         return self.out.with_name(f"{self.out.stem}.load{self.out.suffix}")
 
+    @property
+    def results_dbc(self) -> Path:
+        """The DBC of published frames, beside the samples."""
+        return self.out.with_suffix(".dbc")
+
     def check(self) -> None:
         """Check, before any work, that the files can be written; a state may replace the one that it went on from."""
         read: list[tuple[str, Path | None]] = [("the recording itself", self.log), ("the calibration", self.start)]
         written = {"--out": self.out, "--out (load by stroke)": self.by_stroke, "--report": self.report}
+        if self.publishes_frames:
+            written["--publish (DBC)"] = self.results_dbc
+        read += [("the DBC of the recording", path) for path in self.dbc]
         check_outputs(written, [*read, ("the state of --resume", self.resume)])
         others = [(f"the file of {option}", path) for option, path in written.items()]
         check_outputs({"--save": self.save}, [*read, *others])
@@ -99,4 +109,5 @@ def answer(
     for warning in run.log.warnings:
         print(f"warning: {printable_lines(warning)}", file=sys.stderr)
     print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), file=to)
-    print_written(files.out, files.by_stroke, files.save, files.report, to=to)
+    published = files.results_dbc if files.publishes_frames else None
+    print_written(files.out, files.by_stroke, files.save, files.report, published, to=to)

@@ -8,11 +8,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.cli.terminal import printable_lines
 
 if TYPE_CHECKING:
+    from clutchid.io.live.bus import BusName
     from clutchid.observe.live import LiveRun
     from clutchid.observe.recording import ObservedRecording
 
@@ -45,6 +47,32 @@ def published_lines(every: float) -> Iterator[Sink]:
             say(["standard output was closed: nothing is published any more, the recording goes on."])
 
     yield publish
+
+
+@contextmanager
+def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[Sink]:
+    """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.report.observe_frames.PERIOD`.
+
+    Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written.
+    """
+    from clutchid.io.live.bus import sender
+    from clutchid.report.files import write_text
+    from clutchid.report.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
+
+    write_text(results_dbc(), dbc)
+    sent, failed = 0, False
+    with sender(name) as send:
+
+        def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
+            nonlocal sent, failed
+            frames = observe_frames(before, after, part, PERIOD if every is None else every, sent)
+            sent += len(frames) // len(MESSAGES)
+            for frame in frames:
+                if (reason := send(*frame)) and not failed:
+                    failed = True
+                    say([f"{name}: does not take every frame ({reason}); the recording goes on."])
+
+        yield publish
 
 
 def _discard_output() -> None:

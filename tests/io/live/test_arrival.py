@@ -45,7 +45,7 @@ def blocks_of(rows, size, channels=MAP):
                 each.append(arrived(i, chosen, Table(RASTERS[chosen.raster].headings, numbers, len(own)), 1e5, at))
             yield Piece(each)
 
-    return list(live_blocks(pieces(), picks, "bus", {}, 101))
+    return list(live_blocks(pieces(), picks, "bus", {}))
 
 
 def whole(blocks):
@@ -103,7 +103,7 @@ def _lazily(rows):
     picks = picked_streams("bus", RASTERS, MAP, NEEDED)
     one = [Arrived(int(which == 1), np.array([i]), np.array([t]), _columns(which, values))
            for i, (which, t, values) in enumerate(rows)]  # fmt: skip
-    return live_blocks((Piece([each]) for each in one), picks, "bus", {}, 101)
+    return live_blocks((Piece([each]) for each in one), picks, "bus", {})
 
 
 def _columns(which, values):

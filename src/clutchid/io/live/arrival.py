@@ -17,6 +17,9 @@ from clutchid.io.live.streams import Arrived
 from clutchid.io.map.picking import Pick
 from clutchid.log import HOLE, FloatArray, Log
 
+#: Samples of the first block at least: as many give the time from one sample to the next.
+FIRST = 101
+
 
 class Piece(NamedTuple):
     """What came together: samples by stream, and lines or frames that could not be read."""
@@ -55,9 +58,9 @@ class _Join:
 
 
 def live_blocks(
-    pieces: Iterator[Piece], picks: Sequence[Pick], name: str, metadata: Mapping[str, str], first: int
+    pieces: Iterator[Piece], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
 ) -> Iterator[LiveBlock]:
-    """Blocks of a recording as their samples arrive; the first has at least `first` samples, if there are as many.
+    """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
 
     The numbers do not depend on how the samples are cut into pieces. Samples wait `clutchid.io.live.order.WINDOW`
     seconds for those that come out of order. Columns of other streams than the position's are held.
@@ -70,8 +73,21 @@ def live_blocks(
     Raises
     ------
     DataError
-        If the time goes back for good, after the block before it was given; or as `pieces`.
+        If there is no sample; if the time goes back for good, after the block before it was given; or as `pieces`.
     """
+    found = False
+    for block in _all_blocks(pieces, picks, name, metadata):
+        found = found or len(block.log) > 0
+        if found:
+            yield block
+    if not found:
+        raise DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
+
+
+def _all_blocks(
+    pieces: Iterator[Piece], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
+) -> Iterator[LiveBlock]:
+    """The blocks, and where no sample came what was left out."""
     waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
     join, left = _Join(waiting.streams[0], waiting.streams[1:]), LeftOutOf()
     trouble: DataError | None = None
@@ -87,7 +103,7 @@ def live_blocks(
         lost = not math.isnan(waiting.lost)
         ended = piece is None or lost
         waiting, ready = final(waiting, ended=ended)
-        join, block = _joined(join, ready, picks, first, ended=ended)
+        join, block = _joined(join, ready, picks, ended=ended)
         if block.time.size:
             yield LiveBlock(Log(block.time, block.columns, name, metadata), left)
             left = LeftOutOf()
@@ -109,9 +125,7 @@ def _added(left: LeftOutOf, piece: Piece, late: int, repeated: int) -> LeftOutOf
     )
 
 
-def _joined(
-    join: _Join, ready: Sequence[Ordered], picks: Sequence[Pick], first: int, *, ended: bool
-) -> tuple[_Join, Ordered]:
+def _joined(join: _Join, ready: Sequence[Ordered], picks: Sequence[Pick], *, ended: bool) -> tuple[_Join, Ordered]:
     """Samples of the position's stream with the columns of the others, as far as all of these are final."""
     base = followed_by(join.base, _earlier(ready[0], picks[0].delay))
     others = tuple(
@@ -119,9 +133,9 @@ def _joined(
         for old, new, chosen in zip(join.others, ready[1:], picks[1:], strict=True)
     )
     count = base.time.size if ended else _settled(base.time, picks)
-    if join.longest is None and count < first and not ended:
+    if join.longest is None and count < FIRST and not ended:
         return replace(join, base=base, others=others), part(base, 0, 0)
-    longest = join.longest or _longest(part(base, 0, first).time, others, picks)
+    longest = join.longest or _longest(part(base, 0, FIRST).time, others, picks)
     block = part(base, 0, count)
     columns = dict(block.columns)
     for one in others:

@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from clutchid.io.map.channel_map import ChannelMap
 
 
-#: Samples of the first block at least: as many give the time from one sample to the next.
-FIRST = 101
-
-
 def text_blocks(
     pieces: Iterator[bytes], name: str, channels: ChannelMap | None, ambient: float, required: Sequence[str]
 ) -> Iterator[LiveBlock]:
@@ -47,13 +43,7 @@ def text_blocks(
         raise DataError(f"{name}: {feed.unnamed}")
     picks = picked_streams(name, [feed.raster], channels, required)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
-    found = False
-    for block in live_blocks(_pieces(feed, picks, ambient), picks, name, metadata, FIRST):
-        found = found or len(block.log) > 0
-        if found:
-            yield block
-    if not found:
-        raise DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
+    yield from live_blocks(_pieces(feed, picks, ambient), picks, name, metadata)
 
 
 def _pieces(feed: TextFeed, picks: Sequence[Pick], ambient: float) -> Iterator[Piece]:

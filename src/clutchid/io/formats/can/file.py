@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.io.columns import Heading, channel
+from clutchid.io.columns import Heading
 from clutchid.io.formats.can import warnings as can_warnings
-from clutchid.io.formats.can.dbc import Message, read_dbc
+from clutchid.io.formats.can.dbc import read_dbc
 from clutchid.io.formats.can.frames import FrameLog
 from clutchid.io.formats.can.scan import Piece, pieces, scan
 from clutchid.io.formats.can.signals import decode
-from clutchid.io.formats.can.streams import Book, Stream, book
+from clutchid.io.formats.can.streams import Book, Stream, book, channels_of, in_order
 from clutchid.io.source import Raster, Source
 from clutchid.io.table import Places, Table
 from clutchid.log import FloatArray
@@ -111,21 +111,14 @@ def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
     metadata = _metadata(log, seen.origin, dbc)
     if problem:
         return Source(path, log.format, (), _no_tables, (problem,), log.warnings, metadata)
-    order = {message: number for number, message in enumerate(messages)}
-    streams = sorted(seen.sizes, key=lambda stream: _place(stream, order))
+    streams = in_order(seen.sizes, messages)
     names = can_warnings.names(streams)
     rasters = tuple(
-        Raster(_headings(stream), seen.sizes[stream], name, 0) for stream, name in zip(streams, names, strict=True)
+        Raster(channels_of(stream), seen.sizes[stream], name, 0) for stream, name in zip(streams, names, strict=True)
     )
     tables = _Reading(log, known, tuple(streams), tuple(raster.headings for raster in rasters), seen.origin, seen.kept)
     warnings = (*log.warnings, *can_warnings.warnings(seen, streams))
     return Source(path, log.format, rasters, tables, (), warnings, metadata)
-
-
-def _place(stream: Stream, order: Mapping[Message, int]) -> tuple[int, ...]:
-    """Where a stream stands among the rasters: messages in the order of the DBC files, then by bus and addresses."""
-    message = stream.message
-    return order[message], stream.bus, stream.sender, stream.receiver, message.pages.index(stream.page)
 
 
 def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, str]:
@@ -135,11 +128,6 @@ def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, st
     except OverflowError:
         start = None
     return {"start": start.isoformat(), **found} if start else found
-
-
-def _headings(stream: Stream) -> tuple[Heading, ...]:
-    signals = (channel(i, signal.name, signal.unit, signal.comment) for i, signal in enumerate(stream.page.signals, 1))
-    return (channel(0, "time", "s"), *signals)
 
 
 def _no_tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from clutchid.io.columns import Heading, channel
 from clutchid.io.formats.can.dbc import Message
 from clutchid.io.formats.can.frames import CLASSIC, Frames, Rows
 from clutchid.io.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number
@@ -66,6 +67,22 @@ def book(messages: Sequence[Message]) -> Book:
         if message.j1939 and message.extended:
             groups[group_number(message.identifier)].append(message)
     return Book(exact, {number: tuple(found) for number, found in groups.items()})
+
+
+def in_order(streams: Iterable[Stream], messages: Sequence[Message]) -> list[Stream]:
+    """The streams by their messages in the order of the DBC files, then by bus and addresses."""
+    order = {message: number for number, message in enumerate(messages)}
+
+    def place(one: Stream) -> tuple[int, ...]:
+        return order[one.message], one.bus, one.sender, one.receiver, one.message.pages.index(one.page)
+
+    return sorted(streams, key=place)
+
+
+def channels_of(stream: Stream) -> tuple[Heading, ...]:
+    """The channels of a stream: its stamps, then its signals."""
+    signals = (channel(i, signal.name, signal.unit, signal.comment) for i, signal in enumerate(stream.page.signals, 1))
+    return (channel(0, "time", "s"), *signals)
 
 
 def keys(frames: Frames) -> Rows:

@@ -1,0 +1,181 @@
+"""``clutchid observe can:CHANNEL``: a virtual truck on a virtual bus, with the numbers of its log file bit by bit."""
+
+import json
+import os
+import random
+import signal
+import sys
+import threading
+
+import can
+import numpy as np
+import polars as pl
+import pytest
+
+from clutchid.cli import main
+from clutchid.estimate.parameter_file import ParameterFile, write_parameters
+from clutchid.io.formats.can.file import frame_log
+from clutchid.observe.health import LIVE_FLAGS
+from clutchid.truck import drive, truck
+from fixtures.bus import CLUTCH, DBC, MAP, frames_of, message, sending, write_log
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, plant):
+    """A calibration, DBC and map, a bus log of a virtual truck, and what is observed in the log."""
+    made = tmp_path_factory.mktemp("bus")
+    write_parameters(ParameterFile(plant), made / "cal.toml")
+    (made / "bus.dbc").write_text(DBC)
+    (made / "map.toml").write_text(MAP)
+    log = drive(truck(7), seconds=6.0, seed=3).log
+    write_log(made / "truck.blf", frames_of(log))
+    assert observed(made, str(made / "truck.blf"), "--out", str(made / "file.parquet")) == 0
+    return made
+
+
+def observed(folder, log, *options):
+    given = ["--start", "cal.toml", "--dbc", "bus.dbc", "--map", "map.toml"]
+    given = [str(folder / word) if "." in word else word for word in given]
+    with pytest.raises(SystemExit) as ended:
+        main(["observe", log, *given, *options])
+    return ended.value.code
+
+
+@pytest.fixture
+def messages(folder):
+    """The frames of the log as messages with the stamps of the file."""
+    found = []
+    for block in frame_log(folder / "truck.blf").blocks():
+        rows = zip(block.stamp.tolist(), block.identifier.tolist(), block.data, block.length.tolist(), strict=True)
+        found += [message(stamp, identifier, bytes(data[:length])) for stamp, identifier, data, length in rows]
+    return found
+
+
+@pytest.fixture
+def call(folder, tmp_path, monkeypatch, capsys):
+    """Observe what is sent on a virtual bus; exit code, output and errors."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(sent, *options, bus="can:virtual:truck"):
+        sender = sending("truck", sent, lambda: os.kill(os.getpid(), signal.SIGTERM))
+        code = observed(folder, bus, "--out", "est.parquet", *options)
+        sender.join()
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def same(folder, tmp_path):
+    for live, file in (("est.parquet", "file.parquet"), ("est.load.parquet", "file.load.parquet")):
+        assert pl.read_parquet(tmp_path / live).equals(pl.read_parquet(folder / file), null_equal=True), file
+
+
+def test_a_truck_on_a_bus_gives_the_numbers_of_its_log_bit_for_bit(call, folder, tmp_path, messages):
+    code, said, errors = call(messages)
+    assert (code, errors) == (0, "")
+    assert said.startswith("observed truck: load at 12.5 mm ")
+    assert "no flags" in said.splitlines()[0]
+    assert pl.read_parquet(tmp_path / "est.parquet").height == 6000
+    same(folder, tmp_path)
+
+
+def test_frames_that_come_out_of_order_are_put_in_their_place(call, folder, tmp_path, messages):
+    order = random.Random(1)
+    mixed = sorted(messages, key=lambda one: one.timestamp + order.uniform(0.0, 0.02))
+    first = min(range(len(mixed)), key=lambda i: mixed[i].timestamp)
+    mixed.insert(0, mixed.pop(first))  # the first frame is the origin of time
+    assert [one.timestamp for one in mixed] != [one.timestamp for one in messages]
+    code, _, errors = call(mixed)
+    assert (code, errors) == (0, "")
+    same(folder, tmp_path)
+
+
+def test_lost_late_and_damaged_frames_are_flags(call, folder, tmp_path, messages):
+    clutch = [i for i, one in enumerate(messages) if one.arbitration_id == CLUTCH]
+    sent = [one for i, one in enumerate(messages) if i not in {clutch[2000], clutch[3000]}]
+    sent.insert(clutch[3200], messages[clutch[3000]])
+    sent.insert(500, can.Message(timestamp=messages[500].timestamp, is_error_frame=True))
+    sent.insert(clutch[4000], messages[clutch[4000]])
+    code, said, _ = call(sent, "--json")
+    health = json.loads(said)["health"]
+    assert code == 0
+    raised = {name: health[name] for name in LIVE_FLAGS if health[name] > 0.0}
+    assert raised == pytest.approx({"lost": 2e-3, "late": 1e-3, "unreadable": 1e-3, "repeated": 1e-3})
+    assert pl.read_parquet(tmp_path / "est.parquet").height == 5998
+
+
+def test_results_are_published_as_frames_with_a_dbc(call, folder, tmp_path, messages):
+    import cantools
+
+    received = []
+    with can.Bus("results", interface="virtual") as listener:
+        code, said, errors = call(messages, "--publish", "can:virtual:results")
+        while (one := listener.recv(0.0)) is not None:
+            received.append(one)
+    assert (code, errors) == (0, "")
+    assert said.splitlines()[-1].endswith("est.dbc")
+    database = cantools.database.load_file(tmp_path / "est.dbc")
+    decoded = [database.decode_message(one.arbitration_id, one.data, decode_choices=False) for one in received]
+    assert len(decoded) == 3 * 600
+    state, load, health = decoded[0::3], decoded[1::3], decoded[2::3]
+    file = pl.read_parquet(folder / "file.parquet").gather_every(10)
+    pressure = file["pressure_a [Pa]"].to_numpy() / 1e3
+    known = np.isfinite(pressure)
+    sent = np.array([one["pressure_a"] for one in state])
+    assert sent[known] == pytest.approx(pressure[known], abs=0.01 + 1e-9)
+    assert sent[~known] == pytest.approx(1310.7)
+    stamps = np.array([one["sample_time"] for one in health])
+    assert stamps == pytest.approx(file["time [s]"].to_numpy(), abs=0.5e-3 + 1e-9)
+    assert {one["late"] for one in health} == {0}
+    strokes = pl.read_parquet(folder / "file.load.parquet")
+    assert load[-1]["stroke"] == strokes.height
+    assert len({one["load_position"] for one in load}) > 40
+
+
+def test_a_bus_that_fails_ends_the_recording_and_what_came_before_is_written(
+    call, folder, tmp_path, messages, monkeypatch
+):
+    received = can.BusABC.recv
+
+    def fail(bus, timeout=None):
+        if (one := received(bus, timeout)) is None:
+            raise can.CanOperationError("Network is down")
+        return one
+
+    monkeypatch.setattr(can.BusABC, "recv", fail)
+    monkeypatch.setattr(os, "kill", lambda *_: None)
+    code, said, errors = call(messages)
+    assert code == 2
+    assert "can:virtual:truck: failed (Network is down)" in " ".join(errors.split())
+    assert said.startswith("observed truck: ")
+    same(folder, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("bus", "words"),
+    [
+        ("can:nosuch:bus", "can:nosuch:bus: cannot be opened"),
+        ("can:nosuchcan9", "can:socketcan:nosuchcan9: cannot be opened"),
+    ],
+)
+def test_a_bus_that_is_not_there_is_one_sentence(folder, tmp_path, monkeypatch, capsys, bus, words):
+    monkeypatch.chdir(tmp_path)
+    assert observed(folder, bus, "--out", "est.parquet") == 2
+    errors = " ".join(capsys.readouterr().err.split())
+    assert words in errors
+    assert "such as can:can0" in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_dbc_or_with_another_one_there_is_one_sentence(call, folder, tmp_path, messages, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["observe", "can:virtual:truck", "--start", str(folder / "cal.toml"), "--out", "est.parquet"])
+    assert ended.value.code == 2
+    assert "give the DBC of it with --dbc FILE" in " ".join(capsys.readouterr().err.split())
+    other = [message(one.timestamp, 0x555, bytes(8)) for one in messages]
+    code, _, errors = call(other)
+    assert code == 2
+    assert "truck: no frame came that the DBC knows" in " ".join(errors.split())
+    assert list(tmp_path.iterdir()) == []
+    assert threading.active_count() < 5
+    assert "can" in sys.modules

@@ -1,0 +1,127 @@
+"""A bus while its frames arrive: which messages there are, and nothing lost between two looks at it."""
+
+import time
+
+import can
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.io.live import bus as module
+from clutchid.io.live.bus import BusName, from_bus, opened_bus, sender
+from clutchid.io.live.bus_recording import bus_blocks
+from clutchid.io.map.channel_map import Channel, ChannelMap
+from clutchid.log import Log
+from fixtures.bus import CLUTCH, DBC, VALVES, frames_of, message, sending
+
+NAME = BusName("virtual", "test")
+NEEDED = ("time", "position", "duty_supply", "duty_exhaust")
+MAP = ChannelMap({
+    "position": Channel("Travel"), "duty_supply": Channel("Supply", unit="1"),
+    "duty_exhaust": Channel("Exhaust", unit="1"),
+})  # fmt: skip
+
+
+class Stop:
+    def __init__(self):
+        self.now = False
+
+    def __call__(self):
+        return self.now
+
+
+def ramp(seconds):
+    time = np.arange(round(1e3 * seconds)) * 1e-3
+    return Log(time, {"position": 1e-3 * time, "duty_supply": 0.1 + 0.0 * time, "duty_exhaust": 0.0 * time})
+
+
+def received(messages, stop=None):
+    stop = stop or Stop()
+
+    def end():
+        stop.now = True
+
+    thread = sending("test", messages, end)
+    found = list(from_bus(NAME, stop))
+    thread.join()
+    return found
+
+
+def recorded(frames, tmp_path, channels=MAP):
+    (tmp_path / "bus.dbc").write_text(DBC)
+    blocks = bus_blocks(iter(frames), "test", [tmp_path / "bus.dbc"], channels, 1e5, NEEDED)
+    logs = [block.log for block in blocks]
+    return {name: np.concatenate([log[name] for log in logs]) for name in logs[0].columns}
+
+
+def test_all_frames_arrive_in_order_and_the_bus_is_closed():
+    sent = [message(*frame) for frame in frames_of(ramp(2.0))]
+    found = received(sent)
+    assert np.concatenate([one.stamp for one in found]).tolist() == [one.timestamp for one in sent]
+    assert b"".join(row.tobytes() for one in found for row in one.data) == b"".join(
+        bytes(one.data).ljust(8, b"\0") for one in sent
+    )
+    assert "test" not in can.interfaces.virtual.channels
+
+
+def test_a_silent_bus_ends_when_it_is_stopped():
+    stop = Stop()
+    frames = from_bus(NAME, stop)
+    stop.now = True
+    assert list(frames) == []
+
+
+def test_of_more_frames_than_can_wait_the_oldest_are_lost(monkeypatch):
+    monkeypatch.setattr(module, "MOST_WAITING", 50)
+    stop = Stop()
+    frames = from_bus(NAME, stop)
+    sent = [message(*frame) for frame in frames_of(ramp(1.0))]
+    thread = sending("test", sent[:1])
+    first = next(frames)
+    thread.join()
+    with can.Bus("test", interface="virtual", preserve_timestamps=True) as other:
+        for one in sent[1:]:
+            other.send(one)
+        time.sleep(0.5)  # nobody takes them
+        stop.now = True
+        rest = np.concatenate([one.stamp for one in frames])
+    assert len(first) == 1
+    assert rest.tolist() == [one.timestamp for one in sent[-50:]]
+
+
+def test_a_message_that_begins_late_is_waited_for_and_its_samples_before_are_missing(tmp_path):
+    frames = [frame for frame in frames_of(ramp(4.0)) if frame[1] == CLUTCH or frame[0] > 3.0]
+    columns = recorded(received([message(*frame) for frame in frames]), tmp_path)
+    assert columns["position"].size == 4000
+    missing = np.isnan(columns["duty_supply"])
+    assert missing[:1990].all()
+    assert not missing[2010:].any()
+
+
+def test_a_message_that_does_not_come_is_said_after_ten_seconds(tmp_path):
+    frames = [frame for frame in frames_of(ramp(12.0)) if frame[1] == CLUTCH][::10]
+    found = received([message(*frame) for frame in frames])
+    with pytest.raises(DataError, match="duty_supply: there is no channel 'Supply'"):
+        recorded(found, tmp_path)
+
+
+def test_without_a_map_the_signals_need_standard_names(tmp_path):
+    found = received([message(*frame) for frame in frames_of(ramp(1.5))])
+    with pytest.raises(DataError, match=r"(?s)no channel is assigned to position.*give a channel map with --map"):
+        recorded(found, tmp_path, None)
+
+
+def test_what_is_sent_arrives_under_its_identifier():
+    with opened_bus(NAME) as listener, sender(NAME) as send:
+        assert send(VALVES, b"\1\2") == ""
+        one = listener.recv(1.0)
+    assert (one.arbitration_id, bytes(one.data), one.is_extended_id) == (VALVES, b"\1\2", False)
+
+
+def test_a_bus_that_does_not_take_a_frame_says_why(monkeypatch):
+    with sender(NAME) as send:
+        monkeypatch.setattr(
+            "can.interfaces.virtual.VirtualBus.send",
+            lambda *_: (_ for _ in ()).throw(can.CanOperationError("Buffer full")),
+        )
+        assert send(VALVES, b"") == "Buffer full"
