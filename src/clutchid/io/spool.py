@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from clutchid.errors import ExportError
 from clutchid.io.files import atomic_write
@@ -16,11 +17,8 @@ from clutchid.io.formats.parquet.file import KEY
 from clutchid.io.table import to_frame
 from clutchid.log import Log
 
-if TYPE_CHECKING:
-    import polars as pl
-
-#: Samples of a piece of a Parquet file.
-PIECE = 1 << 16
+#: Numbers in a piece of a Parquet file, and blocks that are joined before: a short one takes more than its numbers.
+PIECE, BLOCKS = 1 << 20, 64
 
 #: Suffixes of files that can be written piece by piece.
 SPOOLED = (".parquet", ".csv")
@@ -83,29 +81,39 @@ def _as_parquet(path: Path) -> Iterator[Add]:
 
     with tempfile.TemporaryDirectory(prefix=".clutchid-", dir=path.parent) as folder:
         pieces: list[Path] = []
-        held: list[pl.DataFrame] = []
+        held: list[Log] = []
+        short: list[Log] = []
         metadata: dict[str, str] = {}
         size = 0
 
         def write_piece() -> None:
             nonlocal size
             pieces.append(Path(folder) / f"{len(pieces):08d}.parquet")
-            pl.concat(held).write_parquet(pieces[-1])
+            to_frame(_joined([*held, *short])).write_parquet(pieces[-1])
             held.clear()
+            short.clear()
             size = 0
 
         def add(block: Log) -> None:
             nonlocal size
             if not metadata:
                 metadata[KEY] = json.dumps(dict(block.metadata))
-            if len(block) or not (held or pieces):
-                held.append(to_frame(block))
-                size += len(block)
+            if len(block) or not (held or short or pieces):
+                short.append(block)
+                size += len(block) * (1 + len(block.columns))
+            if len(short) >= BLOCKS:
+                held.append(_joined(short))
+                short.clear()
             if size >= PIECE:
                 write_piece()
 
         yield add
-        if held:
+        if held or short:
             write_piece()
         if pieces:
             pl.scan_parquet(pieces).sink_parquet(path, metadata=metadata, engine="streaming")
+
+
+def _joined(blocks: Sequence[Log]) -> Log:
+    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0].columns}
+    return Log(np.concatenate([block.time for block in blocks]), columns, blocks[0].name)

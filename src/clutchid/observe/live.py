@@ -79,7 +79,8 @@ def gone_on(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[Live
     part = replace(part, health=found)
     total = found if run.health is None else {name: run.health[name] + seconds for name, seconds in found.items()}
     last = block.time[-1] if len(block) else -np.inf
-    parts = (*(one for one in run.parts if one.log.time[-1] >= last - RECENT), *([part] if len(block) else []))
+    old = next((i for i, one in enumerate(run.parts) if one.log.time[-1] >= last - RECENT), len(run.parts))
+    parts = (*run.parts[old:], part) if len(block) else run.parts
     after = replace(
         run,
         after=part.after,

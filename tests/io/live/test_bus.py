@@ -71,7 +71,7 @@ def test_a_silent_bus_ends_when_it_is_stopped():
     assert list(frames) == []
 
 
-def test_of_more_frames_than_can_wait_the_oldest_are_lost(monkeypatch):
+def test_more_frames_than_can_wait_stay_with_the_bus(monkeypatch):
     monkeypatch.setattr(module, "MOST_WAITING", 50)
     stop = Stop()
     frames = from_bus(NAME, stop)
@@ -84,9 +84,10 @@ def test_of_more_frames_than_can_wait_the_oldest_are_lost(monkeypatch):
             other.send(one)
         time.sleep(0.5)  # nobody takes them
         stop.now = True
-        rest = np.concatenate([one.stamp for one in frames])
+        rest = list(frames)
     assert len(first) == 1
-    assert rest.tolist() == [one.timestamp for one in sent[-50:]]
+    assert len(rest[0]) == 50
+    assert np.concatenate([one.stamp for one in rest]).tolist() == [one.timestamp for one in sent[1:]]
 
 
 def test_a_message_that_begins_late_is_waited_for_and_its_samples_before_are_missing(tmp_path):
@@ -125,3 +126,13 @@ def test_a_bus_that_does_not_take_a_frame_says_why(monkeypatch):
             lambda *_: (_ for _ in ()).throw(can.CanOperationError("Buffer full")),
         )
         assert send(VALVES, b"") == "Buffer full"
+
+
+def test_a_bus_is_closed_when_nobody_wants_its_frames_any_more(monkeypatch):
+    monkeypatch.setattr(module, "MOST_WAITING", 5)
+    frames = from_bus(NAME, lambda: False)
+    thread = sending("test", [message(*frame) for frame in frames_of(ramp(0.5))])
+    next(frames)
+    thread.join()
+    frames.close()
+    assert "test" not in can.interfaces.virtual.channels

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from clutchid.io.live.feed import PACE, PATIENCE
 if TYPE_CHECKING:
     import can
 
-#: Frames that wait at most: those that arrive while the ones before them are looked at. The oldest are lost beyond.
+#: Frames that wait at most: those that arrive while the ones before them are looked at. More stay with the bus.
 MOST_WAITING = 1 << 17
 
 _PREFIX = "can:"
@@ -116,14 +117,10 @@ def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
         If python-can is not installed.
     """
     with opened_bus(name) as bus:
-        waiting: deque[can.Message] = deque(maxlen=MOST_WAITING)
+        waiting: deque[can.Message] = deque()
         failures: list[Exception] = []
         closing = threading.Event()
-
-        def ending() -> bool:
-            return closing.is_set() or stopped()
-
-        reader = threading.Thread(target=_read, args=(bus, waiting, failures, ending), daemon=True)
+        reader = threading.Thread(target=_read, args=(bus, waiting, failures, stopped, closing), daemon=True)
         reader.start()
         try:
             left_out: Counter[str] = Counter()
@@ -138,20 +135,27 @@ def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
         raise DataError(f"{name}: failed ({_reason(failures[0])}).") from failures[0]
 
 
-def _read(bus: can.BusABC, waiting: deque[can.Message], failures: list[Exception], stopped: Stopped) -> None:
+def _read(
+    bus: can.BusABC,
+    waiting: deque[can.Message],
+    failures: list[Exception],
+    stopped: Stopped,
+    closing: threading.Event,
+) -> None:
     """Take messages from a bus until it is stopped, and then those that it has received already."""
     import can
 
-    left = MOST_WAITING
     try:
-        while left:
+        while not closing.is_set():
+            if len(waiting) >= MOST_WAITING:
+                time.sleep(PACE)
+                continue
             ending = stopped()
             message = bus.recv(0.0 if ending else PATIENCE)
             if message is not None:
                 waiting.append(message)
             elif ending:
                 return
-            left -= ending
     except (can.CanError, OSError, ValueError) as error:
         failures.append(error)
 

@@ -19,6 +19,9 @@ PACE, MOST = 0.02, 1 << 20
 #: Time in s after which a feed that waits asks whether it is stopped.
 PATIENCE = 0.1
 
+#: Time in s for which a pipe is left to fill: to wake for each line costs more than the lines.
+NAP = 0.005
+
 #: Bytes that are read at once.
 _CHUNK = 1 << 16
 
@@ -64,6 +67,8 @@ def _collected(descriptor: int) -> tuple[bytes, bool]:
             return b"".join(parts), True
         parts.append(part)
         size += len(part)
+        if len(part) < _CHUNK:
+            time.sleep(NAP)
     return b"".join(parts), False
 
 
