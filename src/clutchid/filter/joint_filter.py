@@ -87,8 +87,8 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     k = theta.size
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
-    x, S = first_state(segment, mapped, joint.which, L, joint.measure)
-    waiting = np.zeros(x.size)
+    x, S = first_state(segment, mapped, joint.which, L if joint.rule.root else L[:, :0], joint.measure)
+    waiting = np.zeros(x.size + joint.rule.memory)
     T = np.array(T, order="C")
     return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, np.zeros(1, dtype=np.int64))
 
@@ -104,7 +104,7 @@ def follow(
     after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
     output = np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n))
     model, derived, work = _work(joint, after)
-    failed = kernels_in(_KERNELS).follow_jointly(
+    failed = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
         *joint.calls, tuple(after), model, joint.free, derived, given.intervals, joint.sensors, given.values,
         _settings(joint), joint.drifts, joint.pace, output, work, (*span, number),
     )  # fmt: skip
@@ -165,7 +165,8 @@ def covariance(joint: JointFilter, state: JointState) -> FloatArray:
 
 def _settings(joint: JointFilter) -> SettingsArrays:
     s, states = joint.settings, joint.mapped.actuator.states
-    return s.every, float(joint.noise.outlier), s.least_speed, (states.index("v"), states.index("y"))
+    rows = states.index("v"), states.index("y")
+    return s.every, float(joint.noise.outlier), s.least_speed, rows, *joint.rule.numbers
 
 
 def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, JointScratch]:

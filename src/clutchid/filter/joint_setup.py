@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,26 @@ class JointSettings:
     least_speed: float = 5e-3
 
 
+class Rule(NamedTuple):
+    """By which rule a filter corrects: the kernel that follows a segment, of the signature of `joint.follow_jointly`.
+
+    `derivatives` and `root` say which columns S has: derivatives with respect to the free parameters, and a root of the
+    covariance. `memory` is how many numbers `JointState.waiting` has beside the usual ones; `numbers` come last in the
+    settings of the kernel.
+    """
+
+    module: str
+    kernel: str
+    derivatives: bool
+    root: bool
+    memory: int
+    numbers: tuple[Any, ...]
+
+
+#: States and free parameters by their covariance, see `joint`.
+KALMAN = Rule("clutchid.filter.joint", "follow_jointly", derivatives=True, root=True, memory=0, numbers=())
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFilter:
     """The joint filter of an actuator, as `joint_filter` makes it.
@@ -61,6 +81,7 @@ class JointFilter:
     pace: Pace
     sensors: IntArray
     calls: tuple[Any, Any]
+    rule: Rule
 
     def si(self, theta: FloatArray) -> dict[str, float]:
         """Values of the free parameters in SI by name."""
@@ -86,6 +107,7 @@ def joint_filter(
     settings: JointSettings,
     drifts: FloatArray | None = None,
     pace: Pace = AS_PLANNED,
+    rule: Rule = KALMAN,
 ) -> JointFilter:
     """The joint filter of an actuator.
 
@@ -105,13 +127,15 @@ def joint_filter(
         Root of the covariance that theta gains in a stroke, lower trapezoidal; by default none.
     pace
         Integration steps by position and speed, see `clutchid.filter.pace`; by default those of the segment.
+    rule
+        By which it corrects; by default that of Kalman.
     """
     k, names = len(coordinates), [c.base for c in coordinates]
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
     return JointFilter(
         mapped=mapped,
-        which=columns(mean, names),
+        which=columns(mean, names if rule.derivatives else ()),
         coordinates=tuple(coordinates),
         measure=tuple(measure),
         noise=noise,
@@ -121,6 +145,7 @@ def joint_filter(
         pace=pace,
         sensors=sensor_rows(mapped, measure),
         calls=(step(mean.model), prepare(mean.model)),
+        rule=rule,
     )
 
 

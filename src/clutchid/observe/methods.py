@@ -1,14 +1,18 @@
-"""The methods of an observer by name: which parameters adapt."""
+"""The methods of an observer by name: which parameters adapt, and by which rule."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
 from clutchid.errors import ParameterError
+from clutchid.filter.adaptive_rule import AdaptiveGains, adaptive_rule
+from clutchid.filter.joint_setup import KALMAN, Rule
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
+from clutchid.uncertainty.coordinates import Coordinate
 
 #: Parameters that adapt beside the load: what wears with a clutch, the far stop, the viscous friction of the grease,
 #: and a delay of the duty cycles, which looks like one of the sensor. Provenance: docs/derivations.md.
@@ -19,12 +23,28 @@ ADAPTING = ("F_C", "V_0A", "y_max", "D_v", "tau_y")
 MODES = 10
 
 
+#: Samples from one correction to the next at 1 kHz. Provenance: docs/derivations.md.
+EVERY = 10
+
+
+def by_covariance(_actuator: Actuator, _free: Sequence[Coordinate], _root: FloatArray, _spacing: float) -> Rule:
+    """The rule of the joint filter."""
+    return KALMAN
+
+
 class Method(NamedTuple):
-    """Which parameters adapt; how many leading modes of the prior of the load, None for all; why not, in a sentence."""
+    """Which parameters adapt, and how.
+
+    `modes` is how many leading modes of the prior of the load adapt, None for all; `refused` says in a sentence why a
+    method does not take an actuator; `every` are samples from one correction to the next at 1 kHz; `rule` makes the
+    rule of correction for an actuator, its free coordinates, a root of their prior, and the time between samples in s.
+    """
 
     adapting: Callable[[Actuator], tuple[str, ...]]
     modes: int | None = None
     refused: Callable[[Actuator], str | None] = lambda _: None
+    every: int = EVERY
+    rule: Callable[[Actuator, Sequence[Coordinate], FloatArray, float], Rule] = by_covariance
 
 
 def joint(actuator: Actuator) -> tuple[str, ...]:
@@ -38,9 +58,14 @@ def states(_actuator: Actuator) -> tuple[str, ...]:
     return ()
 
 
-def paper(actuator: Actuator) -> tuple[str, ...]:
-    """The three weights of the paper's load."""
+def load(actuator: Actuator) -> tuple[str, ...]:
+    """All load weights and nothing else."""
     return actuator.load.names
+
+
+def adaptive(actuator: Actuator, free: Sequence[Coordinate], root: FloatArray, spacing: float) -> Rule:
+    """The rule of the adaptive observer."""
+    return adaptive_rule(actuator, free, root, spacing, AdaptiveGains())
 
 
 def _not_of_the_paper(actuator: Actuator) -> str | None:
@@ -56,7 +81,7 @@ def _not_of_the_paper(actuator: Actuator) -> str | None:
 #: Methods by name.
 METHODS: Mapping[str, Method] = MappingProxyType({
     "joint": Method(joint), "joint-reduced": Method(joint, MODES), "states": Method(states),
-    "paper": Method(paper, refused=_not_of_the_paper),
+    "paper": Method(load, refused=_not_of_the_paper), "adaptive": Method(load, every=1, rule=adaptive),
 })  # fmt: skip
 
 

@@ -24,9 +24,9 @@ from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, segment_of, u
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
 
-#: Correlation time of what the model misses in s, samples from one correction to the next at 1 kHz, and covariance that
-#: load weights and parameters gain in a stroke, as a share of that of their prior. Provenance: docs/derivations.md.
-MEMORY, EVERY, DRIFT = 0.01, 10, 2e-4
+#: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as
+#: a share of that of their prior. Provenance: docs/derivations.md.
+MEMORY, DRIFT = 0.01, 2e-4
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
@@ -127,14 +127,15 @@ def observer(
     chosen = method_for(method, actuator)
     free, root = online_prior(actuator, chosen.adapting(actuator), chosen.modes)
     k = len(free)
-    settings = JointSettings(every=max(1, round(EVERY * 1e-3 / spacing)), spacing=spacing)
+    settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
     noise = Noise(states={name: row.noise for name, row in actuator.state_rows.items()}, memory=MEMORY)
     limits = -BOUND * np.ones(k), BOUND * np.ones(k)
     return Observer(
         actuator=actuator,
         method=method,
         joint=joint_filter(
-            actuator, free, limits, ("position",), noise, settings, np.sqrt(DRIFT) * root, pace(actuator, MARGIN)
+            actuator, free, limits, ("position",), noise, settings, np.sqrt(DRIFT) * root, pace(actuator, MARGIN),
+            chosen.rule(actuator, free, root, spacing),
         ),
         root=root,
         spacing=spacing,

@@ -1,0 +1,184 @@
+"""The recursion of the adaptive observer: constant gains by a Lyapunov function, no covariance.
+
+What the piston has moved further than predicted since the last sample, e, is the integral of the velocity's error. It
+corrects position and velocity, the air p_A V_A of chamber A along A_A / V_A, and the load weights along -phi(y); see
+docs/derivations.md for the function that does not grow. Nothing is allocated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from clutchid.codegen.kernels import kernel
+from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
+from clutchid.filter.joint_arrays import (
+    LEAST,
+    MOST,
+    WEIGHT,
+    Derived,
+    FreeArrays,
+    JointOutput,
+    JointScratch,
+    Pace,
+    StateArrays,
+)
+from clutchid.filter.joint_parameters import refresh
+from clutchid.filter.recursion import OUTPUT, STATE, move
+from clutchid.filter.steps import steps_at
+from clutchid.log import FloatArray
+
+#: Settings of the recursion: those of `joint_arrays.SettingsArrays`; then the gains of velocity in 1/s, of p_A V_A in J/m,
+#: and of the weights, the covariance T T' of the weights times that in m/(N s)... ; rows of p_A in x, V_0A and A_A in p.
+AdaptiveSettings = tuple[int, float, float, tuple[int, int], tuple[float, float, float, tuple[int, int, int]]]
+
+
+@kernel
+def basis_at(y: float, model: ModelArrays, free: FreeArrays, h: FloatArray) -> None:
+    """The basis functions phi(y) of the load of the free parameters into h (k,), in m or 1."""
+    _, breakpoints, _, basis, _, _, _, _, _, _ = model
+    _, places, pieces = free
+    s = 0
+    while s < breakpoints.size and breakpoints[s] <= y:
+        s += 1
+    d = y - breakpoints[max(s - 1, 0)]
+    for j in range(places.shape[0]):
+        b = places[j, WEIGHT]
+        h[j] = 0.0
+        if pieces[b, 0] <= s <= pieces[b, 1]:
+            c = basis[b, s]
+            h[j] = c[0] + d * (c[1] + d * (c[2] + d * c[3]))
+
+
+@kernel
+def adapt_weights(
+    theta: FloatArray, T: FloatArray, free: FreeArrays, slopes: FloatArray, h: FloatArray, e: float, w: FloatArray
+) -> None:
+    """Move theta by -T T' h e within its bounds; h (k,) is phi(y), w (m,) is scratch."""
+    numbers = free[0]
+    w[:] = 0.0
+    for i in range(T.shape[0]):
+        if h[i] != 0.0:
+            for j in range(i + 1):
+                if j < w.size:
+                    w[j] += T[i, j] * (h[i] * slopes[i])
+    for i in range(T.shape[0]):
+        moved = theta[i]
+        for j in range(min(i + 1, w.size)):
+            moved -= T[i, j] * w[j] * e
+        theta[i] = min(max(moved, numbers[i, LEAST]), numbers[i, MOST])
+
+
+@kernel
+def correct_adaptively(
+    state: StateArrays,
+    e: float,
+    model: ModelArrays,
+    free: FreeArrays,
+    slopes: FloatArray,
+    settings: AdaptiveSettings,
+    adapts: bool,
+    scratch: JointScratch,
+) -> None:
+    """Correct velocity, pressure and, if it `adapts`, load weights by a motion e in m that was not predicted."""
+    x, _, theta, T, _, _ = state
+    _, _, _, (at_speed, at_position), (velocity, pressure, adaptation, (at_pressure, volume, area)) = settings
+    p = model[0]
+    x[at_speed] += velocity * e
+    chamber = p[volume] + p[area] * x[at_position]
+    x[at_pressure] += pressure * p[area] / (chamber * chamber) * e
+    if adapts:
+        h = scratch[3]
+        basis_at(x[at_position], model, free, h)
+        adapt_weights(theta, T, free, slopes, h, adaptation * e, scratch[2])
+
+
+@kernel
+def correct_sample_adaptively(
+    state: StateArrays,
+    value: float,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    sensor: IntArray,
+    settings: AdaptiveSettings,
+    errors: FloatArray,
+    scratch: JointScratch,
+) -> bool:
+    """Correct by the position of a sample; whether theta has moved.
+
+    An innovation beyond the outliers counts as one at their bound, and theta does not follow it. After samples without a
+    position only the position is corrected: nobody knows when the piston has moved.
+
+    Parameters
+    ----------
+    errors : (2,)
+        Receives innovation and variance of the sensor, NaN for none.
+    """
+    x, _, _, _, waiting, _ = state
+    _, outlier, least_speed, (at_speed, _), _ = settings
+    _, _, of_sensor, slopes = derived
+    last = waiting.size - 1
+    errors[:] = np.nan
+    if math.isnan(value):
+        waiting[last] = 0.0
+        return False
+    e = value - (x[sensor[OUTPUT]] + of_sensor[0, 0])
+    bound = outlier * of_sensor[0, 1]
+    errors[0], errors[1] = e, of_sensor[0, 1] * of_sensor[0, 1]
+    follows, inside = waiting[last] == 1.0, abs(e) <= bound
+    waiting[last] = 1.0
+    if follows:
+        e = min(max(e, -bound), bound)
+    x[sensor[OUTPUT]] += e
+    x[sensor[STATE]] += e
+    adapts = follows and inside and abs(x[at_speed]) > least_speed
+    if follows:
+        correct_adaptively(state, e, model, free, slopes, settings, adapts, scratch)
+    return bool(adapts)
+
+
+@kernel
+def follow_adaptively(
+    step: Callable[..., bool],
+    prepare: Callable[..., None],
+    state: StateArrays,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    intervals: Intervals,
+    sensors: IntArray,
+    values: FloatArray,
+    settings: AdaptiveSettings,
+    drifts: FloatArray,
+    pace: Pace,
+    output: JointOutput,
+    scratch: JointScratch,
+    span: tuple[int, int, int],
+) -> int:
+    """Observe some samples of a segment in place; the first that is not finite, or -1.
+
+    Parameters as of `joint.follow_jointly`; T is a root of the gains of the weights, S has no columns, and there is no
+    drift.
+    """
+    u, length, substeps, _, lags = intervals
+    errors, states, deviations = output
+    _, _, _, (at_speed, at_position), _ = settings
+    begin, end, _ = span
+    x, S, theta = state[0], state[1], state[2]
+    n = states.shape[1]
+    deviations[:] = np.nan
+    refresh(prepare, theta, free, derived, model)
+    for i in range(begin, end):
+        if i > 0:
+            steps = steps_at(pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
+            if not move(step, x, S, model, (u[i - 1], length[i - 1], steps), sensors, lags[i - 1], scratch[0][0]):
+                return i
+        if correct_sample_adaptively(
+            state, values[i, 0], model, free, derived, sensors[0], settings, errors[i - begin, 0], scratch
+        ):
+            refresh(prepare, theta, free, derived, model)
+        states[i - begin] = x[:n]
+    return -1
