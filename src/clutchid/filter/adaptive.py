@@ -14,18 +14,8 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernel
 from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
-from clutchid.filter.joint_arrays import (
-    LEAST,
-    MOST,
-    WEIGHT,
-    Derived,
-    FreeArrays,
-    JointOutput,
-    JointScratch,
-    Pace,
-    StateArrays,
-)
-from clutchid.filter.joint_parameters import refresh
+from clutchid.filter.joint_arrays import Derived, FreeArrays, JointOutput, JointScratch, Pace, StateArrays
+from clutchid.filter.joint_parameters import basis_at, refresh, within
 from clutchid.filter.recursion import OUTPUT, STATE, move
 from clutchid.filter.steps import steps_at
 from clutchid.log import FloatArray
@@ -36,28 +26,10 @@ AdaptiveSettings = tuple[int, float, float, tuple[int, int], tuple[float, float,
 
 
 @kernel
-def basis_at(y: float, model: ModelArrays, free: FreeArrays, h: FloatArray) -> None:
-    """The basis functions phi(y) of the load of the free parameters into h (k,), in m or 1."""
-    _, breakpoints, _, basis, _, _, _, _, _, _ = model
-    _, places, pieces = free
-    s = 0
-    while s < breakpoints.size and breakpoints[s] <= y:
-        s += 1
-    d = y - breakpoints[max(s - 1, 0)]
-    for j in range(places.shape[0]):
-        b = places[j, WEIGHT]
-        h[j] = 0.0
-        if pieces[b, 0] <= s <= pieces[b, 1]:
-            c = basis[b, s]
-            h[j] = c[0] + d * (c[1] + d * (c[2] + d * c[3]))
-
-
-@kernel
 def adapt_weights(
     theta: FloatArray, T: FloatArray, free: FreeArrays, slopes: FloatArray, h: FloatArray, e: float, w: FloatArray
 ) -> None:
     """Move theta by -T T' h e within its bounds; h (k,) is phi(y), w (m,) is scratch."""
-    numbers = free[0]
     w[:] = 0.0
     for i in range(T.shape[0]):
         if h[i] != 0.0:
@@ -68,7 +40,7 @@ def adapt_weights(
         moved = theta[i]
         for j in range(min(i + 1, w.size)):
             moved -= T[i, j] * w[j] * e
-        theta[i] = min(max(moved, numbers[i, LEAST]), numbers[i, MOST])
+        theta[i] = within(free[0][i], moved)
 
 
 @kernel

@@ -28,8 +28,8 @@ class AdaptiveGains:
         The same, if it is the load's, where its prior is widest. `pressure` and `load` are less than 2 together.
     """
 
-    velocity: float = 0.2
-    pressure: float = 0.01
+    velocity: float = 0.05
+    pressure: float = 0.1
     load: float = 0.05
 
     def __post_init__(self) -> None:
@@ -38,7 +38,7 @@ class AdaptiveGains:
             raise ParameterError(
                 f"gains {self.velocity:g} (velocity), {self.pressure:g} (pressure) and {self.load:g} (load) of the "
                 "adaptive observer would be unstable: none is below 0, that of the velocity is at most 1, and those of "
-                "pressure and load are less than 2 together; 0.2, 0.01 and 0.05 are the default."
+                "pressure and load are less than 2 together; 0.05, 0.1 and 0.05 are the default."
             )
 
 
@@ -65,6 +65,4 @@ def adaptive_rule(
         gains.load * damping / float(variance),
         (rows.index("p_A"), names.index("V_0A"), names.index("A_A")),
     )
-    return Rule(
-        "clutchid.filter.adaptive", "follow_adaptively", derivatives=False, root=False, memory=1, numbers=(numbers,)
-    )
+    return Rule("clutchid.filter.adaptive", "follow_adaptively", columns=False, memory=1, numbers=(numbers,))

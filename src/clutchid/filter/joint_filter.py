@@ -87,7 +87,7 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     k = theta.size
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
     L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
-    x, S = first_state(segment, mapped, joint.which, L if joint.rule.root else L[:, :0], joint.measure)
+    x, S = first_state(segment, mapped, joint.which, L if joint.rule.columns else L[:, :0], joint.measure)
     waiting = np.zeros(x.size + joint.rule.memory)
     T = np.array(T, order="C")
     return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, np.zeros(1, dtype=np.int64))

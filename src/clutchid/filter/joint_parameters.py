@@ -72,12 +72,35 @@ def refresh(
 
 
 @kernel
+def within(numbers: FloatArray, theta: float) -> float:
+    """A coordinate within its bounds; `numbers` is its row."""
+    return float(min(max(theta, numbers[LEAST]), numbers[MOST]))
+
+
+@kernel
+def basis_at(y: float, model: ModelArrays, free: FreeArrays, h: FloatArray) -> None:
+    """The basis functions phi(y) of the load weights at a position in m into h (k,); all free parameters are weights."""
+    _, breakpoints, _, basis, _, _, _, _, _, _ = model
+    _, places, pieces = free
+    s = 0
+    while s < breakpoints.size and breakpoints[s] <= y:
+        s += 1
+    d = y - breakpoints[max(s - 1, 0)]
+    for j in range(places.shape[0]):
+        b = places[j, WEIGHT]
+        h[j] = 0.0
+        if pieces[b, 0] <= s <= pieces[b, 1]:
+            c = basis[b, s]
+            h[j] = c[0] + d * (c[1] + d * (c[2] + d * c[3]))
+
+
+@kernel
 def move_parameters(x: FloatArray, S: FloatArray, theta: FloatArray, free: FreeArrays, step: FloatArray) -> None:
     """Move theta by `step`, within its bounds, and x with it along D."""
     numbers = free[0]
     for j in range(theta.size):
         before = value_in_si(numbers[j], theta[j])
-        theta[j] = min(max(theta[j] + step[j], numbers[j, LEAST]), numbers[j, MOST])
+        theta[j] = within(numbers[j], theta[j] + step[j])
         change = value_in_si(numbers[j], theta[j]) - before
         for i in range(x.size):
             x[i] += S[i, j] * change

@@ -44,21 +44,19 @@ class JointSettings:
 class Rule(NamedTuple):
     """By which rule a filter corrects: the kernel that follows a segment, of the signature of `joint.follow_jointly`.
 
-    `derivatives` and `root` say which columns S has: derivatives with respect to the free parameters, and a root of the
-    covariance. `memory` is how many numbers `JointState.waiting` has beside the usual ones; `numbers` come last in the
+    `columns` says whether S has its columns, see `joint`. `memory` is how many numbers `JointState.waiting` has beside the usual ones; `numbers` come last in the
     settings of the kernel.
     """
 
     module: str
     kernel: str
-    derivatives: bool
-    root: bool
+    columns: bool
     memory: int
     numbers: tuple[Any, ...]
 
 
 #: States and free parameters by their covariance, see `joint`.
-KALMAN = Rule("clutchid.filter.joint", "follow_jointly", derivatives=True, root=True, memory=0, numbers=())
+KALMAN = Rule("clutchid.filter.joint", "follow_jointly", columns=True, memory=0, numbers=())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +133,7 @@ def joint_filter(
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
     return JointFilter(
         mapped=mapped,
-        which=columns(mean, names if rule.derivatives else ()),
+        which=columns(mean, names if rule.columns else ()),
         coordinates=tuple(coordinates),
         measure=tuple(measure),
         noise=noise,

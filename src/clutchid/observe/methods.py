@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from clutchid.errors import ParameterError
 from clutchid.filter.adaptive_rule import AdaptiveGains, adaptive_rule
+from clutchid.filter.balance_rule import balance_rule
 from clutchid.filter.joint_setup import KALMAN, Rule
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -78,10 +79,16 @@ def _not_of_the_paper(actuator: Actuator) -> str | None:
     )
 
 
+def rls(actuator: Actuator, free: Sequence[Coordinate], _root: FloatArray, spacing: float) -> Rule:
+    """The rule of least squares on the balance of forces."""
+    return balance_rule(actuator, len(free), spacing)
+
+
 #: Methods by name.
 METHODS: Mapping[str, Method] = MappingProxyType({
     "joint": Method(joint), "joint-reduced": Method(joint, MODES), "states": Method(states),
-    "paper": Method(load, refused=_not_of_the_paper), "adaptive": Method(load, every=1, rule=adaptive),
+    "paper": Method(load, refused=_not_of_the_paper), "rls": Method(load, rule=rls),
+    "adaptive": Method(load, every=1, rule=adaptive),
 })  # fmt: skip
 
 
