@@ -11,35 +11,26 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.stiffness import STROKE_TIME, TOP_SPEED
 
-#: Time in s over which the position is smoothed, and by how much the balance is late in it; degree of the polynomial.
-#: Provenance: docs/derivations.md.
-SPAN, LATE, DEGREE = 0.011, 0.005, 2
+#: Degree of the polynomials that smooth the position; time in s that the balance is late, in the middle of the positions
+#: that smooth it; time over which the present position is smoothed. Provenance: docs/derivations.md.
+DEGREE, LATE, PRESENT = 2, 0.02, 0.01
 
 #: Standard deviation in N of the balance of forces over a window: what pressure in open loop and friction miss.
 #: Provenance: docs/derivations.md.
 FORCE = 300.0
 
 
-def smoothing(samples: int, late: float, spacing: float, lag: float) -> FloatArray:
-    """Weights (3, samples) of the last positions: of position and velocity `late` s ago, and of the position now.
-
-    They are those of a polynomial of `DEGREE` through the positions in the sense of least squares.
+def smoothing(samples: int, at: float) -> FloatArray:
+    """Weights (2, samples) of the last positions, for position and velocity on the polynomial closest to them.
 
     Parameters
     ----------
-    lag : s
-        Of the sensor.
+    at
+        Time in samples after the newest position; the velocity is that in a sample.
     """
-    time = spacing * (np.arange(samples) - (samples - 1.0))
-    powers = np.arange(DEGREE + 1)
-    fitted = np.linalg.pinv((time / spacing)[:, None] ** powers)
-
-    def at(t: float) -> list[FloatArray]:
-        s = t / spacing
-        rate = powers * s ** np.maximum(powers - 1, 0) / spacing
-        return [s**powers @ fitted, rate @ fitted]
-
-    weights: FloatArray = np.ascontiguousarray([*at(lag - late), at(lag)[0]])
+    powers = np.arange(min(DEGREE, samples - 1) + 1)
+    inverse = np.linalg.pinv((np.arange(samples) - (samples - 1.0))[:, None] ** powers)
+    weights: FloatArray = np.vstack([at**powers @ inverse, (powers * at ** np.maximum(powers - 1, 0)) @ inverse])
     return weights
 
 
@@ -51,14 +42,16 @@ def balance_rule(actuator: Actuator, count: int, spacing: float) -> Rule:
     spacing : s
         Time from one sample to the next.
     """
-    samples, late = max(DEGREE + 2, round(SPAN / spacing)), max(0, round(LATE / spacing))
-    module = kernels(actuator.model)
-    lag = actuator.value(MEASURED["position"].lag)
+    late, present = max(1, round(LATE / spacing)), 1 + round(PRESENT / spacing)
+    samples, inputs = max(2 * late + 1, present), len(kernels(actuator.model).INPUTS)
+    lag = actuator.value(MEASURED["position"].lag) / spacing
+    position, velocity = smoothing(samples, lag - late)
+    newest = np.append(np.zeros(samples - present), smoothing(present, lag)[0])
     numbers = (
-        smoothing(samples, late * spacing, spacing, lag),
+        np.ascontiguousarray([position, velocity / spacing, newest]),
         FORCE,
         max(TOP_SPEED, actuator.parameters.y_max / STROKE_TIME),
         actuator.parameter_names.index("M"),
     )
-    memory = 7 + count + samples + (late + 1) * (len(module.INPUTS) + 1)
+    memory = 7 + count + samples + (late + 1) * (inputs + 1)
     return Rule("clutchid.filter.balance", "follow_balance", columns=False, memory=memory, numbers=(numbers,))
