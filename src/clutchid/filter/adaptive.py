@@ -20,9 +20,12 @@ from clutchid.filter.recursion import OUTPUT, STATE, move
 from clutchid.filter.steps import steps_at
 from clutchid.log import FloatArray
 
-#: Settings of the recursion: those of `joint_arrays.SettingsArrays`; then the gains of velocity in 1/s, of p_A V_A in J/m,
-#: and of the weights, the covariance T T' of the weights times that in m/(N s)... ; rows of p_A in x, V_0A and A_A in p.
-AdaptiveSettings = tuple[int, float, float, tuple[int, int], tuple[float, float, float, tuple[int, int, int]]]
+#: What the rule adds to the settings: gains of the velocity in 1/s; of p_A V_A, in N m by m of motion times area over
+#: volume; of the weights, which multiplies T T', in 1/(N m); places of p_A in x, of V_0A and A_A in p.
+AdaptiveNumbers = tuple[float, float, float, tuple[int, int, int]]
+
+#: Settings of the recursion: those of `joint_arrays.SettingsArrays`, and `AdaptiveNumbers`.
+AdaptiveSettings = tuple[int, float, float, tuple[int, int], AdaptiveNumbers]
 
 
 @kernel
@@ -33,9 +36,8 @@ def adapt_weights(
     w[:] = 0.0
     for i in range(T.shape[0]):
         if h[i] != 0.0:
-            for j in range(i + 1):
-                if j < w.size:
-                    w[j] += T[i, j] * (h[i] * slopes[i])
+            for j in range(min(i + 1, w.size)):
+                w[j] += T[i, j] * (h[i] * slopes[i])
     for i in range(T.shape[0]):
         moved = theta[i]
         for j in range(min(i + 1, w.size)):
@@ -81,8 +83,8 @@ def correct_sample_adaptively(
 ) -> bool:
     """Correct by the position of a sample; whether theta has moved.
 
-    An innovation beyond the outliers counts as one at their bound, and theta does not follow it. After samples without a
-    position only the position is corrected: nobody knows when the piston has moved.
+    An innovation beyond the outliers counts as one at their bound, and theta does not follow it. After samples without
+    a position only the position is corrected: nobody knows when the piston has moved.
 
     Parameters
     ----------
@@ -124,7 +126,7 @@ def follow_adaptively(
     sensors: IntArray,
     values: FloatArray,
     settings: AdaptiveSettings,
-    drifts: FloatArray,
+    _drifts: FloatArray,
     pace: Pace,
     output: JointOutput,
     scratch: JointScratch,

@@ -16,6 +16,18 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernel
 from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
+from clutchid.filter.balance_memory import (
+    AGE,
+    HEAD,
+    IMPULSE,
+    IN_WINDOW,
+    MASS_TIMES_SPEED,
+    SECONDS,
+    add_to_window,
+    smoothed,
+    take_interval,
+    take_position,
+)
 from clutchid.filter.joint import drift, project_parameters, stroke_ends, update_parameters
 from clutchid.filter.joint_arrays import Derived, FreeArrays, JointOutput, JointScratch, Pace, StateArrays
 from clutchid.filter.joint_parameters import basis_at, refresh, within
@@ -25,51 +37,15 @@ from clutchid.log import FloatArray
 #: Mass in kg whose velocity the forces do not change, but in digits that are left of it.
 PRESCRIBED = 1e9
 
-#: A position further from the last one than this in m for each sample since is left out: faster than any piston.
-REACH = 1e-3
-
 #: Rows of the smoothing weights: position and velocity late, position of the newest sample.
 LATE, LATE_SPEED, NEWEST = range(3)
 
-#: What `numbers` holds: smoothing weights (3, samples); standard deviation of the force in N; top speed in m/s; place of
-#: the mass in p.
-BalanceNumbers = tuple[FloatArray, float, float, int]
+#: What the rule adds to the settings: smoothing weights (3, samples); standard deviation of the force in N; top speed
+#: in m/s; place of the mass in p, and the mass in kg.
+BalanceNumbers = tuple[FloatArray, float, float, tuple[int, float]]
 
 #: Settings of the recursion: those of `joint_arrays.SettingsArrays`, and `BalanceNumbers`.
 BalanceSettings = tuple[int, float, float, tuple[int, int], BalanceNumbers]
-
-#: What stands in `JointState.waiting` behind the late state (size,): usable positions in a row, missing ones in a row;
-#: intervals in the window, with what mass times velocity gained, impulse and length; derivatives with respect to the
-#: weights (k,); late velocity; the last positions (samples,) and intervals (late + 1, inputs + 1), the oldest first.
-AGE, MISSING, IN_WINDOW, MASS_TIMES_SPEED, IMPULSE, SECONDS, HEAD = range(7)
-
-
-@kernel
-def push(memory: FloatArray, first: int, width: int, count: int) -> None:
-    """Move `count` rows of `width` numbers up by one: the oldest is lost, the last is free."""
-    for i in range(first, first + (count - 1) * width):
-        memory[i] = memory[i + width]
-
-
-@kernel
-def take_position(memory: FloatArray, first: int, samples: int, value: float) -> None:
-    """Put a position behind the others; one that is missing, or that no piston can have reached, is as the last."""
-    last = first + samples - 1
-    newest = memory[last]
-    push(memory, first, 1, samples)
-    usable = not math.isnan(value) and abs(value - newest) <= REACH * (1.0 + memory[MISSING])
-    memory[last] = value if usable else newest
-    memory[AGE] = memory[AGE] + 1.0 if usable else 0.0
-    memory[MISSING] = 0.0 if usable else memory[MISSING] + 1.0
-
-
-@kernel
-def smoothed(weights: FloatArray, memory: FloatArray, first: int) -> float:
-    """The sum of the last positions with weights."""
-    total = 0.0
-    for j in range(weights.size):
-        total += weights[j] * memory[first + j]
-    return total
 
 
 @kernel
@@ -137,28 +113,6 @@ def move_prescribed(
 
 
 @kernel
-def take_interval(memory: FloatArray, first: int, count: int, u: FloatArray, length: float) -> None:
-    """Put an interval behind the others: its inputs and its length in s."""
-    width = u.size + 1
-    push(memory, first, width, count)
-    at = first + (count - 1) * width
-    for i in range(u.size):
-        memory[at + i] = u[i]
-    memory[at + u.size] = length
-
-
-@kernel
-def add_to_window(memory: FloatArray, h: FloatArray, gained: float, impulse: float, length: float) -> None:
-    """Add what mass times velocity gained in an interval, the impulse, and its derivatives, to those of the window."""
-    memory[IN_WINDOW] += 1.0
-    memory[MASS_TIMES_SPEED] += gained
-    memory[IMPULSE] += impulse
-    memory[SECONDS] += length
-    for j in range(h.size):
-        memory[HEAD + j] -= h[j] * length
-
-
-@kernel
 def close_window(
     state: StateArrays,
     memory: FloatArray,
@@ -184,28 +138,70 @@ def move_late(
     S: FloatArray,
     memory: FloatArray,
     model: ModelArrays,
-    interval: tuple[FloatArray, float, int],
-    settings: BalanceSettings,
-    mass: float,
+    oldest: FloatArray,
     free: FreeArrays,
+    settings: BalanceSettings,
+    pace: Pace,
     h: FloatArray,
 ) -> bool:
-    """Move the late state by the oldest interval that is kept, and add its balance to the window if the piston moves.
+    """Move the late state by the oldest interval, and add its balance to the window if the piston moves.
 
     Returns whether the state is finite.
     """
-    _, _, least_speed, rows, (smoothing, _, top, _) = settings
-    first = HEAD + h.size + 1
-    speed = smoothed(smoothing[LATE_SPEED], memory, first)
-    to = smoothed(smoothing[LATE], memory, first)
+    _, _, least_speed, rows, (smoothing, _, top, (_, mass)) = settings
+    before = HEAD + h.size
+    length = oldest[oldest.size - 1]
+    speed = smoothed(smoothing[LATE_SPEED], memory, before + 1)
+    to = smoothed(smoothing[LATE], memory, before + 1)
     middle = 0.5 * (late[rows[1]] + to)
+    steps = steps_at(pace, late[rows[1]], late[rows[0]], length, 1)
+    interval = oldest[: oldest.size - 1], length, steps
     finite, impulse = move_prescribed(step, late, S, model, interval, rows, (to, top))
-    gained = mass * (speed - memory[first - 1])
-    memory[first - 1] = speed
     if memory[AGE] >= smoothing.shape[1] and abs(late[rows[0]]) > least_speed:
         basis_at(middle, model, free, h)
-        add_to_window(memory, h, gained, impulse, interval[1])
+        add_to_window(memory, h, mass * (speed - memory[before]), impulse, length)
+    memory[before] = speed
     return finite
+
+
+@kernel
+def move_both(
+    step: Callable[..., bool],
+    state: StateArrays,
+    model: ModelArrays,
+    free: FreeArrays,
+    settings: BalanceSettings,
+    pace: Pace,
+    sample: tuple[FloatArray, float, float],
+    scratch: JointScratch,
+) -> bool:
+    """Move the present state and the late one by the inputs, length in s and position in m of a new sample.
+
+    Returns whether both are finite.
+    """
+    x, S, theta, _, waiting, _ = state
+    u, length, value = sample
+    _, _, _, rows, (smoothing, _, top, _) = settings
+    late, memory = waiting[: x.size], waiting[x.size :]
+    positions, samples = HEAD + theta.size + 1, smoothing.shape[1]
+    take_position(memory, positions, samples, value)
+    take_interval(memory, positions + samples, u, length)
+    oldest = memory[positions + samples : positions + samples + u.size + 1]
+    finite = True
+    if oldest[u.size] > 0.0:
+        finite = move_late(step, late, S, memory, model, oldest, free, settings, pace, scratch[3])
+    steps = steps_at(pace, x[rows[1]], x[rows[0]], length, 1)
+    to = smoothed(smoothing[NEWEST], memory, positions), top
+    return move_prescribed(step, x, S, model, (u, length, steps), rows, to)[0] and finite
+
+
+@kernel
+def begin(state: StateArrays, value: float, at_position: int, samples: int) -> None:
+    """The memory before the first interval: the piston has been where it is first measured."""
+    x, _, theta, _, waiting, _ = state
+    first = x.size + HEAD + theta.size + 1
+    waiting[: x.size] = x
+    waiting[first : first + samples] = x[at_position] if math.isnan(value) else value
 
 
 @kernel
@@ -217,7 +213,7 @@ def follow_balance(
     free: FreeArrays,
     derived: Derived,
     intervals: Intervals,
-    sensors: IntArray,
+    _sensors: IntArray,
     values: FloatArray,
     settings: BalanceSettings,
     drifts: FloatArray,
@@ -230,40 +226,26 @@ def follow_balance(
 
     Parameters as of `joint.follow_jointly`, but S has no columns.
     """
-    u, length, _, _, _ = intervals
     errors, states, deviations = output
-    every, _, _, rows, (smoothing, _, top, at_mass) = settings
-    x, S, theta = state[0], state[1], state[2]
-    late, memory = state[4][: x.size], state[4][x.size :]
-    samples, width, positions = smoothing.shape[1], u.shape[1] + 1, HEAD + theta.size + 1
-    kept = (memory.size - positions - samples) // width
+    every, _, _, (_, at_position), (smoothing, _, _, (at_mass, _)) = settings
+    x, theta = state[0], state[2]
+    memory = state[4][x.size :]
     errors[:], deviations[:] = np.nan, np.nan
-    mass = model[0][at_mass]
     model[0][at_mass] = PRESCRIBED
     prepare(model[0], model[6], model[9])
     refresh(prepare, theta, free, derived, model)
     for i in range(span[0], span[1]):
         value, row = values[i, 0] - derived[2][0, 0], i - span[0]
         if i == 0:
-            late[:] = x
-            memory[positions : positions + samples] = x[rows[1]] if math.isnan(value) else value
+            begin(state, value, at_position, smoothing.shape[1])
         else:
-            take_position(memory, positions, samples, value)
-            take_interval(memory, positions + samples, kept, u[i - 1], length[i - 1])
-            first = positions + samples
-            oldest = memory[first : first + width - 1], memory[first + width - 1]
-            if oldest[1] > 0.0:
-                steps = steps_at(pace, late[rows[1]], late[rows[0]], oldest[1], 1)
-                if not move_late(step, late, S, memory, model, (*oldest, steps), settings, mass, free, scratch[3]):
-                    return i
-            steps = steps_at(pace, x[rows[1]], x[rows[0]], length[i - 1], 1)
-            to = smoothed(smoothing[NEWEST], memory, positions), top
-            if not move_prescribed(step, x, S, model, (u[i - 1], length[i - 1], steps), rows, to)[0]:
+            sample = intervals[0][i - 1], intervals[1][i - 1], value
+            if not move_both(step, state, model, free, settings, pace, sample, scratch):
                 return i
         if memory[IN_WINDOW] >= every:
             close_window(state, memory, free, derived[3], settings, errors[row, 0], scratch)
             refresh(prepare, theta, free, derived, model)
-        if stroke_ends(state[5], late[rows[1]]) and drifts.size > 0:
+        if stroke_ends(state[5], state[4][at_position]) and drifts.size > 0:
             drift(state[3], drifts, scratch[4])
         states[row] = x[: states.shape[1]]
     return -1

@@ -11,8 +11,8 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.stiffness import STROKE_TIME, TOP_SPEED
 
-#: Degree of the polynomials that smooth the position; time in s that the balance is late, in the middle of the positions
-#: that smooth it; time over which the present position is smoothed. Provenance: docs/derivations.md.
+#: Degree of the polynomials that smooth the position; time in s that the balance is late, in the middle of the
+#: positions that smooth it; time over which the present position is smoothed. Provenance: docs/derivations.md.
 DEGREE, LATE, PRESENT = 2, 0.02, 0.01
 
 #: Standard deviation in N of the balance of forces over a window: what pressure in open loop and friction miss.
@@ -51,7 +51,9 @@ def balance_rule(actuator: Actuator, count: int, spacing: float) -> Rule:
         np.ascontiguousarray([position, velocity / spacing, newest]),
         FORCE,
         max(TOP_SPEED, actuator.parameters.y_max / STROKE_TIME),
-        actuator.parameter_names.index("M"),
+        (actuator.parameter_names.index("M"), actuator.parameters.M),
     )
     memory = 7 + count + samples + (late + 1) * (inputs + 1)
-    return Rule("clutchid.filter.balance", "follow_balance", columns=False, memory=memory, numbers=(numbers,))
+    return Rule(
+        "clutchid.filter.balance", "follow_balance", columns=False, memory=memory, numbers=(numbers,), compares="force"
+    )

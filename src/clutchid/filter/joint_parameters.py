@@ -79,7 +79,7 @@ def within(numbers: FloatArray, theta: float) -> float:
 
 @kernel
 def basis_at(y: float, model: ModelArrays, free: FreeArrays, h: FloatArray) -> None:
-    """The basis functions phi(y) of the load weights at a position in m into h (k,); all free parameters are weights."""
+    """The load's basis functions phi(y) at a position in m into h (k,), if all free parameters are load weights."""
     _, breakpoints, _, basis, _, _, _, _, _, _ = model
     _, places, pieces = free
     s = 0

@@ -44,8 +44,8 @@ class JointSettings:
 class Rule(NamedTuple):
     """By which rule a filter corrects: the kernel that follows a segment, of the signature of `joint.follow_jointly`.
 
-    `columns` says whether S has its columns, see `joint`. `memory` is how many numbers `JointState.waiting` has beside the usual ones; `numbers` come last in the
-    settings of the kernel.
+    `columns` says whether S has its columns, see `joint`; `memory` how many numbers `JointState.waiting` has more;
+    `numbers` come last in the settings of the kernel; an innovation is that of the position in m, or of a force in N.
     """
 
     module: str
@@ -53,6 +53,7 @@ class Rule(NamedTuple):
     columns: bool
     memory: int
     numbers: tuple[Any, ...]
+    compares: str = "position"
 
 
 #: States and free parameters by their covariance, see `joint`.

@@ -164,6 +164,12 @@ def start(observer: Observer) -> ObserverState:
     return ObserverState(None, np.zeros(len(observer.root)), observer.root.copy(), EMPTY, _unknown(observer))
 
 
+def blank(observer: Observer) -> JointState:
+    """A state of the filter with the shapes that all of its states have."""
+    segment = segment_of(Tail(np.zeros(1), np.zeros((1, 2)), np.zeros(1)), observer.joint.mapped.actuator)
+    return init(observer.joint, segment, np.zeros(len(observer.root)), observer.root)
+
+
 def _unknown(observer: Observer) -> FloatArray:
     return np.full(len(observer.actuator.states), np.nan)
 

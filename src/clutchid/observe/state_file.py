@@ -14,7 +14,7 @@ from clutchid.filter.joint_filter import JointState
 from clutchid.io.files import atomic_write
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
-from clutchid.observe.observer import Observer, ObserverState, start
+from clutchid.observe.observer import Observer, ObserverState, blank, start
 from clutchid.observe.strokes import Strokes
 from clutchid.observe.tail import Tail
 
@@ -98,16 +98,12 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     def array(section: str, name: str, *shape: int) -> FloatArray:
         return np.array(content[section][name], dtype=np.float64).reshape(shape)
 
-    k = len(observer.root)
     tail = Tail(array("tail", "time", -1), array("tail", "duties", -1, 2), array("tail", "position", -1))
     found = None
     if "filter" in content:
-        n = len(content["filter"]["x"])
-        found = JointState(
-            array("filter", "x", n), array("filter", "S", n, k + n), array("filter", "theta", k),
-            array("filter", "T", k, observer.root.shape[1]),
-            array("filter", "waiting", -1), np.array(content["filter"]["stroke"], dtype=np.int64).reshape(1),
-        )  # fmt: skip
+        saved = content["filter"]
+        shapes = blank(observer)._asdict().items()
+        found = JointState(**{name: np.array(saved[name], a.dtype).reshape(a.shape) for name, a in shapes})
     made = start(observer)
     theta, root = array("parameters", "theta", *made.theta.shape), array("parameters", "root", *made.T.shape)
     deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
@@ -116,8 +112,9 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
 
 
 def fingerprint(observer: Observer) -> str:
-    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, and settings."""
+    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, and rule."""
     told = repr((
         observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise,
+        observer.joint.rule,
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()

@@ -25,6 +25,9 @@ FOLLOWED = (3e-3, 6e-3, 12e-3)
 #: Units of differences of pressures in Pa and of positions in m.
 KPA, MICRO = 1e3, 1e-6
 
+#: Unit of an innovation by what it compares, and its factor to SI.
+INNOVATION = {"position": ("µm", MICRO), "force": ("N", 1.0)}
+
 #: Percentage of the innovations that the figure has room for.
 SHOWN = 99.0
 
@@ -111,7 +114,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
     _duties(duty, log)
     label(position, y="position [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
-    label(innovation, y="innovation\n[µm]")
+    label(innovation, y=f"innovation\n[{INNOVATION[run.observer.joint.rule.compares][0]}]")
     for axis in axes:
         legend(axis, "above", 4)
     figure.align_ylabels()
@@ -123,10 +126,12 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     found, variance = run.samples.innovations.T
     corrected = np.isfinite(found)
     every = run.observer.joint.settings.every * run.observer.spacing
-    columns = [found[corrected] / MICRO, BAND * np.sqrt(variance[corrected]) / MICRO]
+    compares = run.observer.joint.rule.compares
+    _, unit = INNOVATION[compares]
+    columns = [found[corrected] / unit, BAND * np.sqrt(variance[corrected]) / unit]
     t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
     fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
-    draw(axis, t, innovation, Line(STYLE.red, "measured less predicted", 0.8))
+    draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured less predicted", 0.8))
     if corrected.any():
         most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), SHOWN))
         axis.set_ylim(-most, most)
