@@ -1,8 +1,8 @@
 """The recursion of the adaptive observer: constant gains by a Lyapunov function, no covariance.
 
-What the piston has moved further than predicted since the last sample, e, is the integral of the velocity's error. It
-corrects position and velocity, the air p_A V_A of chamber A along A_A / V_A, and the load weights along -phi(y); see
-docs/derivations.md for the function that does not grow. Nothing is allocated.
+What the piston has moved further than predicted since the last sample, e, is the integral of the velocity's error. The
+position becomes the measured one; e corrects the velocity, the air q_A = p_A V_A of chamber A along A_A / V_A, and the
+load weights along -phi(y). See docs/derivations.md for the function that does not grow. Nothing is allocated.
 """
 
 from __future__ import annotations
@@ -46,7 +46,19 @@ def adapt_weights(
 
 
 @kernel
-def correct_adaptively(
+def correct_position(
+    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, chamber: tuple[int, int, int]
+) -> None:
+    """Correct position and output of its sensor by e in m; the air p_A V_A of chamber A stays."""
+    p, (at_pressure, volume, area) = model[0], chamber
+    before = p[volume] + p[area] * x[sensor[STATE]]
+    x[sensor[OUTPUT]] += e
+    x[sensor[STATE]] += e
+    x[at_pressure] *= before / (p[volume] + p[area] * x[sensor[STATE]])
+
+
+@kernel
+def correct_rest(
     state: StateArrays,
     e: float,
     model: ModelArrays,
@@ -56,13 +68,13 @@ def correct_adaptively(
     adapts: bool,
     scratch: JointScratch,
 ) -> None:
-    """Correct velocity, pressure and, if it `adapts`, load weights by a motion e in m that was not predicted."""
+    """Correct velocity, air and, if it `adapts`, load weights by a motion e in m that was not predicted."""
     x, _, theta, T, _, _ = state
-    _, _, _, (at_speed, at_position), (velocity, pressure, adaptation, (at_pressure, volume, area)) = settings
+    _, _, _, (at_speed, at_position), (velocity, air, adaptation, (at_pressure, volume, area)) = settings
     p = model[0]
     x[at_speed] += velocity * e
-    chamber = p[volume] + p[area] * x[at_position]
-    x[at_pressure] += pressure * p[area] / (chamber * chamber) * e
+    V = p[volume] + p[area] * x[at_position]
+    x[at_pressure] += air * p[area] / (V * V) * e
     if adapts:
         h = scratch[3]
         basis_at(x[at_position], model, free, h)
@@ -92,7 +104,7 @@ def correct_sample_adaptively(
         Receives innovation and variance of the sensor, NaN for none.
     """
     x, _, _, _, waiting, _ = state
-    _, outlier, least_speed, (at_speed, _), _ = settings
+    _, outlier, least_speed, (at_speed, _), (_, _, _, chamber) = settings
     _, _, of_sensor, slopes = derived
     last = waiting.size - 1
     errors[:] = np.nan
@@ -104,13 +116,12 @@ def correct_sample_adaptively(
     errors[0], errors[1] = e, of_sensor[0, 1] * of_sensor[0, 1]
     follows, inside = waiting[last] == 1.0, abs(e) <= bound
     waiting[last] = 1.0
-    if follows:
-        e = min(max(e, -bound), bound)
-    x[sensor[OUTPUT]] += e
-    x[sensor[STATE]] += e
     adapts = follows and inside and abs(x[at_speed]) > least_speed
     if follows:
-        correct_adaptively(state, e, model, free, slopes, settings, adapts, scratch)
+        e = min(max(e, -bound), bound)
+    correct_position(x, e, model, sensor, chamber)
+    if follows:
+        correct_rest(state, e, model, free, slopes, settings, adapts, scratch)
     return bool(adapts)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
+from clutchid.errors import ParameterError
 from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
 from clutchid.filter.joint_arrays import Derived, JointScratch, SettingsArrays
 from clutchid.filter.joint_setup import JointFilter
@@ -114,7 +115,8 @@ def follow(
 
 
 def predict(joint: JointFilter, state: JointState, interval: Intervals) -> JointState:
-    """The state after an interval, given as the only row of `Intervals`."""
+    """The state after an interval, given as the only row of `Intervals`; for the rule of Kalman."""
+    _check_rule(joint)
     after = state.copy()
     model, derived, work = _work(joint, after)
     compiled = kernels_in(_KERNELS)
@@ -129,7 +131,7 @@ def predict(joint: JointFilter, state: JointState, interval: Intervals) -> Joint
 
 
 def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[JointState, FloatArray]:
-    """The state after the measurements of a sample.
+    """The state after the measurements of a sample; for the rule of Kalman.
 
     Parameters
     ----------
@@ -141,6 +143,7 @@ def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[
     state, errors : (sensors, 2)
         Innovations and their variances, NaN for none.
     """
+    _check_rule(joint)
     after, errors = state.copy(), np.empty((len(joint.measure), 2))
     model, derived, work = _work(joint, after)
     compiled = kernels_in(_KERNELS)
@@ -161,6 +164,13 @@ def covariance(joint: JointFilter, state: JointState) -> FloatArray:
     ])  # fmt: skip
     result: FloatArray = root @ root.T
     return result
+
+
+def _check_rule(joint: JointFilter) -> None:
+    if not joint.rule.columns:
+        raise ParameterError(
+            f"the rule {joint.rule.kernel} has no covariance to predict and correct; `follow` takes single samples too."
+        )
 
 
 def _settings(joint: JointFilter) -> SettingsArrays:
