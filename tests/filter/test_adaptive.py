@@ -64,7 +64,7 @@ def followed(problem, simulated):
 def lyapunov(joint, states, theta, truth, simulated):
     """M v^2 / 2 + q_A^2 / (2 gamma_q) + theta' inv(T T') theta / (2 gamma), of the errors; docs/derivations.md."""
     p, at = truth.parameters, truth.states.index
-    _, air, adaptation, _ = joint.rule.numbers[0]
+    _, air, adaptation, _, _ = joint.rule.numbers[0]
     v = states[:, at("v")] - simulated["velocity"]
     q = (states[:, at("p_A")] - simulated["pressure_a"]) * (p.V_0A + p.A_A * simulated["position"])
     off = theta - [c.of(truth.value(c.base)) for c in joint.coordinates]
@@ -97,6 +97,29 @@ def test_a_correction_of_the_position_keeps_the_air_of_the_chamber(problem):
     moved = follow(joint, state, given._replace(values=given.values + 2e-3), (0, 1)).states[0]
     assert moved[at("y")] - as_measured[at("y")] == pytest.approx(2e-3, abs=1e-12)
     assert air(moved) == pytest.approx(air(as_measured), rel=1e-12)
+
+
+def noisy(given, seed=4):
+    """The measurements with the noise of the sensor."""
+    noise = Noise().of_samples("position", 1e-3) * np.random.default_rng(seed).standard_normal(given.values.shape)
+    return given._replace(values=given.values + noise)
+
+
+def test_noise_does_not_shift_the_load_or_the_air(problem, truth, simulated):
+    """A correction by V_A or phi at a measured position, or one at rest, would go with the noise of the next one."""
+    joint, state, given = made(problem, AdaptiveGains())
+    span = 0, len(simulated)
+    quiet = follow(joint, state, given, span)
+    y = np.linspace(2e-3, 9e-3, 20)
+    change = np.abs(truth.load.force(y) - problem.actuator.load.force(y)).max()
+    at = truth.states.index("p_A")
+    loads, pressures = [], []
+    for seed in range(6):
+        found = follow(joint, state, noisy(given, seed), span)
+        loads.append(joint.actuator(found.state.theta).load.force(y) - joint.actuator(quiet.state.theta).load.force(y))
+        pressures.append(np.mean(found.states[:, at] - quiet.states[:, at]))
+    assert np.abs(np.mean(loads, axis=0)).max() < 0.1 * change
+    assert abs(np.mean(pressures)) < 2e3
 
 
 @pytest.mark.parametrize("gains", [(1.1, 0.1, 0.05), (0.05, 1.5, 0.5), (0.05, 0.1, -0.01), (np.nan, 0.1, 0.1)])

@@ -21,8 +21,9 @@ from clutchid.filter.steps import steps_at
 from clutchid.log import FloatArray
 
 #: What the rule adds to the settings: gains of the velocity in 1/s; of p_A V_A, in N m by m of motion times area over
-#: volume; of the weights, which multiplies T T', in 1/(N m); places of p_A in x, of V_0A and A_A in p.
-AdaptiveNumbers = tuple[float, float, float, tuple[int, int, int]]
+#: volume; of the weights, which multiplies T T', in 1/(N m); share of a sample in the average position; places of p_A
+#: in x, of V_0A and A_A in p.
+AdaptiveNumbers = tuple[float, float, float, float, tuple[int, int, int]]
 
 #: Settings of the recursion: those of `joint_arrays.SettingsArrays`, and `AdaptiveNumbers`.
 AdaptiveSettings = tuple[int, float, float, tuple[int, int], AdaptiveNumbers]
@@ -47,38 +48,20 @@ def adapt_weights(
 
 @kernel
 def correct_position(
-    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, chamber: tuple[int, int, int]
+    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, chamber: tuple[int, int, int], gain: float
 ) -> None:
-    """Correct position and output of its sensor by e in m; the air p_A V_A of chamber A stays."""
+    """Correct position and output of its sensor by e in m, and the air q_A = p_A V_A by gain A_A / V_A e.
+
+    V_A is that in the middle of the old position and the new one: at either of them it goes with the noise in e, and
+    the air would drift by gain (A_A / V_A)^2 times the variance of the noise a sample.
+    """
     p, (at_pressure, volume, area) = model[0], chamber
     before = p[volume] + p[area] * x[sensor[STATE]]
+    after = before + p[area] * e
+    q = x[at_pressure] * before + gain * p[area] / (0.5 * (before + after)) * e
+    x[at_pressure] = q / after
     x[sensor[OUTPUT]] += e
     x[sensor[STATE]] += e
-    x[at_pressure] *= before / (p[volume] + p[area] * x[sensor[STATE]])
-
-
-@kernel
-def correct_rest(
-    state: StateArrays,
-    e: float,
-    model: ModelArrays,
-    free: FreeArrays,
-    slopes: FloatArray,
-    settings: AdaptiveSettings,
-    adapts: bool,
-    scratch: JointScratch,
-) -> None:
-    """Correct velocity, air and, if it `adapts`, load weights by a motion e in m that was not predicted."""
-    x, _, theta, T, _, _ = state
-    _, _, _, (at_speed, at_position), (velocity, air, adaptation, (at_pressure, volume, area)) = settings
-    p = model[0]
-    x[at_speed] += velocity * e
-    V = p[volume] + p[area] * x[at_position]
-    x[at_pressure] += air * p[area] / (V * V) * e
-    if adapts:
-        h = scratch[3]
-        basis_at(x[at_position], model, free, h)
-        adapt_weights(theta, T, free, slopes, h, adaptation * e, scratch[2])
 
 
 @kernel
@@ -95,34 +78,41 @@ def correct_sample_adaptively(
 ) -> bool:
     """Correct by the position of a sample; whether theta has moved.
 
-    An innovation beyond the outliers counts as one at their bound, and theta does not follow it. After samples without
-    a position only the position is corrected: nobody knows when the piston has moved.
+    Only the position is corrected after samples without one, for nobody knows when the piston has moved, and while it
+    is at rest, as measured and as predicted, where friction balances an error of the forces. An innovation beyond the
+    outliers counts as one at their bound, and theta does not follow it.
 
     Parameters
     ----------
     errors : (2,)
         Receives innovation and variance of the sensor, NaN for none.
     """
-    x, _, _, _, waiting, _ = state
-    _, outlier, least_speed, (at_speed, _), (_, _, _, chamber) = settings
+    x, _, theta, T, memory, _ = state
+    _, outlier, least_speed, (at_speed, at_position), (velocity, air, adaptation, share, chamber) = settings
     _, _, of_sensor, slopes = derived
-    last = waiting.size - 1
+    follows, average = memory.size - 2, memory.size - 1
     errors[:] = np.nan
     if math.isnan(value):
-        waiting[last] = 0.0
+        memory[follows] = 0.0
         return False
     e = value - (x[sensor[OUTPUT]] + of_sensor[0, 0])
     bound = outlier * of_sensor[0, 1]
     errors[0], errors[1] = e, of_sensor[0, 1] * of_sensor[0, 1]
-    follows, inside = waiting[last] == 1.0, abs(e) <= bound
-    waiting[last] = 1.0
-    adapts = follows and inside and abs(x[at_speed]) > least_speed
-    if follows:
-        e = min(max(e, -bound), bound)
-    correct_position(x, e, model, sensor, chamber)
-    if follows:
-        correct_rest(state, e, model, free, slopes, settings, adapts, scratch)
-    return bool(adapts)
+    if memory[follows] == 0.0:
+        correct_position(x, e, model, sensor, chamber, 0.0)
+        memory[follows], memory[average] = 1.0, x[at_position]
+        return False
+    inside, e = abs(e) <= bound, min(max(e, -bound), bound)
+    middle = x[at_position] + 0.5 * e
+    moves = abs(x[at_speed]) > least_speed or abs(x[at_position] + e - memory[average]) > bound
+    correct_position(x, e, model, sensor, chamber, air if moves else 0.0)
+    memory[average] += share * (x[at_position] - memory[average])
+    if moves:
+        x[at_speed] += velocity * e
+    if moves and inside:
+        basis_at(middle, model, free, scratch[3])
+        adapt_weights(theta, T, free, slopes, scratch[3], adaptation * e, scratch[2])
+    return bool(moves and inside)
 
 
 @kernel

@@ -13,6 +13,10 @@ from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.uncertainty.coordinates import Coordinate
 
+#: Time constant in s of the average position: the piston moves if its position is further from it than an outlier from
+#: what is predicted. Provenance: docs/derivations.md.
+AVERAGE = 0.02
+
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveGains:
@@ -28,7 +32,7 @@ class AdaptiveGains:
         The same, if it is the load's, where its prior is widest. `pressure` and `load` are less than 2 together.
     """
 
-    velocity: float = 0.05
+    velocity: float = 0.2
     pressure: float = 0.1
     load: float = 0.05
 
@@ -38,7 +42,7 @@ class AdaptiveGains:
             raise ParameterError(
                 f"gains {self.velocity:g} (velocity), {self.pressure:g} (pressure) and {self.load:g} (load) of the "
                 "adaptive observer would be unstable: none is below 0, that of the velocity is at most 1, and those of "
-                "pressure and load are less than 2 together; 0.05, 0.1 and 0.05 are the default."
+                "pressure and load are less than 2 together; 0.2, 0.1 and 0.05 are the default."
             )
 
 
@@ -63,6 +67,7 @@ def adaptive_rule(
         velocity,
         gains.pressure * damping * (p.V_0A / p.A_A) ** 2,
         gains.load * damping / float(variance),
+        min(1.0, spacing / AVERAGE),
         (rows.index("p_A"), names.index("V_0A"), names.index("A_A")),
     )
-    return Rule("clutchid.filter.adaptive", "follow_adaptively", columns=False, memory=1, numbers=(numbers,))
+    return Rule("clutchid.filter.adaptive", "follow_adaptively", columns=False, memory=2, numbers=(numbers,))

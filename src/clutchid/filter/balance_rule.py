@@ -17,7 +17,7 @@ DEGREE, LATE, PRESENT = 2, 0.02, 0.01
 
 #: Standard deviation in N of the balance of forces over a window: what pressure in open loop and friction miss.
 #: Provenance: docs/derivations.md.
-FORCE = 300.0
+FORCE = 600.0
 
 
 def smoothing(samples: int, at: float) -> FloatArray:
