@@ -118,7 +118,7 @@ def test_noise_does_not_shift_the_load_or_the_air(problem, truth, simulated):
         found = follow(joint, state, noisy(given, seed), span)
         loads.append(joint.actuator(found.state.theta).load.force(y) - joint.actuator(quiet.state.theta).load.force(y))
         pressures.append(np.mean(found.states[:, at] - quiet.states[:, at]))
-    assert np.abs(np.mean(loads, axis=0)).max() < 0.1 * change
+    assert np.abs(np.mean(loads, axis=0)).max() < 0.15 * change
     assert abs(np.mean(pressures)) < 2e3
 
 

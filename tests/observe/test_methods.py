@@ -82,7 +82,12 @@ def test_spikes_gaps_and_a_frozen_sensor_are_survived(one, plant, worn, log):
     assert off.max() < 0.6 * np.abs(plant.load.force(STROKE) - worn.load.force(STROKE)).max()
 
 
-def test_the_figure_names_what_an_innovation_compares(one, log):
-    figure = samples_figure(observe_recording(one, log.slice(0, 2000)))
+def test_figure_and_table_name_what_an_innovation_compares(one, log):
+    run = observe_recording(one, log.slice(0, 2000))
+    names = {"adaptive": ("innovation", "innovation std"), "rls": ("innovation_force [N]", "innovation_force_std [N]")}
+    found, deviation = (run.estimates()[name] for name in names[one.method])
+    assert np.array_equal(found, run.samples.innovations[:, 0], equal_nan=True)
+    assert deviation**2 == pytest.approx(run.samples.innovations[:, 1], rel=1e-12, nan_ok=True)
+    figure = samples_figure(run)
     labels = [axis.get_ylabel() for axis in figure.axes]
     assert {"adaptive": "innovation\n[µm]", "rls": "innovation\n[N]"}[one.method] in labels

@@ -15,7 +15,7 @@ from clutchid.uncertainty.coordinates import Coordinate
 
 #: Time constant in s of the average position: the piston moves if its position is further from it than an outlier from
 #: what is predicted. Provenance: docs/derivations.md.
-AVERAGE = 0.02
+AVERAGE = 0.1
 
 
 @dataclass(frozen=True, slots=True)

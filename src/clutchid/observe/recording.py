@@ -22,6 +22,12 @@ INTERVALS, DIGITS = 100, 3
 #: Part by which the time from one sample to the next may differ between the parts of a recording.
 SAME_PACE = 0.1
 
+#: Columns of the innovations and their standard deviations by what they compare.
+INNOVATION = {
+    "position": ("innovation", "innovation std"),
+    "force": ("innovation_force [N]", "innovation_force_std [N]"),
+}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservedRecording:
@@ -58,11 +64,12 @@ class ObservedRecording:
             for name, values in self.log.columns.items()
         }
         pressure, half = states["pressure_a"], BAND * self.deviation("p_A")
+        innovation, deviation = INNOVATION[self.observer.joint.rule.compares]
         added = {
             "pressure_a low": pressure - half,
             "pressure_a high": pressure + half,
-            "innovation": self.samples.innovations[:, 0],
-            "innovation std": np.sqrt(self.samples.innovations[:, 1]),
+            innovation: self.samples.innovations[:, 0],
+            deviation: np.sqrt(self.samples.innovations[:, 1]),
             "used [1]": self.samples.used.astype(np.float64),
         }
         columns = {"position": states.pop("position"), **recorded, **states, **added}
