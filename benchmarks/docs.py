@@ -132,8 +132,15 @@ def run(command: str, last: int = 0) -> tuple[int, str]:
     if words[0] == "python":
         command = f"{shlex.quote(sys.executable)}{command[6:]}"
     if words[0] != "clutchid":
+        scripts = str(Path(sys.executable).parent)  # where `clutchid` lies, for `cat LOG | clutchid ...`
         done = subprocess.run(
-            command, shell=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
+            command,
+            shell=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+            env={**os.environ, "PATH": f"{scripts}{os.pathsep}{os.environ.get('PATH', '')}"},
         )
         return done.returncode, done.stdout
     output = io.StringIO()

@@ -7,7 +7,6 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
 from importlib.metadata import version
 from io import TextIOWrapper
 
@@ -48,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # an unprintable unit or name must not prevent the output
     if sys.stderr.isatty():
-        when_compiling(partial(print, file=sys.stderr))
+        when_compiling(lambda sentence: print(sentence, file=sys.stderr))  # looked up late: streams can be replaced
     try:
         code = _run(tokens)
         print(end="", flush=True)
