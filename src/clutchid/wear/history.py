@@ -1,0 +1,150 @@
+"""Recordings of a vehicle in the order of its life."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from clutchid.log import FloatArray
+
+Axis = Literal["strokes", "km", "days", "recordings"]
+
+#: A clock before this day has restarted, and is not used.
+CLOCKS = datetime(2000, 1, 1, tzinfo=UTC)
+
+#: Difference between the clock of a file and the table that is not warned of: time zones, and the end of a drive.
+TOLERANCE = timedelta(days=1)
+
+#: A date in the name of a file, with or without the time of day.
+_DATE = re.compile(
+    r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?([0-2]\d|3[01])(?:[T_-]?([01]\d|2[0-3])[-_.:]?([0-5]\d))?(?!\d)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A row of the table of recordings; what it does not say is empty, None or NaN."""
+
+    recording: str
+    vehicle: str = ""
+    type: str = ""
+    begin: datetime | None = None
+    odometer: float = float("nan")
+    strokes: float = float("nan")
+
+
+class Dated(NamedTuple):
+    """A recording with its time, distance and strokes, and which of file, table and name the time is from."""
+
+    name: str
+    begin: datetime | None
+    odometer: float
+    strokes: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class History:
+    """Recordings in order: `order` are their indices, `s` where they are on the axis, `warnings` what contradicts."""
+
+    order: tuple[int, ...]
+    dated: tuple[Dated, ...]
+    axis: Axis
+    s: FloatArray
+    warnings: tuple[str, ...] = field(default=())
+
+
+def arranged(names: Sequence[str], clocks: Sequence[str], table: Mapping[str, Listed]) -> History:
+    """The order of recordings by their own clock, else the table, else a date in their name, else their name.
+
+    Where all have strokes, these are the axis of the trend, else km, else days, else their number.
+
+    Parameters
+    ----------
+    names, clocks
+        Stem of each recording, and the start time in its file (ISO 8601), or an empty string.
+    table
+        Rows of the table of recordings by the stem.
+    """
+    warnings: list[str] = []
+    dated = [_dated(name, clock, table.get(name), warnings) for name, clock in zip(names, clocks, strict=True)]
+    known = [one.begin for one in dated if one.begin is not None]
+    if known and len(known) < len(dated):
+        missing = [one.name for one in dated if one.begin is None]
+        warnings.append(f"{_some(missing)}: no time in the file, the table or the name; put after the others.")
+    if not known and len(dated) > 1:
+        warnings.append("no recording has a time; they are taken in the order of their names.")
+    order = sorted(range(len(dated)), key=lambda i: _place(dated[i]))
+    axis, s = _axis([dated[i] for i in order], warnings)
+    return History(tuple(order), tuple(dated), axis, s, tuple(warnings))
+
+
+def _dated(name: str, clock: str, row: Listed | None, warnings: list[str]) -> Dated:
+    of_file, of_table, of_name = _instant(clock), row.begin if row else None, _date_in(name)
+    if of_file is not None and of_file < CLOCKS:
+        warnings.append(f"{name}: its clock says {of_file:%Y-%m-%d}, so it had restarted, and is not used.")
+        of_file = None
+    if of_file and of_table and abs(of_file - of_table) > TOLERANCE:
+        warnings.append(
+            f"{name}: the file is of {of_file:%Y-%m-%d %H:%M}, the table says {of_table:%Y-%m-%d %H:%M}; the file "
+            "counts."
+        )
+    begin = of_file or of_table or of_name
+    source = "file" if of_file else "table" if of_table else "name" if of_name else ""
+    return Dated(name, begin, row.odometer if row else np.nan, row.strokes if row else np.nan, source)
+
+
+def _instant(text: str) -> datetime | None:
+    """An ISO time; UTC where it has no zone."""
+    try:
+        found = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    return found if found.tzinfo else found.replace(tzinfo=UTC)
+
+
+def _date_in(name: str) -> datetime | None:
+    found = _DATE.search(name)
+    if found is None:
+        return None
+    try:
+        return datetime(*(int(digits or 0) for digits in found.groups()), tzinfo=UTC)  # type: ignore[misc, arg-type]
+    except ValueError:  # the 31st of a short month
+        return None
+
+
+def _place(one: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
+    """Sorts by time, those without one last, and then by name, where numbers count as such."""
+    parts = [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d+)", one.name)]
+    return one.begin is None, one.begin.timestamp() if one.begin else 0.0, parts
+
+
+def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray]:
+    """What all recordings have and what does not go back: strokes, km or days; else their number."""
+    columns: list[tuple[Axis, str, Callable[[Dated], float]]] = [
+        ("strokes", "strokes", lambda one: one.strokes),
+        ("km", "odometer_km", lambda one: one.odometer),
+        ("days", "time", lambda one: one.begin.timestamp() / 86400.0 if one.begin else np.nan),
+    ]
+    for axis, name, of in columns:
+        values = np.array([of(one) for one in dated])
+        if not np.isfinite(values).all():
+            continue
+        back = np.flatnonzero(np.diff(values) < 0.0).tolist()
+        if back:
+            where = [dated[i + 1].name for i in back]
+            warnings.append(f"{name} goes back at {_some(where)}, and is not used for the trend.")
+            continue
+        if values.size == 1 or values[-1] > values[0]:
+            return axis, values - (values[0] if axis == "days" else 0.0)
+    return "recordings", np.arange(len(dated), dtype=np.float64)
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more

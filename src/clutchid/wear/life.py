@@ -1,0 +1,173 @@
+"""The life of a clutch: its recordings, the trend through them, alarms, and what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.wear.forecast import Remaining, remaining
+from clutchid.wear.history import Axis, Dated, History
+from clutchid.wear.measurement import Measurement
+from clutchid.wear.settings import AS_NEW, LIFE
+from clutchid.wear.trend import Function, Step, TrendModel, WearTable, follow, smoothed, trend_model
+
+#: 95 % quantile of the normal distribution.
+QUANTILE = 1.959964
+
+
+class Reading(NamedTuple):
+    """What became of one recording: status and sentence as in every result, trust, and its measurement, if any."""
+
+    status: str
+    message: str
+    trust: str
+    measurement: Measurement | None
+
+
+class Curve(NamedTuple):
+    """Load in N over the position in m with its 95 % band, each (n,)."""
+
+    position: FloatArray
+    force: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+class Alarm(NamedTuple):
+    """A jump of the load between two recordings; `kind` is "replaced" where the clutch is like new, else "sudden"."""
+
+    after: str
+    before: str
+    begin: datetime | None
+    kind: str
+    shift: float
+    load: float
+
+
+class Band(NamedTuple):
+    """A quantity by recording with its 95 % band, arrays (n,)."""
+
+    value: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wear:
+    """The wear of one clutch over its recordings, in order.
+
+    Quantities are shift [m], relative load and, with a table, wear [m]: as known at each recording (`then`), and given
+    all of them (`now`); `rate` is the latter's. `outcomes` say what became of each measurement. `left` is None without
+    a limit.
+    """
+
+    vehicle: str
+    axis: Axis
+    s: FloatArray
+    dated: tuple[Dated, ...]
+    readings: tuple[Reading, ...]
+    outcomes: tuple[str, ...]
+    then: dict[str, Band]
+    now: dict[str, Band]
+    rate: dict[str, Band]
+    alarms: tuple[Alarm, ...]
+    limit: float | None
+    left: Remaining | None
+    warnings: tuple[str, ...]
+
+
+def wear_of(
+    vehicle: str,
+    history: History,
+    readings: Sequence[Reading],
+    table: WearTable | None = None,
+    limit: float | None = None,
+) -> Wear:
+    """The wear of a clutch.
+
+    Parameters
+    ----------
+    history
+        Order of the recordings; `readings` are in the order of its `dated`.
+    table
+        Load against wear of the facing, which then is a quantity too.
+    limit : m
+        Shift that ends the life; with a table, and by default, the wear at its end.
+    """
+    ordered = [readings[i] for i in history.order]
+    dated = tuple(history.dated[i] for i in history.order)
+    life = LIFE[history.axis]
+    model = trend_model(life, table)
+    steps = follow(model, history.s, [one.measurement for one in ordered])
+    later = smoothed(steps)
+    then = _bands(model, [(step.mean, step.covariance) for step in steps])
+    name, end = _limit(table, limit)
+    q = 2 * model.quantities.index(name) if name in model.quantities else 0
+    last = steps[-1]
+    any_used = any(step.outcome in ("used", "jump") for step in steps)
+    left = None
+    if end is not None and any_used:
+        left = remaining(name, last.mean[q : q + 2], last.covariance[q : q + 2, q : q + 2], end, life)
+    return Wear(
+        vehicle, history.axis, history.s, dated, tuple(ordered), tuple(step.outcome for step in steps),
+        then, _bands(model, later), _rates(model, later), _alarms(dated, steps, then), limit if table is None else end,
+        left, history.warnings,
+    )  # fmt: skip
+
+
+def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | None]:
+    """Quantity and value that end the life."""
+    if table is None:
+        return "shift", limit
+    if limit is None:
+        return "wear", float(table.wear[-1])
+    beyond = np.flatnonzero(table.shift * np.sign(limit) >= abs(limit))
+    return "wear", float(table.wear[beyond[0] if beyond.size else -1])
+
+
+def _bands(model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]]) -> dict[str, Band]:
+    """Quantities with their bands; with a table also the shift and the load that belong to the wear."""
+    values = np.array([mean for mean, _ in states])
+    std = np.sqrt(np.array([np.diag(P) for _, P in states]))
+    found = {name: _band(values[:, 2 * q], std[:, 2 * q]) for q, name in enumerate(model.quantities)}
+    if "wear" not in found:
+        return found
+    channels = zip(("shift", "load"), model.channels, strict=True)
+    return {**found, **{name: _mapped(function, found["wear"]) for name, (_, function) in channels}}
+
+
+def _mapped(function: Function, band: Band) -> Band:
+    """A function of a quantity over its band, which need not be monotone."""
+    shares = np.linspace(0.0, 1.0, 21)[:, None]
+    over = function(band.low + shares * (band.high - band.low))
+    return Band(function(band.value), over.min(axis=0), over.max(axis=0))
+
+
+def _rates(model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]]) -> dict[str, Band]:
+    values = np.array([mean for mean, _ in states])
+    std = np.sqrt(np.array([np.diag(P) for _, P in states]))
+    return {name: _band(values[:, 2 * q + 1], std[:, 2 * q + 1]) for q, name in enumerate(model.quantities)}
+
+
+def _band(value: FloatArray, std: FloatArray) -> Band:
+    return Band(value, value - QUANTILE * std, value + QUANTILE * std)
+
+
+def _alarms(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band]) -> tuple[Alarm, ...]:
+    found = []
+    for k, step in enumerate(steps):
+        if step.outcome != "jump":
+            continue
+        earlier = max((j for j in range(k) if steps[j].outcome in ("used", "jump")), default=0)
+        change = {name: (then[name].value[earlier], then[name].value[k]) for name in ("shift", "load")}
+        std = {name: (then[name].high[k] - then[name].low[k]) / (2 * QUANTILE) for name in change}
+        as_new = all(abs(after) <= AS_NEW * abs(before) + 2 * std[name] for name, (before, after) in change.items())
+        moved = [after - before for before, after in change.values()]
+        kind = "replaced" if as_new else "sudden"
+        found.append(Alarm(dated[earlier].name, dated[k].name, dated[k].begin, kind, moved[0], moved[1]))
+    return tuple(found)

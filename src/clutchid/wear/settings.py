@@ -1,0 +1,50 @@
+"""Tuned numbers of the trend, and where they are from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Growth(NamedTuple):
+    """How a quantity may grow: standard deviations of its first value, of its rate over a life, and of a jump."""
+
+    start: float
+    rate: float
+    jump: float
+
+
+#: Shift [m] and relative load: guesses from the virtual trucks' full range, 0 to 0.7 mm and 0 to 18 %; and wear of the
+#: facing [m], where a calibration of load against wear is given.
+GROWTH = {"shift": Growth(0.5e-3, 0.7e-3, 0.5e-3), "load": Growth(0.2, 0.2, 0.2), "wear": Growth(4e-3, 6e-3, 4e-3)}
+
+#: A life, in which the rate of a quantity may double or vanish: strokes, km, days; a facing of 3.5 mm in the virtual
+#: fleet, as trucks in distribution traffic have.
+LIFE = {"strokes": 1e6, "km": 4e5, "days": 1100.0, "recordings": 150.0}
+
+#: Standard deviation of the rate's random walk over a life, and of the scatter of wear over a life, as shares of the
+#: rate over a life. Guesses.
+RATE_WALK, SCATTER = 0.5, 0.05
+
+
+class Shares(NamedTuple):
+    """What of the standard deviation of a reading differs between recordings, is common to all, changes with 10 K."""
+
+    independent: float
+    common: float
+    by_temperature: float
+
+
+#: By channel. Readings of trucks 0 to 3 of both families: docs/derivations.md.
+SHARES = {"shift": Shares(0.3, 0.5, 0.2), "load": Shares(0.6, 0.7, 0.3)}
+
+#: Recordings that the prior of the noise is worth.
+WORTH = 10.0
+
+#: Air temperature in K that counts as that of the calibration where it had none.
+REFERENCE = 293.15
+
+#: Share of false alarms among recordings.
+FALSE_ALARMS = 1e-3
+
+#: A jump that ends within this share of the former change from the new clutch is a replaced clutch.
+AS_NEW = 0.4

@@ -1,0 +1,92 @@
+"""Recordings of a vehicle in the order of its life."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.wear.history import Listed, arranged
+from clutchid.wear.tables import read_table, read_wear_table
+
+
+def rows(*listed):
+    return {one.recording: one for one in listed}
+
+
+def test_the_clock_of_the_file_counts_before_the_table_and_the_name():
+    table = rows(Listed("b_2026-03-01", begin=datetime(2026, 1, 5, tzinfo=UTC)), Listed("c", begin=None))
+    found = arranged(
+        ["a_20260101", "b_2026-03-01", "c"], ["", "2026-02-03T04:05:06+00:00", "2025-12-31T00:00:00"], table
+    )
+    assert found.order == (2, 0, 1)
+    assert [one.source for one in found.dated] == ["name", "file", "file"]
+    assert found.axis == "days"
+    assert found.s == pytest.approx([0.0, 1.0, 34.17021], abs=1e-4)
+    (contradiction,) = found.warnings
+    assert (
+        contradiction
+        == "b_2026-03-01: the file is of 2026-02-03 04:05, the table says 2026-01-05 00:00; the file counts."
+    )
+
+
+def test_a_clock_that_restarted_is_not_used():
+    found = arranged(["a", "b"], ["1970-01-01T03:00:00", ""], rows(
+        Listed("a", begin=datetime(2026, 5, 1, tzinfo=UTC)), Listed("b", begin=datetime(2026, 4, 1, tzinfo=UTC))
+    ))  # fmt: skip
+    assert found.order == (1, 0)
+    assert found.warnings == ("a: its clock says 1970-01-01, so it had restarted, and is not used.",)
+
+
+def test_strokes_are_the_axis_before_distance_and_time():
+    table = rows(Listed("a", odometer=100.0, strokes=5e3), Listed("b", odometer=50.0, strokes=9e3))
+    found = arranged(["a", "b"], ["2026-01-01", "2026-01-02"], table)
+    assert (found.axis, list(found.s)) == ("strokes", [5e3, 9e3])
+    without = rows(Listed("a", odometer=100.0), Listed("b", odometer=150.0))
+    assert arranged(["a", "b"], ["2026-01-01", "2026-01-02"], without).axis == "km"
+    back = arranged(["a", "b"], ["2026-01-01", "2026-01-02"], rows(Listed("a", strokes=9.0), Listed("b", strokes=5.0)))
+    assert back.axis == "days"
+    assert back.warnings == ("strokes goes back at b, and is not used for the trend.",)
+
+
+def test_without_any_time_the_names_are_sorted_as_people_count():
+    found = arranged(["run10", "run9"], ["", ""], {})
+    assert (found.order, found.axis) == ((1, 0), "recordings")
+    assert found.warnings == ("no recording has a time; they are taken in the order of their names.",)
+    some = arranged(["a", "b_20260102"], ["", ""], {})
+    assert some.order == (1, 0)
+    assert "put after the others" in some.warnings[0]
+
+
+def test_a_table_is_read_by_stem_and_says_all_that_is_wrong(tmp_path):
+    path = tmp_path / "recordings.csv"
+    path.write_text("recording,vehicle,date,odometer_km,strokes\nx/a.parquet,V1,2026-01-02,12.5,\nb,V1,,,700\n")
+    found = read_table(path)
+    assert found["a"].begin == datetime(2026, 1, 2, tzinfo=UTC)
+    assert (found["a"].odometer, found["b"].strokes) == (12.5, 700.0)
+    assert np.isnan(found["a"].strokes)
+    path.write_text("recording,date,strokes\na,yesterday,1\nb,,many\nc,,1\nc,,2\n")
+    with pytest.raises(DataError) as error:
+        read_table(path)
+    for text in ("line 2: date 'yesterday' is no ISO date", "line 3: strokes 'many'", "line 5: 'c' stands there twice"):
+        assert text in str(error.value)
+    path.write_text("name\na\n")
+    with pytest.raises(DataError, match="has no column 'recording', only 'name'"):
+        read_table(path)
+
+
+def test_a_table_of_wear_starts_at_the_new_clutch(tmp_path):
+    path = tmp_path / "wear.csv"
+    path.write_text("wear [mm],half_load [mm],load [N]\n0,2.8,4000\n1,2.9,4400\n")
+    table = read_wear_table(path)
+    assert table.wear == pytest.approx([0.0, 1e-3])
+    assert table.shift == pytest.approx([0.0, 0.1e-3])
+    assert table.load == pytest.approx([0.0, 0.1])
+    for text, sentence in (
+        ("wear [mm],load [N]\n0,1\n1,2\n", "lacks the column 'half_load \\[mm\\]'"),
+        ("wear [mm],half_load [mm],load [N]\n1,2.8,4000\n2,2.9,4400\n", "must start at 0 and increase"),
+        ("wear [mm],half_load [mm],load [N]\n0,x,4000\n2,2.9,4400\n", "every cell is a number"),
+    ):
+        path.write_text(text)
+        with pytest.raises(DataError, match=sentence):
+            read_wear_table(path)

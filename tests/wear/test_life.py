@@ -1,0 +1,88 @@
+"""The life of a clutch: trend, alarms, what is left."""
+
+import numpy as np
+import pytest
+
+from clutchid.wear.forecast import remaining
+from clutchid.wear.history import Listed, arranged
+from clutchid.wear.life import Reading, wear_of
+from clutchid.wear.measurement import Measurement
+from clutchid.wear.trend import WearTable
+
+#: 1 mm of shift in 1e7 strokes.
+RATE = 1e-10
+
+
+def life_of(shifts, table=None, limit=None, loads=None):
+    """Wear from shifts at every 10,000 strokes, with readings of 30 um."""
+    names = [f"r{k:02d}" for k in range(len(shifts))]
+    listed = {name: Listed(name, strokes=1e4 * k) for k, name in enumerate(names)}
+    loads = 0.0 * np.asarray(shifts) if loads is None else loads
+    readings = [
+        Reading("ok", "", "good", None if np.isnan(shift) else Measurement(shift, 30e-6, load, 0.01, np.nan))
+        for shift, load in zip(shifts, loads, strict=True)
+    ]
+    return wear_of("V1", arranged(names, [""] * len(names), listed), readings, table, limit)
+
+
+def test_a_steady_clutch_is_forecast():
+    wear = life_of(RATE * 1e4 * np.arange(40), limit=0.1e-3)
+    assert wear.then["shift"].value[-1] == pytest.approx(RATE * 39e4, abs=2e-6)
+    assert wear.left.low < (0.1e-3 / RATE - 39e4) < wear.left.high
+    assert wear.left.median == pytest.approx(0.1e-3 / RATE - 39e4, rel=0.1)
+    assert wear.alarms == ()
+
+
+def test_a_replaced_clutch_is_an_alarm_and_a_new_trend():
+    shifts = RATE * 1e4 * np.concatenate([np.arange(30) + 10, np.arange(10)])
+    loads = np.concatenate([np.linspace(0.02, 0.06, 30), np.linspace(0.0, 0.013, 10)])
+    (alarm,) = life_of(shifts, loads=loads).alarms
+    assert (alarm.after, alarm.before, alarm.kind) == ("r29", "r30", "replaced")
+    (sudden,) = life_of(np.where(np.arange(40) < 30, shifts, shifts + 0.3e-3)).alarms
+    assert sudden.kind == "sudden"
+    assert sudden.shift > 0.2e-3
+
+
+def test_recordings_without_a_measurement_are_bridged():
+    shifts = RATE * 1e4 * np.arange(30)
+    shifts[[3, 10, 11, 29]] = np.nan
+    wear = life_of(shifts, limit=1e-3)
+    assert [k for k, outcome in enumerate(wear.outcomes) if outcome == "missing"] == [3, 10, 11, 29]
+    assert np.isfinite(wear.then["shift"].value).all()
+    nothing = life_of(np.full(3, np.nan), limit=1e-3)
+    assert nothing.left is None
+
+
+def test_the_wear_of_the_facing_needs_a_table():
+    y = np.linspace(0.0, 3.5e-3, 8)
+    table = WearTable(y, 0.05 * y, 20.0 * y)
+    true = 0.5e-3 + 30e-6 * np.arange(30)
+    wear = life_of(0.05 * true, table, loads=20.0 * true)
+    assert wear.limit == 3.5e-3
+    assert wear.then["wear"].value[-1] == pytest.approx(true[-1], rel=0.05)
+    assert wear.then["wear"].low[-1] < true[-1] < wear.then["wear"].high[-1]
+    assert wear.left.low < (3.5e-3 - true[-1]) / 30e-6 * 1e4 < wear.left.high
+    shorter = life_of(0.05 * true, table, limit=0.1e-3, loads=20.0 * true)
+    assert shorter.limit == pytest.approx(2e-3)
+    assert "wear" not in life_of(0.05 * true).then
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_left_agrees_with_sampled_lives(sign):
+    mean, covariance = sign * np.array([0.1e-3, 3e-10]), np.diag([1e-6, 4e-11]) ** 2
+    left = remaining("shift", mean, covariance, sign * 0.2e-3, 1e6)
+    random = np.random.default_rng(1)
+    draws = mean + random.standard_normal((20000, 2)) * np.sqrt(np.diag(covariance))
+    # without the walk of the rate, which widens the interval
+    sampled = (sign * 0.2e-3 - draws[:, 0]) / draws[:, 1]
+    low, median, high = np.quantile(sampled, [0.05, 0.5, 0.95])
+    assert left.median == pytest.approx(median, rel=0.03)
+    assert left.low < low
+    assert left.high > high
+
+
+def test_a_limit_that_is_passed_or_out_of_sight_is_said():
+    covariance = np.diag([1e-6, 1e-13]) ** 2
+    assert remaining("shift", np.array([0.3e-3, 1e-10]), covariance, 0.2e-3, 1e6).median == 0.0
+    away = remaining("shift", np.array([0.0, -7e-9]), covariance, 0.2e-3, 1e6)
+    assert away.median == float("inf")

@@ -1,0 +1,140 @@
+"""The trend of wear: a Kalman filter and smoother with a test for jumps."""
+
+import numpy as np
+import pytest
+
+from clutchid.wear.measurement import Measurement
+from clutchid.wear.settings import FALSE_ALARMS, GROWTH, LIFE, REFERENCE, SHARES
+from clutchid.wear.trend import WearTable, follow, smoothed, trend_model
+
+STRIDE, STD = 7000.0, (0.03e-3, 0.012)
+MODEL = trend_model(LIFE["strokes"])
+
+
+def clutch(random, count, temperature=False):
+    """True shift and load of a clutch drawn from the trend's own prior, and its measurements."""
+    F, _, noise = motion()
+    x = np.zeros(MODEL.size)
+    x[: MODEL.errors] = random.standard_normal(MODEL.errors) * [
+        value for name in MODEL.quantities for value in (GROWTH[name].start, GROWTH[name].rate / MODEL.life)
+    ]
+    x[MODEL.errors :] = random.standard_normal(4) * [
+        part * std for name, std in zip(("shift", "load"), STD, strict=True)
+        for part in (SHARES[name].common, SHARES[name].by_temperature)
+    ]  # fmt: skip
+    true, measured = [], []
+    for k in range(count):
+        x = x if k == 0 else F @ x + noise @ random.standard_normal(MODEL.size)
+        T = REFERENCE + 15.0 * np.sin(k / 8.0) if temperature else np.nan
+        warmer = (T - REFERENCE) / 10.0 if temperature else 0.0
+        own = random.standard_normal(2) * [
+            SHARES[n].independent * s for n, s in zip(("shift", "load"), STD, strict=True)
+        ]
+        shift, load = x[0] + x[4] + warmer * x[5] + own[0], x[2] + x[6] + warmer * x[7] + own[1]
+        true.append(x.copy())
+        measured.append(Measurement(shift, STD[0], load, STD[1], T))
+    return np.array(true), measured
+
+
+def motion():
+    step = follow(MODEL, np.array([0.0, STRIDE]), [None, None])
+    F = step[1].transition
+    Q = step[1].predicted_covariance - F @ step[0].covariance @ F.T
+    return F, Q, np.linalg.cholesky(Q + 1e-30 * np.eye(MODEL.size))
+
+
+def test_the_trend_of_its_own_clutches_is_covered_and_smoothing_sharpens_it():
+    random, inside, errors = np.random.default_rng(1), [], []
+    for _ in range(120):
+        true, measured = clutch(random, 30, temperature=True)
+        steps = follow(MODEL, STRIDE * np.arange(30), measured)
+        later = smoothed(steps)
+        for k in (9, 29):
+            std = np.sqrt(np.diag(steps[k].covariance))
+            inside.append(np.abs(steps[k].mean - true[k]) <= 1.96 * std)
+        errors.append([abs(steps[5].mean[0] - true[5][0]), abs(later[5][0][0] - true[5][0])])
+        assert np.all(np.diag(later[5][1]) <= np.diag(steps[5].covariance) * (1 + 1e-9))
+    share = np.mean(inside, axis=0)  # 240 each, in pairs: 0.95 +- 0.02
+    assert np.all(share > 0.88)
+    assert np.mean(share) == pytest.approx(0.95, abs=0.025)
+    assert np.mean(errors, axis=0)[1] < np.mean(errors, axis=0)[0]
+
+
+def test_filter_and_smoother_are_batch_least_squares():
+    _, measured = clutch(np.random.default_rng(2), 6)
+    s = STRIDE * np.arange(6)
+    steps = follow(MODEL, s, measured)
+    assert {step.outcome for step in steps} == {"used"}
+    # dense: all states at once, with the noise scale that each measurement was given
+    F, Q, _ = motion()
+    n, rows, right = MODEL.size, [], []
+    start = follow(MODEL, s[:1], [None])[0]
+    prior = follow(MODEL, s[:1], [measured[0]])[0].predicted_covariance
+
+    def put(blocks, value, covariance):
+        whitened = np.linalg.inv(np.linalg.cholesky(covariance))
+        row = np.zeros((len(value), 6 * n))
+        for k, block in blocks:
+            row[:, k * n : (k + 1) * n] = block
+        rows.append(whitened @ row)
+        right.append(whitened @ value)
+
+    assert np.array_equal(start.mean, np.zeros(n))
+    put([(0, np.eye(n))], np.zeros(n), prior)
+    tiny = np.diag([0.0, 0.0, 0.0, 0.0, 1e-22, 1e-22, 1e-18, 1e-18])
+    H = np.zeros((2, n))
+    H[0, [0, 4]], H[1, [2, 6]] = 1.0, 1.0
+    scale, number, total = 1.0, 0, 0.0
+    for k, one in enumerate(measured):
+        if k:
+            put([(k - 1, -F), (k, np.eye(n))], np.zeros(n), Q + tiny)
+        stds = [SHARES["shift"].independent * one.shift_std, SHARES["load"].independent * one.load_std]
+        put([(k, H)], np.array([one.shift, one.load]), scale * np.diag(np.square(stds)))
+        total, number = total + steps[k].deviance, number + 2
+        scale = (10.0 + total) / (10.0 + number)
+    solution = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(6, n)
+    found = np.array([mean for mean, _ in smoothed(steps)])
+    std = np.sqrt(np.diag(prior))
+    assert found / std == pytest.approx(solution / std, abs=1e-5)
+
+
+def test_a_replaced_clutch_is_found_within_two_recordings():
+    random, found = np.random.default_rng(3), 0
+    for _ in range(60):
+        _, measured = clutch(random, 20)
+        jumped = [one._replace(shift=one.shift - 0.12e-3) if k >= 12 else one for k, one in enumerate(measured)]
+        steps = follow(MODEL, STRIDE * np.arange(20), jumped)
+        found += any(step.outcome == "jump" for step in steps[12:14])
+    assert found >= 57
+
+
+def test_false_alarms_are_as_rare_as_chosen():
+    random, alarms, outliers, count = np.random.default_rng(4), 0, 0, 0
+    for _ in range(100):
+        _, measured = clutch(random, 40, temperature=True)
+        outcomes = [step.outcome for step in follow(MODEL, STRIDE * np.arange(40), measured)]
+        alarms, outliers, count = alarms + outcomes.count("jump"), outliers + outcomes.count("left out"), count + 40
+    assert alarms <= 4 * FALSE_ALARMS * count / 2  # 4 expected at most; two in a row are needed
+    assert outliers <= 4 * FALSE_ALARMS * count
+
+
+def test_a_single_odd_reading_is_left_out_and_does_not_move_the_trend():
+    _, measured = clutch(np.random.default_rng(5), 20)
+    odd = [one._replace(shift=one.shift + 0.5e-3) if k == 10 else one for k, one in enumerate(measured)]
+    missing = [None if k == 10 else one for k, one in enumerate(measured)]
+    s = STRIDE * np.arange(20)
+    assert follow(MODEL, s, odd)[10].outcome == "left out"
+    assert follow(MODEL, s, odd)[-1].mean == pytest.approx(follow(MODEL, s, missing)[-1].mean)
+
+
+def test_with_a_table_the_facing_is_the_quantity_and_its_end_is_extrapolated():
+    wear = np.linspace(0.0, 3.5e-3, 36)
+    table = WearTable(wear, 0.2e-3 * np.sin(wear / 3.5e-3), 0.08 * wear / 3.5e-3)
+    model = trend_model(LIFE["strokes"], table)
+    true = 2.0e-3 + 20e-6 * np.arange(30)
+    shift, load = (np.interp(true, wear, values) for values in table[1:])
+    measured = [Measurement(a, STD[0], b, STD[1], np.nan) for a, b in zip(shift, load, strict=True)]
+    steps = follow(model, 6000.0 * np.arange(30), measured)
+    assert steps[-1].mean[0] == pytest.approx(true[-1], abs=0.2e-3)
+    assert abs(steps[-1].mean[0] - true[-1]) < 1.96 * np.sqrt(steps[-1].covariance[0, 0])
+    assert model.channels[1][1](np.array([7e-3])) == pytest.approx([0.16])
