@@ -24,6 +24,7 @@ from clutchid.cli.observe import observe
 from clutchid.cli.paper import paper
 from clutchid.cli.prove import prove
 from clutchid.cli.simulate import simulate
+from clutchid.cli.track import track
 from clutchid.codegen.cache import when_compiling
 
 
@@ -35,7 +36,7 @@ def app() -> App:
         version=version("clutchid"),
         result_action="return_value",
     )
-    for command in (fit, simulate, observe, paper, look, cut, friction, drive, prove):
+    for command in (fit, simulate, observe, track, paper, look, cut, friction, drive, prove):
         application.command(command)
     register_completion(application)
     return application

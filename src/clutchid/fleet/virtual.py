@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.assess.half_load import half_load
+from clutchid.assess.verdict import ENGAGING
 from clutchid.errors import ExportError
 from clutchid.fleet import pool
 from clutchid.io import write
@@ -49,7 +50,8 @@ def write_fleet(
 
     ``recordings/VEHICLE/NAME.parquet``: position, duty cycles, air temperature and supply pressure. ``recordings.csv``
     has recording, vehicle, type, date, odometer_km and strokes; ``calibrations/`` for each type a recording with
-    pressure, and its half-load position and peak over the wear of the facing. ``truth.csv`` is the truth.
+    pressure, and its half-load position and mean load over 5 to 8 mm by the wear of the facing. ``truth.csv`` is the
+    truth.
 
     Parameters
     ----------
@@ -107,10 +109,16 @@ def _write_calibration(folder: Path, family: str, number: int) -> None:
     wear = np.linspace(0.0, new.w_max, STEPS)
     loads = [true_load(aged(new, w, w * STROKES_A_METRE)) for w in wear]
     rows = [
-        {"wear [mm]": w * 1e3, "half_load [mm]": half_load(POSITIONS, load) * 1e3, "peak [N]": load.max()}
+        {"wear [mm]": w * 1e3, "half_load [mm]": half_load(POSITIONS, load) * 1e3, "load [N]": engaging(load)}
         for w, load in zip(wear, loads, strict=True)
     ]
     _write_csv(folder / f"{name}.wear.csv", rows)
+
+
+def engaging(load: FloatArray) -> float:
+    """Mean load in N where the clutch engages."""
+    first, last = ENGAGING
+    return float(np.mean(load[(first <= POSITIONS) & (last >= POSITIONS)]))
 
 
 def true_load(vehicle: Vehicle) -> FloatArray:
@@ -153,6 +161,8 @@ def _truth(visit: Visit, vehicle: Vehicle) -> Row:
         "shift [mm]": (half - at_rest) * 1e3,
         "limit [mm]": (half_load(POSITIONS, true_load(end)) - at_rest) * 1e3,
         "peak [N]": float(load.max()),
+        "load [N]": engaging(load),
+        "load change [1]": engaging(load) / engaging(true_load(new)) - 1.0,
         "temperature [degC]": visit.temperature - 273.15,
         "supply [1]": visit.supply,
         "leak [m³/(Pa·s)]": visit.leak,

@@ -1,0 +1,129 @@
+"""``clutchid track``: the wear of one clutch over its life."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from clutchid.cli.common import DONE, check_outputs, guarded, pressure, print_json, print_written, progress_bar
+from clutchid.cli.terminal import printable_lines
+from clutchid.errors import ExportError, ParameterError
+from clutchid.names import printable
+
+if TYPE_CHECKING:
+    from clutchid.fleet.tracking import Tracked
+
+
+def track(
+    *logs: Path,
+    start: Path,
+    out: Path,
+    table: Path | None = None,
+    limit: float | None = None,
+    wear_table: Path | None = None,
+    report: Path | None = None,
+    workers: int = 1,
+    ambient: str | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    debug: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Follow the wear of one clutch through its recordings: trend with bands, replaced clutches, what is left.
+
+    Every recording is read from position alone, as `clutchid fit --start` does. One that cannot be read is a row with
+    its reason.
+
+    Parameters
+    ----------
+    logs
+        Recordings of one vehicle, or a folder with them.
+    start
+        Calibration (TOML) of its type, as written by `clutchid fit --save`.
+    out
+        A row a recording (.parquet); the loads are written beside it, as OUT.load.parquet.
+    table
+        CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
+    limit
+        Shift of the half-load position in mm that ends the life of the clutch, below 0 if it falls.
+    wear_table
+        CSV with wear [mm], half_load [mm] and load [N] of this type, as from a test rig: gives the wear of the facing.
+    report
+        Write a self-contained HTML page.
+    workers
+        Number of processes; does not affect the results.
+    ambient
+        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
+    map_
+        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
+    dbc
+        DBC files that decode bus logs; several may follow each other.
+    json
+        Print one JSON object on standard output.
+    debug
+        Show the traceback of an error.
+    """
+
+    def work() -> int:
+        from clutchid import workflow
+        from clutchid.fleet import tracking
+        from clutchid.fleet.reading import How
+        from clutchid.wear.tables import read_table, read_wear_table
+
+        _check(out, report, start, table, wear_table)
+        content = workflow.start_file(start, None)
+        rows = read_table(table) if table else {}
+        shift = None if limit is None else limit * 1e-3
+        ends = tracking.Limits(shift, read_wear_table(wear_table) if wear_table else None)
+        paths = tracking.recordings_of(logs)
+        vehicle = tracking.vehicle_of(paths, rows, str(table))
+        how = How(start, pressure(ambient, content.actuator.parameters.P_0), map_, tuple(dbc or ()))
+        with progress_bar("track") as show:
+            found = tracking.track(paths, how, rows, ends, workers, show, vehicle=vehicle)
+        _write(found, out, report)
+        _say(found, (out, tracking.curves_path(out), report), as_json=json)
+        return DONE
+
+    return guarded(work, as_json=json, debug=debug)
+
+
+def _write(found: Tracked, out: Path, report: Path | None) -> None:
+    from clutchid.fleet.tracking import write_tracked
+    from clutchid.report.wear_page import wear_page
+
+    write_tracked(found, out)
+    if report is not None:
+        wear_page(found.wear, found.curves, printable(f"clutchid {shlex.join(sys.argv[1:])}"), report)
+
+
+def _say(found: Tracked, written: Sequence[Path | None], *, as_json: bool) -> None:
+    """Print the result, warnings apart."""
+    from clutchid.report.wear_json import wear_json
+    from clutchid.report.wear_text import wear_lines
+
+    if as_json:
+        print_json(wear_json(found.wear))
+        return
+    for warning in found.wear.warnings:
+        print(f"warning: {printable_lines(warning)}", file=sys.stderr)
+    print(*map(printable_lines, wear_lines(found.wear)), sep="\n")
+    print_written(*written)
+
+
+def _check(out: Path, report: Path | None, start: Path, table: Path | None, wear_table: Path | None) -> None:
+    """Check before any work that the files can be written."""
+    if out.suffix.lower() != ".parquet":
+        raise ExportError(f"--out {out}: is written as .parquet.")
+    read: list[tuple[str, Path | None]] = [
+        ("the calibration", start),
+        ("the table", table),
+        ("the table of wear", wear_table),
+    ]
+    check_outputs({"--out": out, "--report": report}, read)
+    if start.is_dir():
+        raise ParameterError(f"--start {start}: is a folder; track needs the calibration file of the vehicle's type.")

@@ -1,0 +1,220 @@
+"""Track the wear of one clutch: from recordings to its life, and the files that hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.fleet import pool
+from clutchid.fleet.reading import How, Read, read_recording
+from clutchid.io.files import atomic_write
+from clutchid.wear.history import Listed, arranged
+from clutchid.wear.life import Curve, Wear, wear_of
+from clutchid.wear.trend import WearTable
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Suffixes of the files that are taken from a folder.
+SUFFIXES = (".parquet", ".csv", ".mf4", ".dat", ".mat", ".blf", ".asc", ".h5")
+
+
+class Limits(NamedTuple):
+    """What ends a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
+
+    shift: float | None = None
+    table: WearTable | None = None
+
+
+NO_LIMIT = Limits()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """The wear of a clutch, and its recordings as they were read, in the order of its life."""
+
+    wear: Wear
+    reads: tuple[Read, ...]
+
+    @property
+    def curves(self) -> list[tuple[str, Curve]]:
+        """The loads of the recordings that count in the trend, by name."""
+        counted = zip(self.reads, self.wear.outcomes, strict=True)
+        return [(one.path.stem, one.curve) for one, outcome in counted if one.curve and outcome in ("used", "jump")]
+
+
+def recordings_of(paths: Sequence[Path]) -> list[Path]:
+    """The recordings: files as they are, and of a folder all files below it that can be recordings.
+
+    Raises
+    ------
+    DataError
+        If there is none, one is not there, or two have the same name.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if not path.exists():
+            raise DataError(f"{path}: there is no such file or folder.")
+        if path.is_dir():
+            found += sorted(one for one in path.rglob("*") if one.suffix.lower() in SUFFIXES and one.is_file())
+        else:
+            found.append(path)
+    if not found:
+        where = ", ".join(map(str, paths)) or "no folder"
+        raise DataError(f"{where}: has no recordings; they are files with {', '.join(SUFFIXES)}.")
+    names: dict[str, Path] = {}
+    for path in found:
+        other = names.setdefault(path.stem, path)
+        if other is not path:
+            raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own.")
+    return found
+
+
+def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) -> str:
+    """The one vehicle of all recordings: that of the table, else of their folder.
+
+    Raises
+    ------
+    DataError
+        If they belong to several vehicles, or the table has rows of the vehicle whose files are not there.
+    """
+    if not table:
+        folders = {path.resolve().parent for path in paths}
+        return folders.pop().name if len(folders) == 1 else ""
+    names = {path.stem for path in paths}
+    vehicles = {table[name].vehicle for name in names if name in table}
+    if not vehicles:
+        raise DataError(f"{source}: names none of the {len(names)} recordings; its column 'recording' has their names.")
+    if len(vehicles) > 1:
+        some = ", ".join(sorted(vehicles)[:3])
+        raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}, ...); track follows one.")
+    (vehicle,) = vehicles
+    missing = [name for name, row in table.items() if row.vehicle == vehicle and name not in names]
+    if missing:
+        some = ", ".join(sorted(missing)[:3])
+        raise DataError(f"{source}: {len(missing)} recordings of vehicle '{vehicle}' are not there: {some}.")
+    return vehicle
+
+
+def track(
+    paths: Sequence[Path],
+    how: How,
+    table: Mapping[str, Listed],
+    limits: Limits = NO_LIMIT,
+    workers: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+    *,
+    vehicle: str = "",
+) -> Tracked:
+    """Read all recordings of a vehicle, and follow the wear of its clutch through them.
+
+    Parameters
+    ----------
+    paths
+        Recordings, see `recordings_of`; one that cannot be read is a row with its reason, the same one twice counts
+        once.
+    table
+        Rows of the table of recordings by stem, see `clutchid.wear.tables.read_table`.
+
+    Raises
+    ------
+    ParameterError
+        If there is no worker.
+    """
+    pool.check_workers(workers)
+    found: dict[Path, Read] = {}
+    for read in pool.results(partial(read_recording, how), paths, workers):
+        found[read.path] = read
+        if progress:
+            progress(f"{len(found)} of {len(paths)} recordings", len(found) / len(paths))
+    reads = _once([found[path] for path in paths])
+    history = arranged([read.path.stem for read in reads], [read.clock for read in reads], table)
+    wear = wear_of(vehicle, history, [read.reading for read in reads], limits.table, limits.shift)
+    return Tracked(wear, tuple(reads[i] for i in history.order))
+
+
+def _once(reads: Sequence[Read]) -> list[Read]:
+    """A recording that was sent twice counts once: the second is a warning without a measurement."""
+    first: dict[str, Path] = {}
+    found = []
+    for read in reads:
+        other = first.setdefault(read.sha256, read.path) if read.sha256 else read.path
+        if other != read.path:
+            sentence = f"the same recording as {other.name}; it counts once."
+            reading = read.reading._replace(status="warning", message=sentence, measurement=None)
+            read = read._replace(reading=reading)  # noqa: PLW2901
+        found.append(read)
+    return found
+
+
+def table_of(tracked: Tracked) -> pl.DataFrame:
+    """A row a recording: when, what came of it, its reading, and the trend there, as known then and given all."""
+    import polars as pl
+
+    wear, nothing = tracked.wear, float("nan")
+    measured = [one.measurement for one in wear.readings]
+    columns: dict[str, object] = {
+        "recording": [one.name for one in wear.dated],
+        "vehicle": [wear.vehicle] * len(wear.dated),
+        "begin": [one.begin.isoformat() if one.begin else None for one in wear.dated],
+        "odometer [km]": [one.odometer for one in wear.dated],
+        "strokes [1]": [one.strokes for one in wear.dated],
+        "status": [one.status for one in wear.readings],
+        "message": [one.message for one in wear.readings],
+        "trust": [one.trust for one in wear.readings],
+        "outcome": list(wear.outcomes),
+        "alarm": [next((a.kind for a in wear.alarms if a.before == one.name), None) for one in wear.dated],
+        "half_load [m]": [read.half_load[0] for read in tracked.reads],
+        "half_load low [m]": [read.half_load[1] for read in tracked.reads],
+        "half_load high [m]": [read.half_load[2] for read in tracked.reads],
+        "shift measured [m]": [one.shift if one else nothing for one in measured],
+        "shift measured std [m]": [one.shift_std if one else nothing for one in measured],
+        "load measured [1]": [one.load if one else nothing for one in measured],
+        "load measured std [1]": [one.load_std if one else nothing for one in measured],
+        "temperature_ambient [K]": [one.temperature if one else nothing for one in measured],
+        "changes": [", ".join(read.changes) for read in tracked.reads],
+        "sha256": [read.sha256 for read in tracked.reads],
+    }
+    units = {"shift": "m", "wear": "m", "load": "1"}
+    for when, bands in (("", wear.then), (" smoothed", wear.now)):
+        for name, band in bands.items():
+            columns |= {
+                f"{name}{when}{part} [{units[name]}]": values
+                for part, values in (("", band.value), (" low", band.low), (" high", band.high))
+            }
+    return pl.DataFrame(columns)
+
+
+def curves_of(tracked: Tracked) -> pl.DataFrame:
+    """The load of every recording that was read: position, force and its 95 % band."""
+    import polars as pl
+
+    read = [one for one in tracked.reads if one.curve is not None]
+    values = np.concatenate([np.column_stack(one.curve) for one in read if one.curve]) if read else np.zeros((0, 4))
+    names = [one.path.stem for one in read for _ in range(one.curve.position.size if one.curve else 0)]
+    heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
+    return pl.DataFrame({"recording": names, **dict(zip(heads, values.T, strict=True))})
+
+
+def write_tracked(tracked: Tracked, out: Path) -> None:
+    """Write the rows, and beside them the loads as OUT.load.parquet.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written; an existing one is then unchanged.
+    """
+    for frame, path in ((table_of(tracked), out), (curves_of(tracked), curves_path(out))):
+        with atomic_write(path) as temporary:
+            frame.write_parquet(temporary)
+
+
+def curves_path(out: Path) -> Path:
+    """The file of the loads, beside the rows."""
+    return out.with_name(f"{out.stem}.load{out.suffix}")

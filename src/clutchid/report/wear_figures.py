@@ -1,0 +1,92 @@
+"""Figures of the wear of a clutch: trend with bands and alarms, and the loads from new to now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+
+from clutchid.assess.verdict import ENGAGING
+from clutchid.log import FloatArray
+from clutchid.report.figures import draw, fill, label, legend, mark_span, new_figure
+from clutchid.report.style import KN, MM, STYLE, Line
+from clutchid.report.wear_text import AXIS
+from clutchid.wear.life import Curve, Wear
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Loads that are drawn, at most.
+LOADS = 12
+
+#: Names, units and factors of the quantities.
+_SHOWN = {
+    "wear": ("wear of the facing [mm]", MM),
+    "shift": ("shift of the\nhalf-load position [mm]", MM),
+    "load": ("change of the load\nover 5 to 8 mm [%]", 0.01),
+}
+
+
+def trend_figure(wear: Wear) -> Figure:
+    """Every quantity over the axis: measurements, trend with band given all recordings, alarms, and the limit."""
+    names = [name for name in _SHOWN if name in wear.now]
+    figure, axes = new_figure([2.0] * len(names))
+    s, unit = _scaled(wear.s, AXIS[wear.axis])
+    for axis, name in zip(axes, names, strict=True):
+        words, factor = _SHOWN[name]
+        band = wear.now[name]
+        fill(axis, s, band.low / factor, band.high / factor, Line(STYLE.blue, "95 % band", opacity=0.2))
+        draw(axis, s, band.value / factor, Line(STYLE.blue, "trend, given all recordings", 1.6))
+        if name != "wear":
+            _measured(axis, s, wear, name, factor)
+        for k, dated in enumerate(wear.dated):
+            if any(alarm.before == dated.name for alarm in wear.alarms):
+                axis.axvline(float(s[k]), color=STYLE.red, linewidth=1.2, dashes=(4, 2))
+        limited = name == ("wear" if "wear" in wear.now else "shift")
+        if limited and wear.limit is not None:
+            draw(axis, s[[0, -1]], np.full(2, wear.limit / factor), Line(STYLE.orange, "limit", 1.2, (0, (5, 3))))
+        label(axis, y=words)
+        legend(axis, "above", 4)
+    label(axes[-1], unit)
+    figure.align_ylabels()
+    return figure
+
+
+def _scaled(s: FloatArray, unit: str) -> tuple[FloatArray, str]:
+    """The axis in thousands where it is long."""
+    return (s / 1e3, f"thousand {unit}") if s[-1] - s[0] >= 2e4 else (s, unit)
+
+
+def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -> None:
+    """The measurements that count, and those that were left out."""
+    values = np.array([getattr(one.measurement, name) if one.measurement else np.nan for one in wear.readings])
+    used = np.array([outcome in ("used", "jump") for outcome in wear.outcomes])
+    for chosen, mark, colour, words in (
+        (used, ".", STYLE.measured, "readings"), (~used, "x", STYLE.red, "left out"),
+    ):  # fmt: skip
+        if np.isfinite(values[chosen]).any():
+            axis.plot(s[chosen], values[chosen] / factor, mark, color=colour, markersize=4, label=words, zorder=1.5)
+
+
+def loads_figure(curves: Sequence[tuple[str, Curve]]) -> Figure:
+    """Loads of recordings evenly over the life, from dark (first) to light (last); the band is that of the last."""
+    figure, (axis,) = new_figure([3.2])
+    chosen = [curves[k] for k in np.unique(np.linspace(0, len(curves) - 1, LOADS).round().astype(int))]
+    colours = LinearSegmentedColormap.from_list("life", STYLE.ordered)
+    mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
+    last = chosen[-1][1]
+    fill(axis, last.position / MM, last.low / KN, last.high / KN, Line(STYLE.measured, "95 % band, last", opacity=0.25))
+    for k, (name, curve) in enumerate(chosen):
+        ends = name if k in (0, len(chosen) - 1) else ""
+        share = k / max(len(chosen) - 1, 1)
+        colour = "#{:02x}{:02x}{:02x}".format(*(round(255 * part) for part in colours(share)[:3]))
+        draw(axis, curve.position / MM, curve.force / KN, Line(colour, ends, 1.4))
+    top = max(float(np.nanmax(curve.force)) for _, curve in chosen) / KN
+    axis.set_ylim(-0.05 * top, 1.15 * top)
+    axis.set_xlim(0.0, float(last.position[-1]) / MM)
+    label(axis, "position [mm]", "load [kN]")
+    legend(axis, "above", 3)
+    return figure

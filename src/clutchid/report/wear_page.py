@@ -1,0 +1,77 @@
+"""Page of the wear of a clutch: trend, alarms and forecast, loads from new to now, recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+
+from clutchid.report.figures import svg
+from clutchid.report.files import write_text
+from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.provenance import provenance
+from clutchid.report.style import MM
+from clutchid.report.tables import Cell, Column, Table
+from clutchid.report.wear_figures import loads_figure, trend_figure
+from clutchid.report.wear_text import alarm_words, change_words, left_words, recordings_words
+from clutchid.wear.life import Curve, Wear
+
+_TREND = (
+    "Readings of single recordings, and the trend through them with its 95 % band. Dashed: the clutch, or a sensor, "
+    "was replaced, or the load changed suddenly."
+)
+_LOADS = "Load over the position of the piston, as read from recordings evenly over the life."
+
+
+def wear_page(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, path: str | PathLike[str]) -> None:
+    """Write the page of a clutch's wear as one self-contained HTML file.
+
+    Parameters
+    ----------
+    curves
+        Loads of the recordings that count, by name, in order.
+    command
+        The command line that repeats the run, shown on the page.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is unchanged.
+    """
+    write_text(render(page_of(wear, curves, command)), path)
+
+
+def page_of(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str) -> Page:
+    """The page before it is rendered."""
+    sections = [Section("Wear", _result(wear))]
+    if curves:
+        sections.append(Section("Load from new to now", (Picture(svg(loads_figure(curves)), _LOADS, "Loads"),)))
+    sections.append(Section("Recordings", (recordings_table(wear),)))
+    title = f"Wear of the clutch of {wear.vehicle}" if wear.vehicle else "Wear of a clutch"
+    return Page(title, f"Recordings: {recordings_words(wear)}", tuple(sections), provenance([], command))
+
+
+def _result(wear: Wear) -> tuple[Block, ...]:
+    blocks: list[Block] = [Notice(warning) for warning in wear.warnings]
+    if not any(outcome in ("used", "jump") for outcome in wear.outcomes):
+        return (*blocks, Notice("No recording determines the wear.", "failed"))
+    blocks += [Notice(f"{words[:1].upper()}{words[1:]}.") for words in map(alarm_words, wear.alarms)]
+    if not wear.alarms:
+        blocks.append(Notice("No sudden change of the load was found.", "ok"))
+    words, left = change_words(wear), left_words(wear)
+    blocks.append(Text(escape(f"{words[:1].upper()}{words[1:]}.{f' Left: {left}.' if left else ''}")))
+    return (*blocks, Picture(svg(trend_figure(wear)), _TREND, "Trend of the wear with its band"))
+
+
+def recordings_table(wear: Wear) -> Table:
+    """A row a recording."""
+    columns = (
+        Column("recording", "recording"), Column("begin", "begin"), Column("strokes [1]", "strokes", decimals=0),
+        Column("shift [m]", "shift\n[mm]", MM, 3), Column("load [1]", "load\n[%]", 0.01, 1),
+        Column("trust", "trust"), Column("outcome", "in the trend"), Column("message", "message"),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for dated, one, outcome in zip(wear.dated, wear.readings, wear.outcomes, strict=True):
+        begin = f"{dated.begin:%Y-%m-%d}" if dated.begin else None
+        shift, load = (one.measurement.shift, one.measurement.load) if one.measurement else (None, None)
+        rows.append((dated.name, begin, dated.strokes, shift, load, one.trust, outcome, one.message))
+    return Table("Recordings in the order of the life", columns, tuple(rows))

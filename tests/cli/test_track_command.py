@@ -1,0 +1,115 @@
+"""The command ``track``: files, order, faults, and bad input in one sentence."""
+
+import csv
+import json
+import shutil
+
+import numpy as np
+import polars as pl
+import pytest
+
+import clutchid
+from clutchid.cli import main
+from clutchid.truck import drive, truck
+
+pytestmark = pytest.mark.slow
+
+#: Wear in mm of the recordings, of which the last is like new again, twice.
+WEAR = (0.4, 1.2, 2.0, 2.8, 0.1, 0.15)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A calibration, and recordings of a clutch that wears and is replaced: one cut off, one sent twice."""
+    out = tmp_path_factory.mktemp("track")
+    both = ("position", "pressure_a")
+    log = drive(truck(0), seconds=10, seed=1, name="cal", conditions=True).log
+    clutchid.write_parameters(
+        clutchid.parameter_file(clutchid.fit(log, measure=both, free=("auto",))), out / "cal.toml"
+    )
+    (out / "V1").mkdir()
+    rows = []
+    for k, wear in enumerate(WEAR):
+        worn = drive(truck(0), seconds=10, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
+        clutchid.write(worn, out / "V1" / f"r{k}.parquet")
+        rows.append({"recording": f"r{k}", "vehicle": "V1", "date": f"2026-0{k + 1}-01", "strokes": 200000 * k})
+    shutil.copy(out / "V1" / "r1.parquet", out / "V1" / "r1_again.parquet")
+    (out / "V1" / "r9.parquet").write_bytes((out / "V1" / "r0.parquet").read_bytes()[:5000])
+    rows += [{**rows[1], "recording": "r1_again"}, {**rows[-1], "recording": "r9", "strokes": 1100000}]
+    with (out / "table.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    return out
+
+
+def run(folder, *options):
+    with pytest.raises(SystemExit) as end:
+        main(["track", str(folder / "V1"), "--start", str(folder / "cal.toml"), *map(str, options)])
+    return end.value.code
+
+
+def test_the_life_of_a_clutch_is_tracked(folder, capsys):
+    files = ("--out", folder / "wear.parquet", "--report", folder / "wear.html", "--table", folder / "table.csv")
+    assert run(folder, *files, "--limit", "0.2") == 0
+    shown = capsys.readouterr().out
+    assert "6 of 8 count" in shown
+    assert "1 without a measurement (bad_input)" in shown
+    assert "the clutch, or its sensor, was replaced between r3 and r4 on 2026-05-01" in shown
+    rows = pl.read_parquet(folder / "wear.parquet")
+    assert rows["recording"].to_list() == ["r0", "r1", "r1_again", "r2", "r3", "r4", "r5", "r9"]
+    assert rows["outcome"].to_list() == ["used", "used", "missing", "used", "used", "jump", "used", "missing"]
+    assert "the same recording as r1.parquet" in rows["message"][2]
+    assert rows["alarm"].to_list() == [None] * 5 + ["replaced", None, None]
+    new = drive(truck(0), seconds=1).truth
+    y = np.linspace(0.0, 0.02, 4001)
+    for k, wear in ((4, 2.8e-3), (6, 0.15e-3)):
+        worn = drive(truck(0), seconds=1, wear=wear).truth
+        at = [y[np.argmax(truth.load(y) >= truth.load(y).max() / 2)] for truth in (new, worn)]
+        assert rows["shift low [m]"][k] < at[1] - at[0] < rows["shift high [m]"][k]
+    loads = pl.read_parquet(folder / "wear.load.parquet")
+    assert loads["recording"].n_unique() == 7
+    page = (folder / "wear.html").read_text(encoding="utf-8")
+    assert "Wear of the clutch of V1" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_the_object_has_the_keys_of_every_result(folder, capsys):
+    assert (
+        run(folder, "--out", folder / "again.parquet", "--table", folder / "table.csv", "--json", "--workers", 2) == 0
+    )
+    found = json.loads(capsys.readouterr().out)
+    assert found["status"] == "warning"
+    assert found["wear"]["vehicle"] == "V1"
+    assert found["wear"]["alarms"][0]["kind"] == "replaced"
+    assert found["logs"]["r9"]["status"] == "bad_input"
+    assert (folder / "again.parquet").read_bytes() == (folder / "wear.parquet").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--out", "x.csv"), "is written as .parquet"),
+        (
+            ("--out", "x.parquet", "--table", "two.csv"),
+            "the recordings are of 2 vehicles (V1, V2, ...); track follows one",
+        ),
+        (("--out", "x.parquet", "--table", "none.csv"), "names none of the 8 recordings"),
+        (("--out", "x.parquet", "--table", "more.csv"), "1 recordings of vehicle 'V1' are not there: gone"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_nothing_is_written(folder, tmp_path, monkeypatch, capsys, options, sentence):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two.csv").write_text("recording,vehicle\nr0,V1\nr1,V2\n")
+    (tmp_path / "none.csv").write_text("recording,vehicle\nother,V1\n")
+    (tmp_path / "more.csv").write_text("recording,vehicle\nr0,V1\ngone,V1\n")
+    assert run(folder, *options) == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
+    assert not list(tmp_path.glob("*.parquet"))
+
+
+def test_an_empty_folder_is_bad_input(folder, tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["track", str(tmp_path), "--start", str(folder / "cal.toml"), "--out", str(tmp_path / "x.parquet")])
+    assert end.value.code == 2
+    assert "has no recordings; they are files with .parquet" in capsys.readouterr().err
