@@ -18,6 +18,7 @@ from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
 from clutchid.cli.fit import fit
+from clutchid.cli.fleet import fleet
 from clutchid.cli.friction import friction
 from clutchid.cli.look import look
 from clutchid.cli.observe import observe
@@ -36,7 +37,7 @@ def app() -> App:
         version=version("clutchid"),
         result_action="return_value",
     )
-    for command in (fit, simulate, observe, track, paper, look, cut, friction, drive, prove):
+    for command in (fit, simulate, observe, track, fleet, paper, look, cut, friction, drive, prove):
         application.command(command)
     register_completion(application)
     return application

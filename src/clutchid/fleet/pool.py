@@ -15,7 +15,7 @@ from clutchid.errors import ParameterError
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
+THREADS = ("OPENBLAS_NUMTHREADS", "OMP_NUMTHREADS", "MKL_NUMTHREADS", "POLARS_MAXTHREADS")
 
 
 def check_workers(workers: int) -> None:
@@ -64,8 +64,8 @@ def end_with_parent() -> None:
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """Limit linear algebra to one thread in new processes, because the workers already use all cores."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
         yield
     finally:

@@ -9,24 +9,33 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid import workflow
-from clutchid.assess.half_load import HalfLoad
+from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimate.request import FitRequest
+from clutchid.estimate.result import LoadCurve
 from clutchid.io.files import digest
 from clutchid.wear.life import Curve, Reading
 from clutchid.wear.measurement import measured
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.log import Log
+
+#: No half-load position.
+UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
 
 
 class How(NamedTuple):
-    """The calibration to start from, and how recordings are read: ambient pressure in Pa, channel map, DBC files."""
+    """The calibration to start from, and how recordings are read: ambient pressure in Pa, channel map, DBC files.
+
+    The ambient pressure is P_0 of the calibration where it is NaN; `verb` is what reads the load: "observe", or "fit".
+    """
 
     start: Path
     ambient: float
     channel_map: Path | None = None
     dbc: tuple[Path, ...] = ()
+    verb: str = "fit"
 
 
 class Read(NamedTuple):
@@ -37,7 +46,7 @@ class Read(NamedTuple):
     clock: str = ""
     sha256: str = ""
     curve: Curve | None = None
-    half_load: HalfLoad = HalfLoad(np.nan, np.nan, np.nan)
+    half_load: HalfLoad = UNKNOWN
     changes: tuple[str, ...] = ()
 
 
@@ -47,28 +56,51 @@ def read_recording(how: How, path: Path) -> Read:
     try:
         checksum = digest(path)
         content = _calibration(how.start)
-        how_to_read = workflow.Reading(how.ambient, how.channel_map, how.dbc)
-        (log,) = workflow.read_recordings([path], how_to_read, content.actuator.equipment)
+        actuator = content.actuator
+        ambient = actuator.parameters.P_0 if np.isnan(how.ambient) else how.ambient
+        reading = workflow.Reading(ambient, how.channel_map, how.dbc)
+        (log,) = workflow.read_recordings([path], reading, actuator.equipment)
         clock = str(log.metadata.get("start", ""))
-        request = FitRequest(calibration=content.calibration)
-        fit = workflow.fit_recordings([log], content.actuator, request).fit
+        read = (_observed if how.verb == "observe" else _fitted)(log, content, path)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
         return Read(path, Reading(status, str(error), "none", None), clock, checksum)
     except Exception as error:  # a fleet goes on
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
         return Read(path, Reading("failed", sentence, "none", None), clock, checksum)
-    curve, nothing = fit.load_curve, HalfLoad(np.nan, np.nan, np.nan)
-    half = fit.comparison.half_now if fit.comparison else nothing
+    return read._replace(clock=clock, sha256=checksum)
+
+
+def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
+    """The load as `clutchid fit --start` reads it."""
+    fit = workflow.fit_recordings([log], content.actuator, FitRequest(calibration=content.calibration)).fit
+    curve = fit.load_curve
+    half = fit.comparison.half_now if fit.comparison else UNKNOWN
     trust = fit.verdict.trust
     message = fit.message if trust == "good" or not fit.verdict.reasons else fit.verdict.reasons[0]
     status = "warning" if fit.warnings or trust != "good" else "ok"
     measurement = measured(fit, log) if trust != "none" else None
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
-    return Read(
-        path, Reading(status, message, trust, measurement), clock, checksum,
-        Curve(curve.position, curve.force, curve.low, curve.high), half, changes,
-    )  # fmt: skip
+    curves = Curve(curve.position, curve.force, curve.low, curve.high)
+    return Read(path, Reading(status, message, trust, measurement), curve=curves, half_load=half, changes=changes)
+
+
+def _observed(log: Log, content: ParameterFile, path: Path) -> Read:
+    """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
+    from clutchid.observe.observer import observer
+    from clutchid.observe.recording import observe_recording, spacing, too_slow
+    from clutchid.report.observe_text import loads, observe_sentence
+
+    (checked,) = workflow.inspected([log], content.actuator)
+    if slow := too_slow(checked, content.actuator):
+        raise DataError(slow)
+    one = observer(content.actuator, "joint", spacing(checked), content.calibration)
+    run = observe_recording(one, checked)
+    after = loads(run).after
+    half = half_load_band(LoadCurve(*after), float(np.nanmax(checked["position"])))
+    status = "warning" if checked.warnings or any(run.health.values()) else "ok"
+    trust = "with care" if status == "warning" else "good"
+    return Read(path, Reading(status, observe_sentence(run), trust, None), curve=Curve(*after), half_load=half)
 
 
 @cache

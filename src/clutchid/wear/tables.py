@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.wear.history import Listed
 from clutchid.wear.trend import WearTable
+
+Key = TypeVar("Key", bound=Hashable)
+
+#: One value for every empty cell, so that equal rows are equal.
+UNKNOWN = float("nan")
 
 #: Columns of a table of load against wear, in mm, mm and N.
 WEAR_COLUMNS = ("wear [mm]", "half_load [mm]", "load [N]")
@@ -25,10 +31,26 @@ def read_table(path: Path) -> dict[str, Listed]:
     DataError
         If the file cannot be read, has no column `recording`, or a row cannot be understood; all rows are named.
     """
+    return _by(path, lambda row: row.recording)
+
+
+def read_fleet_table(path: Path) -> dict[tuple[str, str], Listed]:
+    """The table of the recordings of many vehicles, by vehicle and stem.
+
+    Raises
+    ------
+    DataError
+        As `read_table`.
+    """
+    return _by(path, lambda row: (row.vehicle, row.recording))
+
+
+def _by(path: Path, key: Callable[[Listed], Key]) -> dict[Key, Listed]:
+    """The rows of a table of recordings by a key, under which no two rows differ."""
     rows = _rows(path)
     if "recording" not in rows[0]:
         raise DataError(f"{path}: has no column 'recording', only {', '.join(map(repr, rows[0]))}.")
-    found: dict[str, Listed] = {}
+    found: dict[Key, Listed] = {}
     problems: list[str] = []
     for line, row in enumerate(rows, start=2):
         try:
@@ -36,9 +58,8 @@ def read_table(path: Path) -> dict[str, Listed]:
         except ValueError as error:
             problems.append(f"line {line}: {error}")
             continue
-        if one.recording in found and found[one.recording] != one:
+        if found.setdefault(key(one), one) != one:
             problems.append(f"line {line}: '{one.recording}' stands there twice, with other values.")
-        found[one.recording] = one
     if problems:
         raise DataError.of(str(path), problems)
     return found
@@ -99,6 +120,6 @@ def _listed(row: Mapping[str, str]) -> Listed:
 def _number(row: Mapping[str, str], name: str) -> float:
     text = row.get(name, "")
     try:
-        return float(text) if text else float("nan")
+        return float(text) if text else UNKNOWN
     except ValueError:
         raise ValueError(f"{name} '{text}' is no number.") from None

@@ -1,0 +1,200 @@
+"""``clutchid fleet``: read the load of every recording of a fleet, on many workers; nothing is lost on the way."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, pressure, print_json, print_written, progress_bar
+from clutchid.cli.terminal import printable_lines
+from clutchid.errors import ParameterError
+from clutchid.names import printable
+
+if TYPE_CHECKING:
+    from clutchid.fleet.cluster import Place
+    from clutchid.fleet.jobs import Fleet
+    from clutchid.fleet.run import Task
+    from clutchid.fleet.store import Store
+    from clutchid.fleet.tracking import Limits
+
+#: Statuses in the order in which they are said.
+STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
+
+#: Bytes by unit of --memory.
+_UNITS = {"GB": 1e9, "MB": 1e6}
+
+
+def fleet(
+    source: Path,
+    /,
+    *,
+    start: Path,
+    out: Path,
+    verb: Literal["fit", "observe", "track"] = "fit",
+    workers: int = 1,
+    scheduler: str = "",
+    limit: float | None = None,
+    timeout: float = 600.0,
+    memory: str = "",
+    retry: Annotated[bool, Parameter(negative="")] = False,
+    ambient: str | None = None,
+    map_: Annotated[Path | None, Parameter(name="--map")] = None,
+    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    debug: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Read the load of every recording of a fleet, and follow the wear of its vehicles.
+
+    Every recording ends as a row with a status and a sentence. Run again, the command goes on where it ended: only new
+    recordings, and those whose file, calibration or clutchid has changed, are read.
+
+    Parameters
+    ----------
+    source
+        A folder, in which each folder of recordings is a vehicle; or a table (CSV) with recording, vehicle and type.
+    start
+        Calibration (TOML) for all, or a folder with one for each type or vehicle: TYPE.toml or VEHICLE.toml.
+    out
+        Folder of the results, new or that of a run to go on with.
+    verb
+        fit: the load of each recording, as `clutchid fit --start`. observe: as `clutchid observe`, at its end. track:
+        as fit, and the wear of each vehicle.
+    workers
+        Number of processes on this machine; does not affect the results.
+    scheduler
+        Address of a Dask scheduler whose workers do the work, for example tcp://host:8786.
+    limit
+        With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls.
+    timeout
+        Time in s that one recording may take; 0 for no limit.
+    memory
+        Memory of a worker, for example 2GB; this machine's by the number of its processors by default.
+    retry
+        Read recordings once more that ended their worker or took too long.
+    ambient
+        Ambient pressure for gauge units, for example 1.013bar; P_0 of the calibration by default.
+    map_
+        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
+    dbc
+        DBC files that decode bus logs; several may follow each other.
+    json
+        Print one JSON object on standard output.
+    debug
+        Show the traceback of an error.
+    """
+
+    def work() -> int:
+        from clutchid.fleet.cluster import Place
+        from clutchid.fleet.jobs import fleet_of
+        from clutchid.fleet.run import Options, tasks
+        from clutchid.fleet.store import store
+
+        if limit is not None and verb != "track":
+            raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
+        place = Place(workers, scheduler, _memory(memory), _seconds(timeout))
+        found = fleet_of(source, start)
+        options = Options(
+            "observe" if verb == "observe" else "fit", pressure(ambient, math.nan), map_, tuple(dbc or ())
+        )
+        with store(out, {"source": str(source.resolve()), "verb": verb}) as kept:
+            todo = tasks(found, options, kept, retry=retry)
+            if todo:
+                _run(place, todo, kept)
+            ends = _limits(found, start, limit) if verb == "track" else None
+            statuses, vehicles = _written(found, kept, out, ends)
+        _say(statuses, vehicles, len(todo), out, as_json=json)
+        return DONE if statuses["ok"] + statuses["warning"] else FAILED
+
+    return guarded(work, as_json=json, debug=debug)
+
+
+def _run(place: Place, todo: list[Task], kept: Store) -> None:
+    from clutchid.fleet.cluster import cluster
+    from clutchid.fleet.run import run
+    from clutchid.fleet.warming import warm
+
+    with progress_bar("fleet") as show:
+        warm({task.how.start for task in todo})
+        with cluster(place) as on:
+            if on.dashboard:
+                print(f"dashboard: {printable(on.dashboard)}", file=sys.stderr)
+            begin = monotonic()
+
+            def progress(count: int) -> None:
+                rate = count / max(monotonic() - begin, 1e-3)
+                left = (len(todo) - count) / rate
+                words = f"{count:,} of {len(todo):,} recordings, {rate:.2g} a second, {_span(left)} left"
+                show(words, count / len(todo))
+
+            run(on, todo, kept, progress)
+
+
+def _written(found: Fleet, kept: Store, out: Path, ends: dict[str, Limits] | None) -> tuple[Counter[str], int]:
+    """Write the tables, those of the wear too if it is known what ends a life; recordings by status, and vehicles."""
+    from clutchid.fleet.output import vehicles_of, write_results, write_wear
+
+    statuses = write_results(found, kept, out)
+    return statuses, 0 if ends is None else write_wear(vehicles_of(found, kept, ends), out)
+
+
+def _span(seconds: float) -> str:
+    """A time in words."""
+    for size, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _limits(found: Fleet, start: Path, limit: float | None) -> dict[str, Limits]:
+    """What ends a life, by type: a shift for all, and the load against wear of a type, beside its calibration."""
+    from clutchid.fleet.tracking import Limits
+    from clutchid.wear.tables import read_wear_table
+
+    shift = None if limit is None else limit * 1e-3
+    tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}
+    return {
+        kind: Limits(shift, read_wear_table(path) if kind and path.is_file() else None) for kind, path in tables.items()
+    }
+
+
+def _say(statuses: Counter[str], vehicles: int, read: int, out: Path, *, as_json: bool) -> None:
+    """Print how many recordings there are by status, and what was written."""
+    count = sum(statuses.values())
+    words = ", ".join(f"{statuses[name]:,} {name}" for name in STATUSES if statuses[name])
+    message = f"{count:,} recordings, {read:,} of them read now: {words}"
+    if as_json:
+        ended = "ok" if statuses["ok"] == count else "warning" if statuses["ok"] + statuses["warning"] else "failed"
+        print_json(
+            {**EMPTY, "status": ended, "message": message, "statuses": dict(statuses), "out": str(out.resolve())}
+        )
+        return
+    print(printable_lines(message))
+    if vehicles:
+        print(f"{vehicles:,} vehicles")
+    print_written(out)
+
+
+def _seconds(timeout: float) -> float:
+    if not 0.0 <= timeout < math.inf:
+        raise ParameterError(f"--timeout {timeout}: a time in s of at least 0 is needed; 0 is no limit.")
+    return timeout
+
+
+def _memory(text: str) -> int:
+    """Bytes of a size such as 2GB; 0 where none is given."""
+    if not text:
+        return 0
+    unit = text.strip()[-2:].upper()
+    try:
+        size = float(text.strip()[:-2]) * _UNITS[unit]
+    except (KeyError, ValueError):
+        size = math.nan
+    if not size >= 3e8:
+        raise ParameterError(f"--memory {text}: at least 300MB is needed, for example 2GB.")
+    return int(size)

@@ -1,0 +1,208 @@
+"""The tables of a run over a fleet: results, times and loads of its recordings, and the wear of its vehicles."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import groupby, islice
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from clutchid.fleet.jobs import Fleet, Job
+from clutchid.fleet.reading import Read
+from clutchid.fleet.store import Kept, Store
+from clutchid.fleet.tracking import Limits, Tracked, table_of
+from clutchid.io.files import atomic_write
+from clutchid.wear.history import arranged
+from clutchid.wear.life import Curve, Reading, wear_of
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Files of a run, beside the store.
+RESULTS, TIMINGS, CURVES, WEAR, VEHICLES = (
+    "results.parquet", "timings.parquet", "curves", "wear.parquet", "vehicles.parquet",
+)  # fmt: skip
+
+#: Recordings in one file of loads.
+PART = 1000
+
+
+class Row(NamedTuple):
+    """A recording of a fleet with its result."""
+
+    job: Job
+    read: Read
+    seconds: float
+
+
+def rows_of(fleet: Fleet, kept: Store) -> Iterator[Row]:
+    """Every recording of a fleet in the order of vehicle and name; one that was sent twice counts once."""
+    done, first = _merged(fleet.jobs, kept.results()), dict[str, Job]()
+    for job, result in done:
+        if result is None:
+            message = job.problem or "was not read; run the same command again to go on."
+            reading = Reading("bad_input" if job.problem else "failed", message, "none", None)
+            yield Row(job, Read(Path(job.recording), reading), float("nan"))
+            continue
+        read = result.read
+        other = first.setdefault(read.sha256, job) if read.sha256 else job
+        if other is not job:
+            sentence = f"the same recording as {other.recording} of {other.vehicle}; it counts once."
+            read = read._replace(reading=read.reading._replace(status="warning", message=sentence, measurement=None))
+        yield Row(job, read, result.seconds)
+
+
+def _merged(jobs: Iterable[Job], results: Iterator[Kept]) -> Iterator[tuple[Job, Kept | None]]:
+    """Jobs with their results, both in the same order; results of recordings that are gone are passed over."""
+    following = next(results, None)
+    for job in jobs:
+        key = job.vehicle, job.recording
+        while following is not None and (following.vehicle, following.recording) < key:
+            following = next(results, None)
+        same = following is not None and (following.vehicle, following.recording) == key
+        yield job, following if same and not job.problem else None
+
+
+def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
+    """Write results, times and loads of all recordings; how many there are by status.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written; an existing one is then unchanged.
+    """
+    import polars as pl
+
+    statuses: Counter[str] = Counter()
+    results: list[Mapping[str, object]] = []
+    timings: list[tuple[str, str, float]] = []
+    (out / CURVES).mkdir(exist_ok=True)
+    rows, part = rows_of(fleet, kept), 0
+    while some := list(islice(rows, PART)):
+        statuses.update(row.read.reading.status for row in some)
+        results += map(_result, some)
+        timings += [(row.job.recording, row.job.vehicle, row.seconds) for row in some]
+        _write(_curves(some), out / CURVES / f"part-{part:05d}.parquet")
+        part += 1
+    for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
+        old.unlink()
+    _write(
+        pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None), out / RESULTS
+    )
+    _write(pl.DataFrame(timings, ["recording", "vehicle", "seconds"], orient="row"), out / TIMINGS)
+    return statuses
+
+
+#: Columns of text that may be empty throughout.
+_TEXT = ("changes", "sha256", "message")
+
+
+def _result(row: Row) -> Mapping[str, object]:
+    read, nothing = row.read, (float("nan"),) * 3
+    peak = _peak(read.curve) if read.curve else nothing
+    half = tuple(1e3 * value for value in read.half_load)
+    measured = read.reading.measurement
+    shift, load = (measured[0:2], measured[2:4]) if measured else (nothing, nothing)
+    return {
+        "recording": row.job.recording, "vehicle": row.job.vehicle, "type": row.job.type,
+        "status": read.reading.status, "message": read.reading.message, "trust": read.reading.trust,
+        "peak_N": peak[0], "peak_low_N": peak[1], "peak_high_N": peak[2],
+        "half_load_mm": half[0], "half_load_low_mm": half[1], "half_load_high_mm": half[2],
+        "shift_mm": 1e3 * shift[0], "shift_std_mm": 1e3 * shift[1],
+        "load_change": load[0], "load_change_std": load[1],
+        "temperature_K": measured.temperature if measured else float("nan"),
+        "changes": ", ".join(read.changes), "sha256": read.sha256,
+    }  # fmt: skip
+
+
+def _peak(curve: Curve) -> tuple[float, float, float]:
+    """Largest load in N, with the band there."""
+    if not np.isfinite(curve.force).any():
+        return (float("nan"),) * 3
+    at = int(np.nanargmax(curve.force))
+    return float(curve.force[at]), float(curve.low[at]), float(curve.high[at])
+
+
+def _curves(rows: Iterable[Row]) -> pl.DataFrame:
+    import polars as pl
+
+    known = [(row.job, row.read.curve) for row in rows if row.read.curve is not None]
+    values = np.concatenate([np.column_stack(curve) for _, curve in known]) if known else np.zeros((0, 4))
+    named = {
+        what: pl.Series(
+            [getattr(job, what) for job, curve in known for _ in range(curve.position.size)], dtype=pl.String
+        )
+        for what in ("recording", "vehicle")
+    }
+    heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
+    return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
+
+
+def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, Limits]) -> Iterator[Tracked]:
+    """The wear of every vehicle of a fleet, from its results.
+
+    Parameters
+    ----------
+    limits
+        What ends a life, by type.
+    """
+    for vehicle, group in groupby(rows_of(fleet, kept), key=lambda row: row.job.vehicle):
+        rows = list(group)
+        table = {row.job.recording: fleet.rows[vehicle, row.job.recording] for row in rows if fleet.rows}
+        reads = [row.read for row in rows]
+        history = arranged([row.job.recording for row in rows], [read.clock for read in reads], table)
+        ends = limits[rows[0].job.type]
+        wear = wear_of(vehicle, history, [read.reading for read in reads], ends.table, ends.shift)
+        yield Tracked(wear, tuple(reads[i] for i in history.order))
+
+
+def write_wear(tracked: Iterable[Tracked], out: Path) -> int:
+    """Write the trends of all vehicles, and a row a vehicle; the number of vehicles.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written; an existing one is then unchanged.
+    """
+    import polars as pl
+
+    trends: list[pl.DataFrame] = []
+    vehicles: list[Mapping[str, object]] = []
+    for one in tracked:
+        trends.append(table_of(one))
+        vehicles.append(_vehicle(one))
+    _write(pl.concat(trends, how="diagonal_relaxed"), out / WEAR)
+    _write(pl.DataFrame(vehicles, schema_overrides={"alarms": pl.String}, infer_schema_length=None), out / VEHICLES)
+    return len(vehicles)
+
+
+def _vehicle(one: Tracked) -> Mapping[str, object]:
+    """The state of a vehicle at its last recording."""
+    wear = one.wear
+    counted = sum(outcome in ("used", "jump") for outcome in wear.outcomes)
+    known = {
+        f"{name}{side}": float(values[-1]) if counted else float("nan")
+        for name, band in wear.then.items()
+        for side, values in (("", band.value), ("_low", band.low), ("_high", band.high))
+    }
+    left = wear.left or (float("nan"),) * 3
+    return {
+        "vehicle": wear.vehicle, "recordings": len(wear.dated), "counted": counted,
+        "last": next((d.begin.isoformat() for d in reversed(wear.dated) if d.begin), None), "axis": wear.axis,
+        **{_in_mm(name): value * (1e3 if _in_mm(name) != name else 1.0) for name, value in known.items()},
+        "left_low": left[0], "left": left[1], "left_high": left[2],
+        "alarms": "; ".join(f"{alarm.kind} before {alarm.before}" for alarm in wear.alarms),
+        "warnings": "; ".join(wear.warnings),
+    }  # fmt: skip
+
+
+def _in_mm(name: str) -> str:
+    return name if name.startswith("load") else f"{name}_mm"
+
+
+def _write(frame: pl.DataFrame, path: Path) -> None:
+    with atomic_write(path) as temporary:
+        frame.write_parquet(temporary)

@@ -1,0 +1,128 @@
+"""A run over a fleet: what is not done yet, done by workers and kept; then the tables of all of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import NamedTuple
+
+from clutchid.fleet.alone import Lost
+from clutchid.fleet.cluster import Cluster, Done, results
+from clutchid.fleet.jobs import Fleet, Job
+from clutchid.fleet.reading import How, Read, read_recording
+from clutchid.fleet.store import Kept, Store
+from clutchid.fleet.version import version_and_source
+from clutchid.io.files import digest
+from clutchid.wear.life import Reading
+
+#: Lost results, which are tried again where the user says so.
+LOST = ("killed", "timed_out")
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How the recordings of a fleet are read: ambient pressure in Pa, or NaN for that of the calibration."""
+
+    verb: str = "fit"
+    ambient: float = float("nan")
+    channel_map: Path | None = None
+    dbc: tuple[Path, ...] = ()
+
+    def how(self, start: Path) -> How:
+        """The same for the recordings of one calibration."""
+        return How(start, self.ambient, self.channel_map, self.dbc, self.verb)
+
+
+class Task(NamedTuple):
+    """A recording to be read, how, and what its result depends on."""
+
+    job: Job
+    how: How
+    inputs: str
+    file: str
+
+
+def tasks(fleet: Fleet, options: Options, kept: Store, *, retry: bool = False) -> list[Task]:
+    """The recordings that are not done, or whose file, calibration or clutchid has changed since.
+
+    With `retry` also those that ended their worker or took too long.
+    """
+    done, inputs = kept.keys(), _inputs(fleet, options)
+    found = []
+    for job in fleet.jobs:
+        if job.path is None or job.start is None:
+            continue
+        key, file = (job.vehicle, job.recording), _file(job.path)
+        task = Task(job, options.how(job.start), inputs[job.start], file)
+        known_inputs, known_file, checksum, status = done.get(key, ("", "", "", ""))
+        if known_inputs != task.inputs or (retry and status in LOST):
+            found.append(task)
+        elif known_file != file:
+            if checksum and digest(job.path) == checksum:
+                kept.same_file(key, file)
+            else:
+                found.append(task)
+    return found
+
+
+def run(on: Cluster, todo: Iterable[Task], kept: Store, progress: Callable[[int], None]) -> None:
+    """Read recordings, and keep every result as it comes.
+
+    Parameters
+    ----------
+    progress
+        Is called with the number of recordings that have been read.
+
+    Raises
+    ------
+    ExportError
+        If a result cannot be kept; those before are.
+    SolveError
+        If the connection to the scheduler is lost.
+    """
+    last, count = monotonic(), 0
+    try:
+        for done in results(on, _work, todo):
+            kept.put(_result(done))
+            last, count = kept.saved(last), count + 1
+            progress(count)
+    finally:
+        kept.saved()
+
+
+def _work(task: Task) -> Read:
+    assert task.job.path is not None
+    return read_recording(task.how, task.job.path)
+
+
+def _result(done: Done[Task, Read]) -> Kept:
+    task, read = done.item, done.result
+    if isinstance(read, Lost):
+        read = Read(
+            Path(task.job.recording), Reading(read.status, read.message, "none", None), "", _sha256(task.job.path)
+        )
+    return Kept(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)
+
+
+def _sha256(path: Path | None) -> str:
+    try:
+        return digest(path) if path else ""
+    except OSError:
+        return ""
+
+
+def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:
+    """What results depend on beside the recording, by calibration."""
+    files = [path for path in (options.channel_map, *options.dbc) if path]
+    common = [version_and_source(), options.verb, repr(options.ambient), [digest(path) for path in files]]
+    starts = {job.start for job in fleet.jobs if job.start is not None}
+    return {start: json.dumps([digest(start), *common], sort_keys=True) for start in starts}
+
+
+def _file(path: Path) -> str:
+    """Size and time of a file, which tell that it has not changed without reading it."""
+    known = path.stat()
+    return f"{known.st_size} {known.st_mtime_ns}"

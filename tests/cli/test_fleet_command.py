@@ -1,0 +1,160 @@
+"""The command ``fleet``: every recording is a row, runs go on where they ended, and workers do not matter."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import polars as pl
+import pytest
+
+import clutchid
+from clutchid.cli import main
+from clutchid.truck import drive, truck
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+
+#: Wear in mm of the recordings of the first vehicle.
+WEAR = (0.4, 1.2, 2.0)
+
+#: Files whose bytes are those of the results.
+RESULTS = ("results.parquet", "curves/part-00000.parquet", "wear.parquet", "vehicles.parquet")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two types, of which one is calibrated, and recordings: one sent twice, one cut off, one of the other type."""
+    out = tmp_path_factory.mktemp("fleet")
+    log = drive(truck(0), seconds=10, seed=1, name="cal", conditions=True).log
+    fit = clutchid.fit(log, measure=("position", "pressure_a"), free=("auto",))
+    (out / "cals").mkdir()
+    clutchid.write_parameters(clutchid.parameter_file(fit), out / "cals" / "T1.toml")
+    for vehicle in ("V1", "V2", "V3"):
+        (out / "trucks" / vehicle).mkdir(parents=True)
+    for k, wear in enumerate(WEAR):
+        worn = drive(truck(0), seconds=10, seed=k, wear=wear * 1e-3, pressure=False, conditions=True).log
+        clutchid.write(worn, out / "trucks" / "V1" / f"r{k}.parquet")
+    first = out / "trucks" / "V1" / "r0.parquet"
+    shutil.copy(first, out / "trucks" / "V1" / "r0_again.parquet")
+    (out / "trucks" / "V2" / "cut.parquet").write_bytes(first.read_bytes()[:5000])
+    shutil.copy(out / "trucks" / "V1" / "r1.parquet", out / "trucks" / "V3" / "other.parquet")
+    rows = [f"r{k},V1,T1,{2026 + k}-01-01,{200000 * k}" for k in range(len(WEAR))]
+    rows += ["r0_again,V1,T1,2026-01-01,0", "cut,V2,T1,2026-01-01,0", "gone,V2,T1,2026-02-01,0"]
+    rows += ["other,V3,T2,2026-01-01,0"]
+    (out / "trucks" / "recordings.csv").write_text("\n".join(["recording,vehicle,type,date,strokes", *rows]) + "\n")
+    return out
+
+
+def arguments(folder, out, *options):
+    start = ("--start", folder / "cals", "--out", out)
+    return ["fleet", *map(str, (folder / "trucks", *start, *options))]
+
+
+def run(folder, out, *options):
+    with pytest.raises(SystemExit) as end:
+        main(arguments(folder, out, *options))
+    return end.value.code
+
+
+def content(out):
+    return {name: (out / name).read_bytes() for name in RESULTS}
+
+
+@pytest.fixture(scope="module")
+def tracked(folder):
+    out = folder / "one"
+    assert run(folder, out, "--verb", "track", "--limit", "0.2") == 0
+    return out
+
+
+def test_every_recording_is_a_row_with_a_status_and_a_sentence(tracked):
+    rows = pl.read_parquet(tracked / "results.parquet")
+    found = {row["recording"]: row for row in rows.iter_rows(named=True)}
+    assert list(found) == ["r0", "r0_again", "r1", "r2", "cut", "gone", "other"]
+    assert {name: row["status"] for name, row in found.items() if row["status"] not in ("ok", "warning")} == {
+        "cut": "bad_input", "gone": "bad_input", "other": "bad_input",
+    }  # fmt: skip
+    assert "the same recording as r0 of V1; it counts once" in found["r0_again"]["message"]
+    assert "cut.parquet" in found["cut"]["message"]
+    assert "its file is not there" in found["gone"]["message"]
+    assert "no calibration of type 'T2'" in found["other"]["message"]
+    for k in range(len(WEAR)):
+        row = found[f"r{k}"]
+        assert row["peak_low_N"] < row["peak_N"] < row["peak_high_N"]
+        assert row["half_load_low_mm"] < row["half_load_mm"] < row["half_load_high_mm"]
+        assert len(row["sha256"]) == 64
+    vehicles = {row["vehicle"]: row for row in pl.read_parquet(tracked / "vehicles.parquet").iter_rows(named=True)}
+    assert (vehicles["V1"]["recordings"], vehicles["V1"]["counted"]) == (4, 3)
+    assert (vehicles["V2"]["counted"], vehicles["V3"]["counted"]) == (0, 0)
+    curves = pl.read_parquet(tracked / "curves")
+    assert set(curves["recording"]) == {"r0", "r0_again", "r1", "r2"}
+    assert pl.read_parquet(tracked / "timings.parquet").columns == ["recording", "vehicle", "seconds"]
+
+
+def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(folder, tracked):
+    out = folder / "killed"
+    command = [sys.executable, "-m", "clutchid", *arguments(folder, out, "--verb", "track", "--limit", "0.2")]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    store, end = out / "run.sqlite", time.monotonic() + 120.0
+    while (
+        process.poll() is None and time.monotonic() < end and not (store.exists() and b"r0_again" in store.read_bytes())
+    ):
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not (out / "results.parquet").exists()
+    assert run(folder, out, "--verb", "track", "--limit", "0.2", "--workers", "2") == 0
+    assert content(out) == content(tracked)
+
+
+def test_what_is_done_is_not_done_again_and_what_has_changed_is(folder, tracked, capsys):
+    options = ("--verb", "track", "--limit", "0.2", "--json")
+    before = content(tracked)
+
+    def read_now():
+        capsys.readouterr()
+        assert run(folder, tracked, *options) == 0
+        shown = json.loads(capsys.readouterr().out)
+        assert shown["status"] == "warning"
+        return shown["message"]
+
+    assert ", 0 of them read now" in read_now()
+    again = folder / "trucks" / "V1" / "r0_again.parquet"
+    again.touch()  # another time, the same content
+    assert ", 0 of them read now" in read_now()
+    assert content(tracked) == before
+    kept = again.read_bytes()
+    shutil.copy(folder / "trucks" / "V1" / "r2.parquet", again)
+    assert ", 1 of them read now" in read_now()
+    again.write_bytes(kept)
+    assert ", 1 of them read now" in read_now()
+    assert content(tracked) == before
+
+
+def test_the_observer_reads_a_fleet_too(folder):
+    assert run(folder, folder / "observed", "--verb", "observe") == 0
+    rows = {
+        row["recording"]: row for row in pl.read_parquet(folder / "observed" / "results.parquet").iter_rows(named=True)
+    }
+    by_fit = pl.read_parquet(folder / "one" / "results.parquet").row(
+        by_predicate=pl.col("recording") == "r1", named=True
+    )
+    assert "strokes" in rows["r1"]["message"]
+    assert rows["r1"]["peak_N"] == pytest.approx(by_fit["peak_N"], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--workers", "0"), "--workers 0: must be at least 1"),
+        (("--limit", "1"), "--limit: belongs to --verb track"),
+        (("--timeout", "-1"), "--timeout -1.0: a time in s of at least 0"),
+        (("--memory", "2 bananas"), "--memory 2 bananas: at least 300MB is needed"),
+        (("--scheduler", "tcp://127.0.0.1:9"), "--scheduler tcp://127.0.0.1:9: does not answer"),
+    ],
+)
+def test_bad_options_are_a_sentence(folder, capsys, options, said):
+    assert run(folder, folder / "none", *options) == 2
+    assert said in capsys.readouterr().err

@@ -1,0 +1,112 @@
+"""Workers that are killed, run out of memory or of time: nothing is lost or done twice, and the culprit is named."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+from clutchid.errors import ParameterError, SolveError
+from clutchid.fleet.alone import Limits, Lost, alone
+from clutchid.fleet.cluster import Place, cluster, results
+from fixtures.fleet_faults import faulty, once_killed
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+
+GOOD = [("good", n) for n in range(30)]
+
+
+def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
+    bad = [("SIGKILL", 100), ("SIGSEGV", 101), ("slow", 102), ("memory", 103), ("error", 104)]
+    items = [*GOOD[:15], *bad, *GOOD[15:]]
+    with cluster(Place(2, memory=600_000_000, seconds=2.0)) as on:
+        done = list(results(on, faulty, items))
+    assert sorted(one.item for one in done) == sorted(items)
+    found = {one.item: one.result for one in done}
+    assert [found[item] for item in GOOD] == [n for _, n in GOOD]
+    lost = {kind: found[kind, n] for kind, n in bad}
+    assert {kind: one.status for kind, one in lost.items()} == {
+        "SIGKILL": "killed", "SIGSEGV": "killed", "slow": "timed_out", "memory": "killed", "error": "failed",
+    }  # fmt: skip
+    assert "SIGSEGV" in lost["SIGSEGV"].message
+    assert "took longer than 2 s" in lost["slow"].message
+    assert "more than 0.6 GB" in lost["memory"].message
+    assert "RuntimeError: no" in lost["error"].message
+
+
+def test_an_item_whose_worker_was_taken_away_is_done_again(tmp_path):
+    items = [(tmp_path / str(n), n) for n in range(3)]
+    with cluster(Place(1)) as on:
+        assert sorted(one.result for one in results(on, once_killed, items)) == [0, 1, 2]
+
+
+def test_more_items_than_fit_at_the_scheduler_come_back_once_each():
+    with cluster(Place(1)) as on:
+        done = [one.result for one in results(on, abs, iter(range(1500)))]
+    assert sorted(done) == list(range(1500))
+
+
+def test_work_alone_ends_with_its_result_or_how_it_was_lost():
+    assert alone(faulty, ("good", 7), Limits()) == 7
+    assert isinstance(alone(faulty, ("SIGKILL", 0), Limits()), Lost)
+    assert alone(faulty, ("slow", 0), Limits(seconds=0.3)).status == "timed_out"
+
+
+def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
+    begin = time.monotonic()
+    for address in ("tcp://127.0.0.1:9", "nowhere at all"):
+        with (
+            pytest.raises(ParameterError, match=f"--scheduler {address}: does not answer"),
+            cluster(Place(scheduler=address)),
+        ):
+            pass
+    assert time.monotonic() - begin < 10.0
+
+
+@pytest.fixture
+def scheduler(tmp_path):
+    """A scheduler in a process of its own; gives its address, and starts a worker for it."""
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    file, processes = tmp_path / "scheduler.json", []
+
+    def start(*arguments):
+        processes.append(subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+
+    start(*command, "--no-dashboard", "--scheduler-file", str(file))
+    while not file.exists():
+        time.sleep(0.1)
+    address = json.loads(file.read_text())["address"]
+
+    def worker():
+        start(sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard")
+
+    yield address, worker, processes[0]
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def test_the_workers_of_a_scheduler_do_the_same_work(scheduler):
+    address, worker, _ = scheduler
+    with pytest.raises(ParameterError, match="has no workers"), cluster(Place(scheduler=address)):
+        pass
+    worker()
+    with cluster(Place(scheduler=address)) as on:
+        assert sorted(one.result for one in results(on, abs, range(50))) == list(range(50))
+
+
+def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler):
+    address, worker, process = scheduler
+    worker()
+    done = []
+
+    def go_on(on):
+        for one in results(on, time.sleep, [0.05] * 200):
+            done.append(one)
+            if len(done) == 5:
+                process.kill()
+
+    with cluster(Place(scheduler=address)) as on, pytest.raises(SolveError, match="the connection to the scheduler"):
+        go_on(on)
+    assert 5 <= len(done) < 200
