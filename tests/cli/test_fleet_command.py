@@ -133,7 +133,7 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(folder, tracked,
     assert content(tracked) == before
 
 
-def test_the_observer_reads_a_fleet_too(folder):
+def test_the_observer_reads_a_fleet_too(folder, tracked):
     assert run(folder, folder / "observed", "--verb", "observe") == 0
     rows = {
         row["recording"]: row for row in pl.read_parquet(folder / "observed" / "results.parquet").iter_rows(named=True)

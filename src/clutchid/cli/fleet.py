@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -30,6 +31,38 @@ STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
 _UNITS = {"GB": 1e9, "MB": 1e6}
 
 
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """Options of the workers.
+
+    Parameters
+    ----------
+    workers
+        Number of processes on this machine; does not affect the results.
+    scheduler
+        Address of a Dask scheduler whose workers do the work, for example tcp://host:8786.
+    timeout
+        Time in s that one recording may take; 0 for no limit.
+    memory
+        Memory of a worker, for example 2GB; this machine's by the number of its processors by default.
+    """
+
+    workers: int = 1
+    scheduler: str = ""
+    timeout: float = 600.0
+    memory: str = ""
+
+    def place(self) -> Place:
+        """The same in SI."""
+        from clutchid.fleet.cluster import Place
+
+        return Place(self.workers, self.scheduler, _memory(self.memory), _seconds(self.timeout))
+
+
+#: One worker on this machine.
+HERE = Pool()
+
+
 def fleet(
     source: Path,
     /,
@@ -37,11 +70,8 @@ def fleet(
     start: Path,
     out: Path,
     verb: Literal["fit", "observe", "track"] = "fit",
-    workers: int = 1,
-    scheduler: str = "",
+    pool: Annotated[Pool, Parameter(name="*")] = HERE,
     limit: float | None = None,
-    timeout: float = 600.0,
-    memory: str = "",
     retry: Annotated[bool, Parameter(negative="")] = False,
     ambient: str | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
@@ -65,16 +95,8 @@ def fleet(
     verb
         fit: the load of each recording, as `clutchid fit --start`. observe: as `clutchid observe`, at its end. track:
         as fit, and the wear of each vehicle.
-    workers
-        Number of processes on this machine; does not affect the results.
-    scheduler
-        Address of a Dask scheduler whose workers do the work, for example tcp://host:8786.
     limit
         With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls.
-    timeout
-        Time in s that one recording may take; 0 for no limit.
-    memory
-        Memory of a worker, for example 2GB; this machine's by the number of its processors by default.
     retry
         Read recordings once more that ended their worker or took too long.
     ambient
@@ -90,14 +112,13 @@ def fleet(
     """
 
     def work() -> int:
-        from clutchid.fleet.cluster import Place
         from clutchid.fleet.jobs import fleet_of
         from clutchid.fleet.run import Options, tasks
         from clutchid.fleet.store import store
 
         if limit is not None and verb != "track":
             raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
-        place = Place(workers, scheduler, _memory(memory), _seconds(timeout))
+        place = pool.place()
         found = fleet_of(source, start)
         options = Options(
             "observe" if verb == "observe" else "fit", pressure(ambient, math.nan), map_, tuple(dbc or ())
