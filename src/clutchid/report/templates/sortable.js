@@ -13,13 +13,16 @@ document.addEventListener("DOMContentLoaded", () => {
   for (const one of all) one.text = one.cells.join("\n").toLowerCase();
   let state = { sort: 0, filter: "", part: 1 };
 
-  const number = (text) => Number(text.replace("−", "-").replace("∞", "Infinity"));
+  const NUMBER = /^−?(∞|\d+(\.\d+)?)(\sto\s.+)?$/; // also a band, which is sorted by its lower end
+  const number = (text) => Number(text.split(/\s/)[0].replace("−", "-").replace("∞", "Infinity"));
+  const unknown = (text) => text === "–" || text === "";
 
-  function compared(column, numeric, sign) {
+  function compared(column, sign) {
+    const numeric = all.every(({ cells }) => unknown(cells[column]) || NUMBER.test(cells[column]));
     return (a, b) => {
       const [x, y] = [a.cells[column], b.cells[column]];
-      const missing = (x === "–" || x === "") - (y === "–" || y === "");
-      if (missing || x === y) return missing;
+      const missing = unknown(x) - unknown(y);
+      if (missing || x === y) return missing; // unknown ones are last in either order
       return sign * (numeric ? number(x) - number(y) : order.compare(x, y));
     };
   }
@@ -28,7 +31,7 @@ document.addEventListener("DOMContentLoaded", () => {
     const wanted = state.filter.toLowerCase();
     const found = all.filter((one) => one.text.includes(wanted));
     const column = Math.abs(state.sort) - 1;
-    if (column >= 0) found.sort(compared(column, heads[column].classList.contains("n"), Math.sign(state.sort)));
+    if (column >= 0) found.sort(compared(column, Math.sign(state.sort)));
     const parts = Math.max(1, Math.ceil(found.length / SIZE));
     state.part = Math.min(Math.max(1, state.part), parts);
     const first = (state.part - 1) * SIZE;
