@@ -1,6 +1,7 @@
 """The page template."""
 
-from clutchid.report.html import Bullets, Details, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.html import Bullets, Details, Notice, Page, Picture, Section, Sortable, Text, escape, render
+from clutchid.report.link import Link
 from clutchid.report.tables import Column, Table
 
 HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
@@ -60,3 +61,17 @@ def test_a_page_has_a_language_a_character_set_and_a_width_for_phones():
 
 def test_a_page_without_provenance_has_no_footer():
     assert "<footer>" not in render(Page("t", "s", ()))
+
+
+def test_a_page_that_is_a_part_leads_to_the_whole():
+    html = render(Page("t", "s", (), home=Link(HOSTILE, f"../{HOSTILE}")))
+    assert "<script" not in html
+    assert '<a href="../%3Cscript%20src' in html
+
+
+def test_only_a_page_with_a_sortable_table_has_its_script_and_a_box_to_filter():
+    table = Table("t", (Column("a", "a"),), (("x",), ("y",)))
+    assert "<script" not in render(Page("t", "s", (Section("h", (table,)),)))
+    html = render(Page("t", "s", (Section("h", (Sortable(table),)),)))
+    assert html.count("<script>") == html.count('type="search"') == 1
+    assert html.index("<script>") < html.index("<th scope=row>x</th>") < html.index("<th scope=row>y</th>")

@@ -5,6 +5,7 @@ from io import StringIO
 
 import pytest
 
+from clutchid.report.link import Link
 from clutchid.report.tables import Column, Table, scientific, to_csv, to_html, to_text
 
 COLUMNS = (
@@ -91,3 +92,11 @@ def test_infinite_bounds_are_shown_as_such():
 )
 def test_powers_of_ten_begin_where_plain_numbers_become_hard_to_read(value, digits, text):
     assert scientific(value, digits) == text
+
+
+def test_a_link_leads_somewhere_on_a_page_and_is_its_text_elsewhere():
+    table = Table("t", (Column("a", "a"), Column("b [1]", "b")), ((Link("x & y", "v/x y.html"), 1.0), (Link("z"), 2.0)))
+    assert '<th scope=row><a href="v/x%20y.html">x &amp; y</a></th>' in to_html(table)
+    assert "<th scope=row>z</th>" in to_html(table)
+    assert to_csv(table).splitlines()[1:] == ["x & y,1.0", "z,2.0"]
+    assert "x & y" in to_text(table)

@@ -8,9 +8,22 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Literal
 
+from clutchid.report.link import Link
 from clutchid.report.tables import Table, to_html
 
-__all__ = ["Block", "Bullets", "Details", "Notice", "Page", "Picture", "Section", "Text", "escape", "render"]
+__all__ = [
+    "Block",
+    "Bullets",
+    "Details",
+    "Notice",
+    "Page",
+    "Picture",
+    "Section",
+    "Sortable",
+    "Text",
+    "escape",
+    "render",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +72,17 @@ class Details:
     blocks: tuple[Block, ...]
 
 
-Block = Text | Bullets | Notice | Picture | Table | Details
+@dataclass(frozen=True, slots=True)
+class Sortable:
+    """A long table that its reader sorts and filters, 200 rows at a time; at most one on a page, outside details.
+
+    All rows are in the page, so it can be read, searched and printed where no script runs.
+    """
+
+    table: Table
+
+
+Block = Text | Bullets | Notice | Picture | Table | Sortable | Details
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +95,18 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A page: title and subtitle in plain text, sections, and provenance."""
+    """A page: title and subtitle in plain text, sections, provenance, and the page that this one is a part of."""
 
     title: str
     subtitle: str
     sections: tuple[Section, ...]
     provenance: Mapping[str, str] = field(default_factory=dict)
+    home: Link | None = None
+
+    @property
+    def has_script(self) -> bool:
+        """Whether the page needs the script of a table that can be sorted."""
+        return any(isinstance(block, Sortable) for section in self.sections for block in section.blocks)
 
 
 def render(page: Page) -> str:

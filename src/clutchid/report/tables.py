@@ -9,7 +9,9 @@ from html import escape
 from io import StringIO
 from itertools import groupby
 
-Cell = str | float | int | None
+from clutchid.report.link import Link
+
+Cell = str | float | int | Link | None
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -42,6 +44,8 @@ class Column:
             return "–"
         if isinstance(value, str):
             return value
+        if isinstance(value, Link):
+            return value.text
         return self._number(float(value))
 
     def _number(self, value: float) -> str:
@@ -106,6 +110,8 @@ def to_csv(table: Table) -> str:
 def _plain(cell: Cell) -> str:
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
+    if isinstance(cell, Link):
+        return cell.text
     return cell if isinstance(cell, str) else repr(cell) if isinstance(cell, int) else repr(float(cell))
 
 
@@ -133,13 +139,18 @@ def to_html(table: Table) -> str:
         cells = []
         for i, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
             opening, closing = ("th scope=row", "th") if i == 0 else ("td", "td")
-            cells.append(f"<{opening}{_classes(numeric[i], i in first)}>{escape(column.shown(cell))}</{closing}>")
+            cells.append(f"<{opening}{_classes(numeric[i], i in first)}>{_content(column, cell)}</{closing}>")
         body.append(f"<tr{rule}>{''.join(cells)}</tr>")
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
     return (
         f'<div class="table"><table><caption>{escape(table.title)}</caption>'
         f"<thead>{_heads(table, numeric, first)}</thead><tbody>{''.join(body)}</tbody></table></div>{note}"
     )
+
+
+def _content(column: Column, cell: Cell) -> str:
+    text = escape(column.shown(cell))
+    return f'<a href="{escape(cell.address)}">{text}</a>' if isinstance(cell, Link) and cell.path else text
 
 
 def _heads(table: Table, numeric: list[bool], first: set[int]) -> str:
@@ -169,4 +180,6 @@ def _classes(numeric: bool, first: bool) -> str:
 
 def _is_numeric(table: Table, column: int) -> bool:
     cells = [row[column] for row in table.rows]
-    return any(isinstance(cell, (int, float)) for cell in cells) and not any(isinstance(cell, str) for cell in cells)
+    return any(isinstance(cell, (int, float)) for cell in cells) and not any(
+        isinstance(cell, (str, Link)) for cell in cells
+    )

@@ -8,6 +8,7 @@ from os import PathLike
 from clutchid.report.figures import svg
 from clutchid.report.files import write_text
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.report.link import Link
 from clutchid.report.provenance import provenance
 from clutchid.report.style import MM
 from clutchid.report.tables import Cell, Column, Table
@@ -22,7 +23,9 @@ _TREND = (
 _LOADS = "Load over the position of the piston, as read from recordings evenly over the life."
 
 
-def wear_page(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, path: str | PathLike[str]) -> None:
+def wear_page(
+    wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, path: str | PathLike[str], home: str = ""
+) -> None:
     """Write the page of a clutch's wear as one self-contained HTML file.
 
     Parameters
@@ -31,23 +34,26 @@ def wear_page(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, pat
         Loads of the recordings that count, by name, in order.
     command
         The command line that repeats the run, shown on the page.
+    home
+        Path of the page of the fleet, relative to this one, which then leads there.
 
     Raises
     ------
     ExportError
         If the file cannot be written; an existing file is unchanged.
     """
-    write_text(render(page_of(wear, curves, command)), path)
+    write_text(render(page_of(wear, curves, command, home)), path)
 
 
-def page_of(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str) -> Page:
+def page_of(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, home: str = "") -> Page:
     """The page before it is rendered."""
     sections = [Section("Wear", _result(wear))]
     if curves:
         sections.append(Section("Load from new to now", (Picture(svg(loads_figure(curves)), _LOADS, "Loads"),)))
     sections.append(Section("Recordings", (recordings_table(wear),)))
     title = f"Wear of the clutch of {wear.vehicle}" if wear.vehicle else "Wear of a clutch"
-    return Page(title, f"Recordings: {recordings_words(wear)}", tuple(sections), provenance([], command))
+    fleet = Link("Back to the fleet", home) if home else None
+    return Page(title, f"Recordings: {recordings_words(wear)}", tuple(sections), provenance([], command), fleet)
 
 
 def _result(wear: Wear) -> tuple[Block, ...]:

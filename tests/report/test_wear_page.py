@@ -1,0 +1,40 @@
+"""The page of one vehicle's wear, as a page of a fleet."""
+
+import numpy as np
+import pytest
+
+from clutchid.report.html import render
+from clutchid.report.wear_page import page_of, wear_page
+from clutchid.wear.history import Listed, arranged
+from clutchid.wear.life import Reading, wear_of
+from clutchid.wear.measurement import Measurement
+
+
+def life_of(shifts, name="r"):
+    names = [f"{name}{k}" for k in range(len(shifts))]
+    listed = {name: Listed(name, strokes=1e4 * k) for k, name in enumerate(names)}
+    readings = [
+        Reading("failed", "the load is not determined.", "", None)
+        if np.isnan(shift)
+        else Reading("ok", "", "good", Measurement(shift, 3e-5, 0.0, 0.01, np.nan))
+        for shift in shifts
+    ]
+    return wear_of("V 1", arranged(names, [""] * len(names), listed), readings, None, 1e-3)
+
+
+@pytest.mark.parametrize("shifts", [[0.0, 1e-5, 2e-5], [np.nan, np.nan], [np.nan]])
+def test_the_page_of_a_vehicle_leads_back_to_the_fleet_whatever_was_read(shifts, tmp_path):
+    wear_page(life_of(shifts), [], "c", tmp_path / "V1.html", home="../the fleet/index.html")
+    html = (tmp_path / "V1.html").read_text(encoding="utf-8")
+    assert '<a href="../the%20fleet/index.html">Back to the fleet</a>' in html
+    assert ("No recording determines the wear." in html) == bool(np.isnan(shifts[0]))
+    assert html.count("the load is not determined.") == np.isnan(shifts).sum()
+
+
+def test_a_page_of_its_own_leads_nowhere(loads_nothing):
+    assert loads_nothing(render(page_of(life_of([0.0, 1e-5]), [], "c")))
+
+
+def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):
+    wear_page(life_of([0.0, 1e-5], "r\udcff"), [], "c", tmp_path / "x.html")
+    assert "r?0" in (tmp_path / "x.html").read_text(encoding="utf-8")
