@@ -93,6 +93,14 @@ def test_every_recording_is_a_row_with_a_status_and_a_sentence(tracked):
     assert pl.read_parquet(tracked / "timings.parquet").columns == ["recording", "vehicle", "seconds"]
 
 
+def test_the_page_of_the_fleet_leads_to_those_of_its_vehicles_and_back(tracked):
+    page = (tracked / "index.html").read_text()
+    for vehicle in ("V1", "V2", "V3"):
+        assert f'href="vehicles/{vehicle}.html"' in page
+        assert 'href="../index.html"' in (tracked / "vehicles" / f"{vehicle}.html").read_text()
+    assert "there is no calibration of type …" in page
+
+
 def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(folder, tracked):
     out = folder / "killed"
     command = [sys.executable, "-m", "clutchid", *arguments(folder, out, "--verb", "track", "--limit", "0.2")]
@@ -111,7 +119,8 @@ def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(folder, track
 
 def test_what_is_done_is_not_done_again_and_what_has_changed_is(folder, tracked, capsys):
     options = ("--verb", "track", "--limit", "0.2", "--json")
-    before = content(tracked)
+    before, pages = content(tracked), tracked / "vehicles"
+    made = {name: (pages / name).stat().st_mtime_ns for name in ("V1.html", "V2.html")}
 
     def read_now():
         capsys.readouterr()
@@ -125,9 +134,12 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(folder, tracked,
     again.touch()  # another time, the same content
     assert ", 0 of them read now" in read_now()
     assert content(tracked) == before
+    assert {name: (pages / name).stat().st_mtime_ns for name in made} == made
     kept = again.read_bytes()
     shutil.copy(folder / "trucks" / "V1" / "r2.parquet", again)
     assert ", 1 of them read now" in read_now()
+    assert (pages / "V1.html").stat().st_mtime_ns > made["V1.html"]
+    assert (pages / "V2.html").stat().st_mtime_ns == made["V2.html"]
     again.write_bytes(kept)
     assert ", 1 of them read now" in read_now()
     assert content(tracked) == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
 from collections import Counter
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, pressure, print_json, print_written, progress_bar
+from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, pressure, print_json, progress_bar
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ParameterError
 from clutchid.names import printable
@@ -127,8 +128,7 @@ def fleet(
             todo = tasks(found, options, kept, retry=retry)
             if todo:
                 _run(place, todo, kept)
-            ends = _limits(found, start, limit) if verb == "track" else None
-            statuses, vehicles = _written(found, kept, out, ends)
+            statuses, vehicles = _written(found, kept, out, _limits(found, start, limit), trends=verb == "track")
         _say(statuses, vehicles, len(todo), out, as_json=json)
         return DONE if statuses["ok"] + statuses["warning"] else FAILED
 
@@ -156,12 +156,16 @@ def _run(place: Place, todo: list[Task], kept: Store) -> None:
             run(on, todo, kept, progress)
 
 
-def _written(found: Fleet, kept: Store, out: Path, ends: dict[str, Limits] | None) -> tuple[Counter[str], int]:
-    """Write the tables, those of the wear too if it is known what ends a life; recordings by status, and vehicles."""
-    from clutchid.fleet.output import vehicles_of, write_results, write_wear
+def _written(
+    found: Fleet, kept: Store, out: Path, ends: dict[str, Limits], *, trends: bool
+) -> tuple[Counter[str], int]:
+    """Write tables and pages; recordings by status, and the number of vehicles."""
+    from clutchid.fleet.output import write_results
+    from clutchid.fleet.vehicles import vehicles_of, write_vehicles
 
+    command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
     statuses = write_results(found, kept, out)
-    return statuses, 0 if ends is None else write_wear(vehicles_of(found, kept, ends), out)
+    return statuses, write_vehicles(vehicles_of(found, kept, ends), command, out, trends=trends)
 
 
 def _span(seconds: float) -> str:
@@ -196,9 +200,7 @@ def _say(statuses: Counter[str], vehicles: int, read: int, out: Path, *, as_json
         )
         return
     print(printable_lines(message))
-    if vehicles:
-        print(f"{vehicles:,} vehicles")
-    print_written(out)
+    print(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((out / 'index.html').resolve()))}")
 
 
 def _seconds(timeout: float) -> float:

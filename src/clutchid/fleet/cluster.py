@@ -222,7 +222,7 @@ def _client(place: Place) -> Iterator[Client]:
         with (
             LocalCluster(
                 n_workers=place.workers, threads_per_worker=1, processes=True, memory_limit=memory,
-                dashboard_address=":0" if find_spec("bokeh") else None, silence_logs=logging.CRITICAL,
+                dashboard_address=":0", silence_logs=logging.CRITICAL,
             ) as local,
             Client(local) as client,
         ):  # fmt: skip

@@ -1,10 +1,10 @@
-"""The tables of a run over a fleet: results, times and loads of its recordings, and the wear of its vehicles."""
+"""The tables of the recordings of a fleet: results, times and loads."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import groupby, islice
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,18 +13,14 @@ import numpy as np
 from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.reading import Read
 from clutchid.fleet.store import Kept, Store
-from clutchid.fleet.tracking import Limits, Tracked, table_of
 from clutchid.io.files import atomic_write
-from clutchid.wear.history import arranged
-from clutchid.wear.life import Curve, Reading, wear_of
+from clutchid.wear.life import Curve, Reading
 
 if TYPE_CHECKING:
     import polars as pl
 
 #: Files of a run, beside the store.
-RESULTS, TIMINGS, CURVES, WEAR, VEHICLES = (
-    "results.parquet", "timings.parquet", "curves", "wear.parquet", "vehicles.parquet",
-)  # fmt: skip
+RESULTS, TIMINGS, CURVES = "results.parquet", "timings.parquet", "curves"
 
 #: Recordings in one file of loads.
 PART = 1000
@@ -85,14 +81,14 @@ def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
         statuses.update(row.read.reading.status for row in some)
         results += map(_result, some)
         timings += [(row.job.recording, row.job.vehicle, row.seconds) for row in some]
-        _write(_curves(some), out / CURVES / f"part-{part:05d}.parquet")
+        write_frame(_curves(some), out / CURVES / f"part-{part:05d}.parquet")
         part += 1
     for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
         old.unlink()
-    _write(
+    write_frame(
         pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None), out / RESULTS
     )
-    _write(pl.DataFrame(timings, ["recording", "vehicle", "seconds"], orient="row"), out / TIMINGS)
+    write_frame(pl.DataFrame(timings, ["recording", "vehicle", "seconds"], orient="row"), out / TIMINGS)
     return statuses
 
 
@@ -141,68 +137,7 @@ def _curves(rows: Iterable[Row]) -> pl.DataFrame:
     return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
 
 
-def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, Limits]) -> Iterator[Tracked]:
-    """The wear of every vehicle of a fleet, from its results.
-
-    Parameters
-    ----------
-    limits
-        What ends a life, by type.
-    """
-    for vehicle, group in groupby(rows_of(fleet, kept), key=lambda row: row.job.vehicle):
-        rows = list(group)
-        table = {row.job.recording: fleet.rows[vehicle, row.job.recording] for row in rows if fleet.rows}
-        reads = [row.read for row in rows]
-        history = arranged([row.job.recording for row in rows], [read.clock for read in reads], table)
-        ends = limits[rows[0].job.type]
-        wear = wear_of(vehicle, history, [read.reading for read in reads], ends.table, ends.shift)
-        yield Tracked(wear, tuple(reads[i] for i in history.order))
-
-
-def write_wear(tracked: Iterable[Tracked], out: Path) -> int:
-    """Write the trends of all vehicles, and a row a vehicle; the number of vehicles.
-
-    Raises
-    ------
-    ExportError
-        If a file cannot be written; an existing one is then unchanged.
-    """
-    import polars as pl
-
-    trends: list[pl.DataFrame] = []
-    vehicles: list[Mapping[str, object]] = []
-    for one in tracked:
-        trends.append(table_of(one))
-        vehicles.append(_vehicle(one))
-    _write(pl.concat(trends, how="diagonal_relaxed"), out / WEAR)
-    _write(pl.DataFrame(vehicles, schema_overrides={"alarms": pl.String}, infer_schema_length=None), out / VEHICLES)
-    return len(vehicles)
-
-
-def _vehicle(one: Tracked) -> Mapping[str, object]:
-    """The state of a vehicle at its last recording."""
-    wear = one.wear
-    counted = sum(outcome in ("used", "jump") for outcome in wear.outcomes)
-    known = {
-        f"{name}{side}": float(values[-1]) if counted else float("nan")
-        for name, band in wear.then.items()
-        for side, values in (("", band.value), ("_low", band.low), ("_high", band.high))
-    }
-    left = wear.left or (float("nan"),) * 3
-    return {
-        "vehicle": wear.vehicle, "recordings": len(wear.dated), "counted": counted,
-        "last": next((d.begin.isoformat() for d in reversed(wear.dated) if d.begin), None), "axis": wear.axis,
-        **{_in_mm(name): value * (1e3 if _in_mm(name) != name else 1.0) for name, value in known.items()},
-        "left_low": left[0], "left": left[1], "left_high": left[2],
-        "alarms": "; ".join(f"{alarm.kind} before {alarm.before}" for alarm in wear.alarms),
-        "warnings": "; ".join(wear.warnings),
-    }  # fmt: skip
-
-
-def _in_mm(name: str) -> str:
-    return name if name.startswith("load") else f"{name}_mm"
-
-
-def _write(frame: pl.DataFrame, path: Path) -> None:
+def write_frame(frame: pl.DataFrame, path: Path) -> None:
+    """Write a table as Parquet; on an error an existing file is unchanged."""
     with atomic_write(path) as temporary:
         frame.write_parquet(temporary)

@@ -34,8 +34,8 @@ class Shares(NamedTuple):
     by_temperature: float
 
 
-#: By channel. Readings of trucks 0 to 3 of both families: docs/derivations.md.
-SHARES = {"shift": Shares(0.3, 0.5, 0.2), "load": Shares(0.6, 0.7, 0.3)}
+#: By channel. Five months of eight vehicles of both families: docs/derivations.md.
+SHARES = {"shift": Shares(0.2, 0.4, 0.15), "load": Shares(0.6, 1.0, 0.4)}
 
 #: Recordings that the prior of the noise is worth.
 WORTH = 10.0

@@ -1,0 +1,142 @@
+"""Throughput of `clutchid fleet`: recordings by number and workers, memory of scheduler and workers, and empty work.
+
+    python benchmarks/fleet.py --recordings 10,100 --workers 1,2
+    python benchmarks/fleet.py --empty 100000 --workers 2
+
+One recording of a virtual truck stands for all: 30 s at 1 kHz, worn by 1.5 mm, position only. The time to start the
+workers is apart. Memory is that of this process, which holds the scheduler, and the largest of a worker with its
+reader, at the end of each fifth of the work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import psutil
+
+import clutchid
+from clutchid.fleet.cluster import Cluster, Place, cluster, results
+from clutchid.fleet.jobs import fleet_of
+from clutchid.fleet.run import Options, run, tasks
+from clutchid.fleet.store import store
+from clutchid.fleet.warming import warm
+from clutchid.truck import drive, truck
+
+
+class Memory(NamedTuple):
+    """Resident memory in MB: of this process, and of the largest worker."""
+
+    scheduler: float
+    worker: float
+
+
+def memory() -> Memory:
+    """What this process and its workers hold."""
+    process = psutil.Process()
+    workers = [one.memory_info().rss for one in process.children(recursive=True)]
+    return Memory(process.memory_info().rss / 1e6, max(workers, default=0) / 1e6)
+
+
+def timed(count: int, work: Callable[[Callable[[int], None]], None]) -> tuple[float, list[Memory]]:
+    """Time in s of `count` items, and the memory after each fifth of them."""
+    seen: list[Memory] = []
+
+    def progress(done: int) -> None:
+        if done * 5 // count > (done - 1) * 5 // count:
+            seen.append(memory())
+
+    begin = time.perf_counter()
+    work(progress)
+    return time.perf_counter() - begin, seen
+
+
+def recordings(folder: Path, family: str, count: int) -> tuple[Path, Path]:
+    """A folder with so many recordings, and their calibration."""
+    new = drive(truck(0, family), seconds=30, seed=1, name="cal").log
+    calibration = folder / "cal.toml"
+    if not calibration.exists():
+        fit = clutchid.fit(new, measure=("position", "pressure_a"), free=("auto",))
+        clutchid.write_parameters(clutchid.parameter_file(fit), calibration)
+    worn = drive(truck(0, family), seconds=30, seed=2, wear=1.5e-3, pressure=False).log
+    source = folder / f"of{count}"
+    (source / "V1").mkdir(parents=True)
+    clutchid.write(worn, source / "V1" / "r0.parquet")
+    for k in range(1, count):
+        shutil.copyfile(source / "V1" / "r0.parquet", source / "V1" / f"r{k}.parquet")
+    return source, calibration
+
+
+def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> None:
+    """Print throughput and memory over the numbers of workers."""
+    source, calibration = recordings(folder, family, count)
+    fleet = fleet_of(source, calibration)
+    warm([calibration])
+    alone = 0.0
+    for number in workers:
+        out = folder / f"out{count}-{number}"
+        begin = time.perf_counter()
+        with cluster(Place(number)) as on, store(out, {}) as kept:
+            start = time.perf_counter() - begin
+            todo = tasks(fleet, Options(), kept)
+            wall, seen = timed(count, partial(run, on, todo, kept))
+            seconds = [one.seconds for one in kept.results()]
+        alone = alone or wall * number
+        print(
+            f"{count:6,} recordings, {number} workers: {wall:7.1f} s, {count / wall:6.2f} a second, "
+            f"{1e3 * (wall * number - sum(seconds)) / count:6.1f} ms beside the reading of {np.median(seconds):.2f} s, "
+            f"{alone / wall:.2f} times one worker; start {start:.1f} s; "
+            f"memory {' '.join(f'{m.scheduler:.0f}/{m.worker:.0f}' for m in seen)} MB",
+            flush=True,
+        )
+
+
+def nothing(item: int) -> int:
+    """Empty work."""
+    return item
+
+
+def counted(on: Cluster, count: int, progress: Callable[[int], None]) -> None:
+    """Do empty work, and count it."""
+    for k, _ in enumerate(results(on, nothing, range(count)), start=1):
+        progress(k)
+
+
+def empty(count: int, workers: Sequence[int]) -> None:
+    """Print the time that empty work takes."""
+    for number in workers:
+        with cluster(Place(number)) as on:
+            wall, seen = timed(count, partial(counted, on, count))
+        print(
+            f"{count:,} empty tasks, {number} workers: {wall:.0f} s, {1e3 * wall / count:.2f} ms each; "
+            f"memory {' '.join(f'{m.scheduler:.0f}/{m.worker:.0f}' for m in seen)} MB",
+            flush=True,
+        )
+
+
+def main() -> None:
+    """Measure what the options say."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--recordings", default="10,100")
+    parser.add_argument("--workers", default="1,2")
+    parser.add_argument("--family", default="A")
+    parser.add_argument("--empty", type=int, default=0)
+    options = parser.parse_args()
+    workers = [int(one) for one in options.workers.split(",")]
+    if options.empty:
+        empty(options.empty, workers)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for count in options.recordings.split(","):
+            measure(Path(folder), options.family, int(count), workers)
+
+
+if __name__ == "__main__":
+    main()

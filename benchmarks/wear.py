@@ -1,0 +1,78 @@
+"""How well the wear of a fleet is followed: a run of `clutchid fleet --verb track` against the truth of its fleet.
+
+    clutchid drive --fleet 4 --months 5 --types 4 --seed 40 --out trucks
+    clutchid fit trucks/calibrations/A0000.parquet ... --save trucks/calibrations/A0000.toml    (each type)
+    clutchid fleet trucks --start trucks/calibrations --verb track --out result
+    python benchmarks/wear.py trucks result
+
+First the readings, in their own standard deviations: what is common to all of a vehicle, what 10 K of air temperature
+change, and what is left; then the trend.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from clutchid.log import FloatArray
+from clutchid.wear.settings import REFERENCE
+
+#: Channels: column of the measurement, its truth, and the unit of the truth in that of the measurement.
+CHANNELS = {
+    "shift": ("shift measured [m]", "shift measured std [m]", "shift [mm]", 1e-3),
+    "load": ("load measured [1]", "load measured std [1]", "load change [1]", 1.0),
+}
+
+
+def shares(rows: pl.DataFrame, channel: str) -> tuple[float, float, float, float]:
+    """Constant error, error by 10 K, what is left, all in standard deviations, and the median of these in SI."""
+    value, deviation, truth, unit = CHANNELS[channel]
+    std = rows[deviation].to_numpy()
+    error = (rows[value].to_numpy() - unit * rows[truth].to_numpy()) / std
+    warmer = (rows["temperature_ambient [K]"].to_numpy() - REFERENCE) / 10.0
+    basis = np.column_stack([np.ones_like(warmer), warmer - warmer.mean()])
+    found, *_ = np.linalg.lstsq(basis, error, rcond=None)
+    return float(found[0]), float(found[1]), rms(error - basis @ found), float(np.median(std))
+
+
+def rms(values: FloatArray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("fleet", type=Path)
+    parser.add_argument("result", type=Path)
+    parser.add_argument("--after", type=int, default=10, help="recordings before the trend is compared")
+    options = parser.parse_args()
+    truth = pl.read_csv(options.fleet / "truth.csv", infer_schema_length=None).rename({"vehicle": "of"})
+    wear = pl.read_parquet(options.result / "wear.parquet").join(truth, on="recording", how="left")
+    late: list[FloatArray] = []
+    covered: list[FloatArray] = []
+    for (vehicle,), rows in wear.group_by("vehicle", maintain_order=True):
+        read = rows.filter(pl.col("shift measured [m]").is_finite() & pl.col("shift [mm]").is_not_null())
+        words = []
+        for name in CHANNELS:
+            constant, warm, left, std = shares(read, name)
+            words.append(f"{name} {std:.2g}: {constant:+.2f} {warm:+.2f} {left:.2f}")
+        after = rows.filter(pl.col("shift [mm]").is_not_null())[options.after :]
+        true = 1e-3 * after["shift [mm]"].to_numpy()
+        late.append(1e3 * (after["shift [m]"].to_numpy() - true))
+        covered.append((after["shift low [m]"].to_numpy() <= true) & (true <= after["shift high [m]"].to_numpy()))
+        events = "; ".join(f"{r['event']} before {r['recording']}" for r in rows.iter_rows(named=True) if r["event"])
+        alarms = "; ".join(f"{r['alarm']} before {r['recording']}" for r in rows.iter_rows(named=True) if r["alarm"])
+        print(f"{vehicle} {len(read):4} readings  {'  '.join(words)}  events: {events or '-'}  alarms: {alarms or '-'}")
+    errors = np.abs(np.concatenate(late))
+    print(
+        f"shift after {options.after} recordings: {np.median(errors):.3f} mm off in the median, "
+        f"{errors.max():.3f} at worst; covered {100 * np.mean(np.concatenate(covered)):.0f} %"
+    )
+
+
+if __name__ == "__main__":
+    main()
