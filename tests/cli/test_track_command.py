@@ -83,7 +83,8 @@ def test_the_object_has_the_keys_of_every_result(folder, capsys):
     assert found["wear"]["vehicle"] == "V1"
     assert found["wear"]["alarms"][0]["kind"] == "replaced"
     assert found["logs"]["r9"]["status"] == "bad_input"
-    assert (folder / "again.parquet").read_bytes() == (folder / "wear.parquet").read_bytes()
+    assert run(folder, "--out", folder / "alone.parquet", "--table", folder / "table.csv") == 0
+    assert (folder / "again.parquet").read_bytes() == (folder / "alone.parquet").read_bytes()
 
 
 @pytest.mark.parametrize(
