@@ -19,7 +19,6 @@ from clutchid.wear.measurement import Measurement
 from clutchid.wear.settings import (
     FALSE_ALARMS,
     GROWTH,
-    RATE_WALK,
     REFERENCE,
     SCATTER,
     SHARES,
@@ -186,7 +185,7 @@ def _start(model: TrendModel, measurements: Sequence[Measurement | None]) -> tup
 def growth_noise(name: str, life: float, ds: float) -> FloatArray:
     """Covariance that value and rate of a quantity gain over `ds`, (2, 2)."""
     rate = GROWTH[name].rate / life
-    walk, scatter = (RATE_WALK * rate) ** 2 / life, (SCATTER * GROWTH[name].rate) ** 2 / life
+    walk, scatter = (GROWTH[name].walk * rate) ** 2 / life, (SCATTER * GROWTH[name].rate) ** 2 / life
     return np.array([[walk * ds**3 / 3 + scatter * ds, walk * ds**2 / 2], [walk * ds**2 / 2, walk * ds]])
 
 
