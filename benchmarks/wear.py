@@ -56,6 +56,9 @@ def main() -> None:
     covered: list[FloatArray] = []
     for (vehicle,), rows in wear.group_by("vehicle", maintain_order=True):
         read = rows.filter(pl.col("shift measured [m]").is_finite() & pl.col("shift [mm]").is_not_null())
+        if read.is_empty():
+            print(f"{vehicle} has no reading")
+            continue
         words = []
         for name in CHANNELS:
             constant, warm, left, std = shares(read, name)
