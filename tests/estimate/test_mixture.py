@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from clutchid.estimate.hypotheses import Explanation, errors_in_x, probabilities
-from clutchid.estimate.mixture import ERRORS_REPEAT, Mixture, changes, mixture
+from clutchid.estimate.hypotheses import Explanation, errors_in_x, flattened, probabilities
+from clutchid.estimate.mixture import BAND, ERRORS_REPEAT, Mixture, changes, mixture
 from clutchid.estimate.problem import with_hypothesis
 from clutchid.estimate.search_result import SearchResult
 from clutchid.model import Actuator
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.uncertainty.change_prior import change_priors, log_odds, prior_probability
+from clutchid.uncertainty.change_prior import HYPOTHESES as ALL
+from clutchid.uncertainty.change_prior import LOG_ODDS, change_priors, log_odds, prior_probability
 from clutchid.uncertainty.coordinates import coordinates
 from clutchid.uncertainty.noise import Noise
 
@@ -56,24 +57,54 @@ def calibration(**errors):
     return Calibration((), np.zeros((0, 0)), position_only=known)
 
 
-def gaussians(problem):
-    """Probability, mean and covariance of x under every hypothesis, from the joint distribution of x and data."""
+def gaussians(problem, hypotheses=HYPOTHESES):
+    """Density of the data, mean and covariance of x under each hypothesis, from the joint distribution of both."""
     J, target = DATA[:, :-1], -DATA[:, -1]
-    weights, means, covariances = [], [], []
-    for hypothesis in HYPOTHESES:
+    densities, means, covariances = [], [], []
+    for hypothesis in hypotheses:
         root = with_hypothesis(problem, hypothesis).prior_root
         prior = np.linalg.inv(root.T @ root)
         data = np.eye(4) + J @ prior @ J.T
         gain = prior @ J.T @ np.linalg.inv(data)
-        density = multivariate_normal(np.zeros(4), data).logpdf(target)
-        weights.append(np.exp(density + log_odds(hypothesis)))
+        densities.append(multivariate_normal(np.zeros(4), data).pdf(target))
         means.append(gain @ target)
         covariances.append(prior - gain @ J @ prior)
-    return np.array(weights) / np.sum(weights), np.array(means), np.array(covariances)
+    return np.array(densities), np.array(means), np.array(covariances)
+
+
+def weights_of(densities, hypotheses=HYPOTHESES):
+    weights = densities * np.exp([log_odds(hypothesis) for hypothesis in hypotheses])
+    return weights / weights.sum()
+
+
+def band_weights(densities):
+    """Weights of all hypotheses in the band: flattened evidence, and a change does not make another less probable."""
+    weights = densities**BAND.evidence * np.exp([sum(LOG_ODDS[group] for group in h) for h in ALL])
+    return weights / weights.sum()
+
+
+def missed(problem, hypothesis, mean):
+    """Covariance of what the model misses of the load, here of its first weight."""
+    weight = problem.coordinates[0]
+    share = BAND.missed["temperature and grease"] if "temperature and grease" in hypothesis else 0.0
+    size = weight.si(mean[0]) / weight.slope(mean[0])
+    return np.diag([(share * size) ** 2, 0.0, 0.0])
+
+
+def inside_and_between(problem, x, shift_of=lambda _hypothesis: np.zeros(3)):
+    """Parts of the covariance of the band about x: of each hypothesis, whose errors are `shift_of`, and between them."""
+    densities, means, covariances = gaussians(problem, ALL)
+    shifts = np.array([shift_of(hypothesis) for hypothesis in ALL])
+    inside = [
+        c + missed(problem, h, m - s) + ERRORS_REPEAT**2 * np.outer(s, s)
+        for h, m, c, s in zip(ALL, means, covariances, shifts, strict=True)
+    ]
+    weights, apart = band_weights(densities), means - shifts - x
+    return np.einsum("h,hij->ij", weights, inside), np.einsum("h,hi,hj->ij", weights, apart, apart)
 
 
 def test_probabilities_are_those_of_the_data_under_each_prior(problem):
-    weights, _, _ = gaussians(problem)
+    weights = weights_of(gaussians(problem)[0])
     found = probabilities(explanations(problem), calibration())
     assert found == pytest.approx(weights, abs=1e-10)
     assert found.sum() == pytest.approx(1.0, abs=1e-12)
@@ -82,46 +113,66 @@ def test_probabilities_are_those_of_the_data_under_each_prior(problem):
     assert elsewhere == pytest.approx(weights, abs=1e-10), "wherever a linear problem is linearised"
 
 
-def test_mean_and_covariance_are_those_of_the_weighted_gaussians(problem):
-    weights, means, covariances = gaussians(problem)
+def test_the_mean_is_that_of_the_weighted_gaussians(problem):
+    densities, means, _ = gaussians(problem)
+    weights = weights_of(densities)
     found = mixture(explanations(problem), calibration())
-    mean = np.sum(weights[:, None] * means, axis=0)
-    within = np.sum(weights[:, None, None] * covariances, axis=0)
-    between = np.einsum("h,hi,hj->ij", weights, means, means) - np.outer(mean, mean)
-    np.testing.assert_allclose(found.x, mean, atol=1e-10)
-    np.testing.assert_allclose(found.covariance, within + between, atol=1e-10)
-    assert np.abs(between).max() > 0.02, "the hypotheses have to differ"
+    np.testing.assert_allclose(found.x, weights @ means, atol=1e-10)
     assert found.of_group("supply pressure") == pytest.approx(weights[1] + weights[3])
     assert found.of_group("temperature and grease") == 0.0
+
+
+def test_the_covariance_is_about_that_mean_with_the_flattened_evidence_of_all_hypotheses(problem):
+    known = explanations(problem)
+    weights = band_weights(gaussians(problem, ALL)[0])
+    assert list(flattened(known, known[NONE], calibration(), BAND.evidence).values()) == pytest.approx(
+        weights, abs=1e-10
+    )
+    found = mixture(known, calibration())
+    inside, between = inside_and_between(problem, found.x)
+    np.testing.assert_allclose(found.covariance, inside + between, atol=1e-10)
+    assert np.abs(between).max() > 0.02, "the hypotheses have to differ"
+
+
+def test_a_misfit_widens_what_each_hypothesis_leaves_open_and_a_good_fit_narrows_nothing(problem):
+    known = explanations(problem)
+    as_usual, better, unknown, worse = (mixture(known, calibration(), m) for m in (1.0, 0.5, np.nan, 2.0))
+    for one in (better, unknown):
+        np.testing.assert_array_equal(one.covariance, as_usual.covariance)
+    inside, between = inside_and_between(problem, worse.x)
+    np.testing.assert_allclose(worse.covariance, 4.0 * inside + between, atol=1e-9)
+    np.testing.assert_array_equal(worse.x, as_usual.x)
 
 
 def test_evidence_mean_and_covariance_agree_with_brute_force_sampling(problem):
     rng, draws = np.random.default_rng(7), 400_000
     found = mixture(explanations(problem), calibration())
-    odds = np.exp([log_odds(hypothesis) for hypothesis in HYPOTHESES])
-    samples, likelihood = [], []
-    for hypothesis in HYPOTHESES:
+    evidence, means, covariances, effective = [], [], [], []
+    for hypothesis in ALL:
         root = with_hypothesis(problem, hypothesis).prior_root
         x = rng.standard_normal((draws, 3)) @ np.linalg.inv(root).T
-        samples.append(x)
-        likelihood.append(np.exp(-0.5 * np.sum((x @ DATA[:, :-1].T + DATA[:, -1]) ** 2, axis=1)))
-    evidence = odds * np.mean(likelihood, axis=1)
-    # relative standard error of a mean of so many draws; below 1 % for each
-    error = np.std(likelihood, axis=1) / np.mean(likelihood, axis=1) / np.sqrt(draws)
-    assert error.max() < 0.01
-    expected = evidence / evidence.sum()
+        likelihood = np.exp(-0.5 * np.sum((x @ DATA[:, :-1].T + DATA[:, -1]) ** 2, axis=1))
+        weights = likelihood / likelihood.sum()
+        evidence.append(likelihood.mean())
+        means.append(weights @ x)
+        covariances.append((weights[:, None] * (x - means[-1])).T @ (x - means[-1]))
+        effective.append(1.0 / np.sum(weights**2))
+    error = 1.0 / np.sqrt(min(effective))  # relative standard error of a mean of so many independent draws
+    assert error < 0.01
+    of_known = [ALL.index(hypothesis) for hypothesis in HYPOTHESES]
+    expected = weights_of(np.array(evidence)[of_known])
     for place, hypothesis in enumerate(HYPOTHESES):
-        assert found.probability[hypothesis] == pytest.approx(expected[place], rel=5.0 * error.max())
-    weights = (odds[:, None] * np.array(likelihood)).ravel() / np.sum(odds[:, None] * np.array(likelihood))
-    x = np.concatenate(samples)
-    mean = weights @ x
-    covariance = (weights[:, None] * (x - mean)).T @ (x - mean)
-    effective = 1.0 / np.sum(weights**2)
-    deviation = np.sqrt(np.diag(covariance))
-    assert np.all(np.abs(found.x - mean) < 5.0 * deviation / np.sqrt(effective))
-    # a covariance of so many draws; a mixture has heavier tails than one Gaussian
+        assert found.probability[hypothesis] == pytest.approx(expected[place], rel=5.0 * error)
+    mean = expected @ np.array(means)[of_known]
+    deviation = np.sqrt(np.diag(found.covariance))
+    assert np.all(np.abs(found.x - mean) < 5.0 * error * deviation)
+    apart = np.array(means) - mean
+    inside = [c + missed(problem, h, m) for h, m, c in zip(ALL, means, covariances, strict=True)]
+    covariance = np.einsum(
+        "h,hij->ij", band_weights(np.array(evidence)), inside + apart[:, :, None] * apart[:, None, :]
+    )
     assert found.covariance / np.outer(deviation, deviation) == pytest.approx(
-        covariance / np.outer(deviation, deviation), abs=10.0 / np.sqrt(effective)
+        covariance / np.outer(deviation, deviation), abs=10.0 * error
     )
 
 
@@ -148,8 +199,8 @@ def test_errors_of_position_alone_are_subtracted_and_a_part_of_them_is_uncertain
         shift = wanted[hypothesis]
         np.testing.assert_allclose(errors_in_x(problem.coordinates, hypothesis, calibration(**errors)), shift)
         np.testing.assert_allclose(plain.x - corrected.x, shift, atol=1e-12)
-        added = ERRORS_REPEAT**2 * np.outer(shift, shift)
-        np.testing.assert_allclose(corrected.covariance - plain.covariance, added, atol=1e-9)
+        inside, between = inside_and_between(problem, corrected.x, lambda h: wanted.get(h, wanted[NONE]))
+        np.testing.assert_allclose(corrected.covariance, inside + between, atol=1e-9)
     unknown = errors_in_x(problem.coordinates, VALVES, calibration(**errors))
     np.testing.assert_array_equal(unknown, wanted[NONE], "a hypothesis that is not known has the errors of none")
 

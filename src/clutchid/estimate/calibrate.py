@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimate.automatic import automatic
 from clutchid.estimate.changes import Change, Departure
-from clutchid.estimate.departure import departure
+from clutchid.estimate.departure import departure, relative_misfit
 from clutchid.estimate.free import FreeParameters, SearchStart, bounds_of, free_names
 from clutchid.estimate.hypotheses import explained
 from clutchid.estimate.mixture import changes, mixture
@@ -104,13 +104,13 @@ def _searched(
     if isinstance(found.solution, Failure):
         return found, (), None
     known = explained(found, method.hypotheses, calibration)
-    all_together = mixture(known, calibration)
+    cost = min(method.hypotheses.cost(one.solution) for one in known.values())
+    all_together = mixture(known, calibration, relative_misfit(cost, logs, calibration))
     best = known[max(all_together.probability, key=all_together.probability.__getitem__)]
     settled = method.hypotheses.settle(best.result.problem, best.solution, all_together.x)
     if isinstance(settled, Failure):
         return found, (), None
     result = replace(best.result, solution=settled, covariance=all_together.covariance)
-    cost = min(method.hypotheses.cost(one.solution) for one in known.values())
     departs = departure(result.problem, all_together.x, cost, logs, calibration)
     return result, changes(result.problem, all_together), departs
 

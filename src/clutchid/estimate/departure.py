@@ -35,8 +35,13 @@ def departure(
     moved = np.zeros_like(x)
     moved[changing] = x[changing]
     whitened = moved if root is None else root @ moved
+    return Departure(float(whitened @ whitened), len(changing), relative_misfit(cost, logs, calibration))
+
+
+def relative_misfit(cost: float, logs: Sequence[Log], calibration: Calibration) -> float:
+    """Cost for each second in motion over that of the calibration recordings; NaN where that is not known."""
     usual = calibration.position_only.misfit if calibration.position_only else np.nan
-    return Departure(float(whitened @ whitened), len(changing), misfit(cost, logs) / usual)
+    return misfit(cost, logs) / usual
 
 
 def misfit(cost: float, logs: Sequence[Log]) -> float:

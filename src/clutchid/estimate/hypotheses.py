@@ -18,7 +18,7 @@ from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem, prior_rows
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import HYPOTHESES, Hypothesis, log_odds
+from clutchid.uncertainty.change_prior import HYPOTHESES, LOG_ODDS_TOGETHER, Hypothesis, log_odds
 from clutchid.uncertainty.coordinates import Coordinate
 from clutchid.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
 
@@ -107,6 +107,21 @@ def _candidate(
 def probabilities(known: Explanations[SolutionT], calibration: Calibration) -> FloatArray:
     """Probability of each hypothesis, in the order of `known`."""
     return softmax([score(one.under(h), h, calibration) for h, one in known.items()])
+
+
+def flattened(
+    known: Explanations[SolutionT], best: Explanation[SolutionT], calibration: Calibration, part: float
+) -> dict[Hypothesis, float]:
+    """Weights of all hypotheses by `part` of the logarithm of their evidence, without odds against two changes at once.
+
+    Those without a search are judged by the linearisation at the `best` explanation.
+    """
+    scores = []
+    for h in HYPOTHESES:
+        odds = log_odds(h)
+        evidence = score(known.get(h, best).under(h), h, calibration) - odds
+        scores.append(part * evidence + odds - (LOG_ODDS_TOGETHER if len(h) > 1 else 0.0))
+    return dict(zip(HYPOTHESES, softmax(scores).tolist(), strict=True))
 
 
 def score(posterior: GaussianPosterior, hypothesis: Hypothesis, calibration: Calibration) -> float:

@@ -2,25 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.estimate.changes import Change
-from clutchid.estimate.hypotheses import Explanations, errors_in_x, probabilities
+from clutchid.estimate.hypotheses import Explanations, errors_in_x, flattened, probabilities
 from clutchid.estimate.search_result import SolutionT
 from clutchid.log import FloatArray
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import GROUPS, Hypothesis, prior_probability
+from clutchid.uncertainty.change_prior import GROUPS, HYPOTHESES, Hypothesis, prior_probability
+from clutchid.uncertainty.coordinates import Coordinate
 
 #: Part of the errors of a fit to position alone that is different in another recording.
 ERRORS_REPEAT = 0.5
 
 
+class Band(NamedTuple):
+    """How certain the load is taken to be. Provenance: `benchmarks/bands.py`, docs/derivations.md, "Intervals".
+
+    `evidence` is the part of the logarithm of the evidence that counts: a likelihood of correlated residuals is too
+    sure of the best hypothesis; `missed` the standard deviation of what the model misses of the load where a group has
+    changed, as a share of the load; `misfit` the power of the relative misfit that multiplies standard deviations.
+    """
+
+    evidence: float = 0.5
+    missed: Mapping[str, float] = MappingProxyType({"temperature and grease": 0.018})
+    misfit: float = 1.0
+
+
+#: As shipped.
+BAND = Band()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixture:
-    """Posterior over all hypotheses: mean x (k,), covariance (k, k), and the probability of each hypothesis."""
+    """Posterior over hypotheses: mean x (k,), covariance (k, k), and the probability of each that was searched."""
 
     x: FloatArray
     covariance: FloatArray
@@ -31,23 +52,50 @@ class Mixture:
         return sum(p for hypothesis, p in self.probability.items() if group in hypothesis)
 
 
-def mixture(known: Explanations[SolutionT], calibration: Calibration) -> Mixture:
-    """Posterior over the hypotheses `known`.
+def mixture(
+    known: Explanations[SolutionT], calibration: Calibration, misfit: float = 1.0, band: Band = BAND
+) -> Mixture:
+    """Posterior over the hypotheses: mean over those `known`, covariance over all of them.
 
     The errors that the calibration has found of fits to position alone are subtracted; part of them counts as
-    uncertain.
+    uncertain. The covariance is about the mean, with the flattened evidence of every hypothesis.
+
+    Parameters
+    ----------
+    misfit : 1
+        See `Departure`: what the model misses more than in the calibration recordings widens all covariances.
+    band : Band
+        How certain the load is taken to be.
     """
-    weights = probabilities(known, calibration)
-    means, covariances = [], []
-    for hypothesis, one in known.items():
-        posterior = one.under(hypothesis)
-        shift = errors_in_x(one.result.problem.coordinates, hypothesis, calibration)
-        means.append(one.solution.x + posterior.step - shift)
-        covariances.append(posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift))
-    x = weights @ np.array(means)
-    spread = [c + np.outer(m - x, m - x) for m, c in zip(means, covariances, strict=True)]
-    return Mixture(
-        x, np.einsum("h,hij->ij", weights, np.array(spread)), dict(zip(known, weights.tolist(), strict=True))
+    probability = dict(zip(known, probabilities(known, calibration).tolist(), strict=True))
+    best = known[max(probability, key=probability.__getitem__)]
+    means, covariances = {}, {}
+    for hypothesis in HYPOTHESES:
+        one = known.get(hypothesis, best)
+        coordinates, posterior = one.result.problem.coordinates, one.under(hypothesis)
+        shift = errors_in_x(coordinates, hypothesis, calibration)
+        means[hypothesis] = one.solution.x + posterior.step - shift
+        scale = _scale_of_load(coordinates, one.result.problem.actuator.load.names, means[hypothesis])
+        share = np.hypot.reduce([band.missed.get(group, 0.0) for group in hypothesis])
+        covariances[hypothesis] = (
+            posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + share**2 * np.outer(scale, scale)
+        )
+    x = np.sum([p * means[hypothesis] for hypothesis, p in probability.items()], axis=0)
+    widened = np.fmax(1.0, misfit) ** (2.0 * band.misfit)
+    covariance = sum(
+        weight * (widened * covariances[h] + np.outer(means[h] - x, means[h] - x))
+        for h, weight in flattened(known, best, calibration, band.evidence).items()
+    )
+    return Mixture(x, np.asarray(covariance), probability)
+
+
+def _scale_of_load(coordinates: Sequence[Coordinate], weights: Sequence[str], x: FloatArray) -> FloatArray:
+    """Direction in x, shape (k,), in which the load grows by its own size."""
+    return np.array(
+        [
+            c.si(value) / c.slope(value) if c.base in weights else 0.0
+            for c, value in zip(coordinates, x.tolist(), strict=True)
+        ]
     )
 
 
