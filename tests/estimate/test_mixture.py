@@ -92,7 +92,7 @@ def missed(problem, hypothesis, mean):
 
 
 def inside_and_between(problem, x, shift_of=lambda _hypothesis: np.zeros(3)):
-    """Parts of the covariance of the band about x: of each hypothesis, whose errors are `shift_of`, and between them."""
+    """Parts of the covariance of the band about x: of the hypotheses, with errors `shift_of`, and between them."""
     densities, means, covariances = gaussians(problem, ALL)
     shifts = np.array([shift_of(hypothesis) for hypothesis in ALL])
     inside = [
