@@ -15,7 +15,7 @@ from clutchid.errors import ParameterError
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-THREADS = ("OPENBLAS_NUMTHREADS", "OMP_NUMTHREADS", "MKL_NUMTHREADS", "POLARS_MAXTHREADS")
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
 def check_workers(workers: int) -> None:
