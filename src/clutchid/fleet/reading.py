@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,6 +14,7 @@ from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import LoadCurve
+from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
 from clutchid.wear.life import Curve, Reading
 from clutchid.wear.measurement import measured
@@ -69,6 +71,14 @@ def read_recording(how: How, path: Path) -> Read:
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
         return Read(path, Reading("failed", sentence, "none", None), clock, checksum)
     return read._replace(clock=clock, sha256=checksum)
+
+
+def without_result(path: Path, lost: Lost) -> Read:
+    """A recording whose process was lost, with its checksum where it can still be read."""
+    checksum = ""
+    with suppress(DataError):
+        checksum = digest(path)
+    return Read(path, Reading(lost.status, lost.message, "none", None), "", checksum)
 
 
 def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:

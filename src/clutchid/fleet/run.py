@@ -12,11 +12,10 @@ from typing import NamedTuple
 from clutchid.fleet.alone import Lost
 from clutchid.fleet.cluster import Cluster, Done, results
 from clutchid.fleet.jobs import Fleet, Job
-from clutchid.fleet.reading import How, Read, read_recording
+from clutchid.fleet.reading import How, Read, read_recording, without_result
 from clutchid.fleet.store import Kept, Store
 from clutchid.fleet.version import version_and_source
 from clutchid.io.files import digest
-from clutchid.wear.life import Reading
 
 #: Lost results, which are tried again where the user says so.
 LOST = ("killed", "timed_out")
@@ -101,17 +100,9 @@ def _work(task: Task) -> Read:
 def _result(done: Done[Task, Read]) -> Kept:
     task, read = done.item, done.result
     if isinstance(read, Lost):
-        read = Read(
-            Path(task.job.recording), Reading(read.status, read.message, "none", None), "", _sha256(task.job.path)
-        )
+        assert task.job.path is not None
+        read = without_result(task.job.path, read)
     return Kept(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)
-
-
-def _sha256(path: Path | None) -> str:
-    try:
-        return digest(path) if path else ""
-    except OSError:
-        return ""
 
 
 def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:

@@ -12,7 +12,8 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.fleet import pool
-from clutchid.fleet.reading import How, Read, read_recording
+from clutchid.fleet.alone import Lost
+from clutchid.fleet.reading import How, Read, read_recording, without_result
 from clutchid.io.files import atomic_write
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Curve, Wear, wear_of
@@ -129,8 +130,8 @@ def track(
     """
     pool.check_workers(workers)
     found: dict[Path, Read] = {}
-    for read in pool.results(partial(read_recording, how), paths, workers):
-        found[read.path] = read
+    for path, read in pool.results(partial(read_recording, how), paths, workers):
+        found[path] = without_result(path, read) if isinstance(read, Lost) else read
         if progress:
             progress(f"{len(found)} of {len(paths)} recordings", len(found) / len(paths))
     reads = _once([found[path] for path in paths])

@@ -16,6 +16,7 @@ import numpy as np
 
 from clutchid.errors import ExportError
 from clutchid.fleet import pool
+from clutchid.fleet.alone import Lost
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.study.proving.answers import Answer, Workflow, score
@@ -88,16 +89,21 @@ def prove_one(name: str, number: int, conditions: Conditions = Conditions()) -> 
     If the workflow raises an exception or returns no finite curve, the truck counts as failed, with the reason.
     """
     ground = proof(number, conditions)
-    known = {"truck": number, "family": conditions.family, "change": " + ".join(conditions.changes) or "none"}
     begin = time.perf_counter()
     try:
         answers = _answers(workflow(name), ground)
         seconds = time.perf_counter() - begin
         logs = {d.log.name: _scored(answer, d) for answer, d in zip(answers, ground.worn, strict=True)}
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        return {**known, "failed": reason, "seconds": time.perf_counter() - begin, "logs": {}}
-    return {**known, "failed": None, "seconds": seconds, "logs": logs}
+        return _result(number, conditions, f"{type(error).__name__}: {error}", time.perf_counter() - begin, {})
+    return _result(number, conditions, None, seconds, logs)
+
+
+def _result(
+    number: int, conditions: Conditions, failed: str | None, seconds: float, logs: dict[str, Any]
+) -> dict[str, Any]:
+    known = {"truck": number, "family": conditions.family, "change": " + ".join(conditions.changes) or "none"}
+    return {**known, "failed": failed, "seconds": seconds, "logs": logs}
 
 
 def _answers(method: Workflow, ground: Proof) -> Sequence[Answer]:
@@ -148,9 +154,11 @@ def prove(
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     show = progress or (lambda _text, _fraction: None)
-    for result in pool.results(partial(prove_one, name, conditions=conditions), todo, workers):
-        _write(folder / f"truck_{result['truck']:05d}.json", result)
-        done[result["truck"]] = result
+    for number, result in pool.results(partial(prove_one, name, conditions=conditions), todo, workers):
+        done[number] = (
+            _result(number, conditions, result.message, 0.0, {}) if isinstance(result, Lost) else result
+        )
+        _write(folder / f"truck_{number:05d}.json", done[number])
         ready = sum(r is not None for r in done.values())
         show(f"{ready} of {len(requested)} trucks", ready / len(requested))
     return [result for result in done.values() if result is not None]
