@@ -141,8 +141,8 @@ def _run(place: Place, todo: list[Task], kept: Store) -> None:
     from clutchid.fleet.warming import warm
 
     with progress_bar("fleet") as show:
-        warm({task.how.start for task in todo})
         with cluster(place) as on:
+            warm({task.how.start for task in todo})  # after the scheduler has answered, which is not known at once
             if on.dashboard:
                 print(f"dashboard: {printable(on.dashboard)}", file=sys.stderr)
             begin = monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import signal
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from clutchid.errors import MissingExtra, ParameterError, SolveError
 from clutchid.fleet.alone import Limits, Lost, alone
 from clutchid.fleet.pool import THREADS, check_workers
-from clutchid.fleet.version import version_and_source
+from clutchid.fleet.scheduler import answered, check_scheduler
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -31,7 +32,7 @@ WINDOW = 1000
 #: Items that are given to the scheduler together.
 BATCH = 100
 
-#: Time in s that a scheduler, and its first worker, has to answer.
+#: Time in s that a scheduler, its first worker, and then all of its workers have to answer.
 ANSWER = 4.0
 
 #: How often an item is given out, from the second time on in a process of its own: a worker that is lost then was not
@@ -93,7 +94,7 @@ def cluster(place: Place) -> Iterator[Cluster]:
     with _quiet(), dask.config.set(_settings(place)), _client(place) as client:
         dashboard = client.dashboard_link if find_spec("bokeh") or place.scheduler else ""
         if place.scheduler:
-            _check_versions(client, place.scheduler)
+            check_scheduler(client, place.scheduler, ANSWER)
         yield Cluster(client, place, dashboard)
 
 
@@ -191,8 +192,12 @@ def _timed(work: Callable[[Item], Result], limit: float, item: Item) -> tuple[Re
 
 
 def _timed_alone(work: Callable[[Item], Result], limits: Limits, item: Item) -> tuple[Result | Lost, float]:
+    """Result and time in s of a process of its own, which has the memory of its worker where none is said."""
+    from distributed import get_worker
+
     begin = time.perf_counter()
-    return alone(work, item, limits), time.perf_counter() - begin
+    memory = limits.memory or get_worker().memory_manager.memory_limit or 0
+    return alone(work, item, limits._replace(memory=memory)), time.perf_counter() - begin
 
 
 def _settings(place: Place) -> dict[str, Any]:
@@ -230,36 +235,15 @@ def _client(place: Place) -> Iterator[Client]:
             yield client
         return
     try:
+        asyncio.run(answered(place.scheduler, ANSWER))
         client = Client(place.scheduler, timeout=f"{ANSWER:g}s")
-    except (OSError, ValueError, TimeoutError, ImportError) as error:
+    except Exception as error:  # whatever listens there may answer anything
         raise ParameterError(
             f"--scheduler {place.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an address "
             "is like tcp://host:8786, and the scheduler is started with `dask scheduler`."
         ) from error
     with client:
         yield client
-
-
-def _check_versions(client: Client, address: str) -> None:
-    """Check that a scheduler has workers, and that all have this clutchid."""
-    try:
-        client.wait_for_workers(1, timeout=ANSWER)
-    except TimeoutError:
-        raise ParameterError(
-            f"--scheduler {address}: has no workers; start them with `dask worker {address} --nthreads 1`."
-        ) from None
-    for worker, found in client.run(_version, on_error="return").items():
-        if isinstance(found, BaseException):
-            raise ParameterError(f"--scheduler {address}: worker {worker} has no clutchid of this version ({found}).")
-        if found != version_and_source():
-            raise ParameterError(
-                f"--scheduler {address}: worker {worker} has another clutchid than this process, or other sources; "
-                "install the same version everywhere."
-            )
-
-
-def _version() -> dict[str, str]:
-    return version_and_source()
 
 
 @contextmanager
