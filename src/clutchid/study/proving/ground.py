@@ -154,11 +154,10 @@ def prove(
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     show = progress or (lambda _text, _fraction: None)
-    for number, result in pool.results(partial(prove_one, name, conditions=conditions), todo, workers):
-        done[number] = (
-            _result(number, conditions, result.message, 0.0, {}) if isinstance(result, Lost) else result
-        )
-        _write(folder / f"truck_{number:05d}.json", done[number])
+    for number, found in pool.results(partial(prove_one, name, conditions=conditions), todo, workers):
+        result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, Lost) else found
+        _write(folder / f"truck_{number:05d}.json", result)
+        done[number] = result
         ready = sum(r is not None for r in done.values())
         show(f"{ready} of {len(requested)} trucks", ready / len(requested))
     return [result for result in done.values() if result is not None]
