@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import psutil
 import pytest
@@ -46,8 +47,8 @@ def test_work_alone_ends_with_the_process_that_waits_for_it():
         "from clutchid.fleet.alone import Limits, alone; from fixtures.fleet_faults import faulty; "
         "alone(faulty, ('slow', 0), Limits())"
     )
-    folder = os.path.dirname(os.path.dirname(__file__))
-    process = subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": folder})
+    folder = Path(__file__).parents[1]
+    process = subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(folder)})
     try:
         end = time.monotonic() + 60.0
         while not (children := psutil.Process(process.pid).children()) and time.monotonic() < end:

@@ -36,17 +36,20 @@ def check_scheduler(client: Client, address: str, seconds: float) -> None:
             f"--scheduler {address}: has no workers; start them with `dask worker {address} --nthreads 1`."
         ) from None
     try:
+        here = client.sync(client._run_on_scheduler, _version, callback_timeout=seconds)
         versions = client.sync(client._run, _version, on_error="return", callback_timeout=seconds)
     except TimeoutError:
         raise ParameterError(
-            f"--scheduler {address}: one of its workers does not answer within {seconds:g} s; end it, or start it again."
+            f"--scheduler {address}: a worker does not answer within {seconds:g} s; end it, or start it again."
         ) from None
-    for worker, found in versions.items():
+    except Exception as error:  # its Python has no clutchid
+        here, versions = error, {}
+    for who, found in {"the scheduler": here, **{f"worker {name}": one for name, one in versions.items()}}.items():
         if isinstance(found, BaseException):
-            raise ParameterError(f"--scheduler {address}: worker {worker} has no clutchid of this version ({found}).")
+            raise ParameterError(f"--scheduler {address}: {who} has no clutchid of this version ({found}).")
         if found != version_and_source():
             raise ParameterError(
-                f"--scheduler {address}: worker {worker} has another clutchid than this process, or other sources; "
+                f"--scheduler {address}: {who} has another clutchid than this process, or other sources; "
                 "install the same version everywhere."
             )
 
