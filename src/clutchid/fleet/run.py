@@ -12,7 +12,7 @@ from typing import NamedTuple
 from clutchid.fleet.alone import Lost
 from clutchid.fleet.cluster import Cluster, Done, results
 from clutchid.fleet.jobs import Fleet, Job
-from clutchid.fleet.reading import How, Read, read_recording, without_result
+from clutchid.fleet.reading import How, Read, checksum_of, read_recording, without_result
 from clutchid.fleet.store import Kept, Store
 from clutchid.fleet.version import version_and_source
 from clutchid.io.files import digest
@@ -60,7 +60,7 @@ def tasks(fleet: Fleet, options: Options, kept: Store, *, retry: bool = False) -
         if known_inputs != task.inputs or (retry and status in LOST):
             found.append(task)
         elif known_file != file:
-            if checksum and digest(job.path) == checksum:
+            if checksum and checksum_of(job.path) == checksum:
                 kept.same_file(key, file)
             else:
                 found.append(task)
@@ -114,6 +114,9 @@ def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:
 
 
 def _file(path: Path) -> str:
-    """Size and time of a file, which tell that it has not changed without reading it."""
-    known = path.stat()
+    """Size and time of a file, which tell that it has not changed without reading it; empty where it is gone."""
+    try:
+        known = path.stat()
+    except OSError:
+        return ""
     return f"{known.st_size} {known.st_mtime_ns}"
