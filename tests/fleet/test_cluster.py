@@ -12,7 +12,7 @@ import pytest
 
 from clutchid.errors import ParameterError, SolveError
 from clutchid.fleet.alone import Limits, Lost, alone
-from clutchid.fleet.cluster import Place, cluster, results
+from clutchid.fleet.cluster import Place, cluster, results, shared
 from fixtures.fleet_faults import faulty, once_killed
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -100,9 +100,11 @@ def test_the_workers_of_a_scheduler_do_the_same_work(scheduler):
     worker()
     with cluster(Place(scheduler=address)) as on:
         assert sorted(one.result for one in results(on, abs, range(50))) == list(range(50))
+    assert sorted(shared(abs, range(9), Place(scheduler=address))) == [(n, n) for n in range(9)]
+    assert sorted(shared(abs, range(9), Place(2))) == [(n, n) for n in range(9)]
 
 
-def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler):
+def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd):
     address, worker, process = scheduler
     worker()
     done = []
@@ -116,6 +118,7 @@ def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(sched
     with cluster(Place(scheduler=address)) as on, pytest.raises(SolveError, match="the connection to the scheduler"):
         go_on(on)
     assert 5 <= len(done) < 200
+    assert "distributed" not in capfd.readouterr().err, "Dask's own words are not shown"
 
 
 def test_what_needs_more_memory_than_the_workers_of_a_scheduler_have_is_named(scheduler):

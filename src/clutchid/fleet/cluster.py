@@ -16,6 +16,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from clutchid.errors import MissingExtra, ParameterError, SolveError
+from clutchid.fleet import pool
 from clutchid.fleet.alone import Limits, Lost, alone
 from clutchid.fleet.pool import THREADS, check_workers
 from clutchid.fleet.scheduler import answered, check_scheduler
@@ -137,6 +138,21 @@ def results(on: Cluster, work: Callable[[Item], Result], items: Iterable[Item]) 
             submit(list(islice(waiting, WINDOW - len(attempts))), 0)
 
 
+def shared(work: Callable[[Item], Result], items: Sequence[Item], place: Place) -> Iterator[tuple[Item, Result | Lost]]:
+    """Items with their results from the workers of a scheduler, or from processes of this machine, without Dask.
+
+    Raises
+    ------
+    MissingExtra, ParameterError, SolveError
+        As `cluster` and `results`.
+    """
+    if not place.scheduler or not items:
+        yield from pool.results(work, items, place.workers)
+        return
+    with cluster(place) as on:
+        yield from ((done.item, done.result) for done in results(on, work, items))
+
+
 @dataclass(frozen=True, slots=True)
 class _Again:
     """The worker was lost; the work may be at fault, or not."""
@@ -249,7 +265,11 @@ def _client(place: Place) -> Iterator[Client]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """No lines of Dask's own on standard error: what goes wrong with a worker is a row of the results."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio", "bokeh")]
+    roots = {"distributed", "tornado", "asyncio", "bokeh"}
+    below = {
+        name for name in logging.root.manager.loggerDict if name.split(".")[0] in roots
+    }  # have levels of their own
+    loggers = [logging.getLogger(name) for name in sorted(roots | below)]
     levels = [one.level for one in loggers]
     for one in loggers:
         one.setLevel(logging.CRITICAL + 1)

@@ -17,6 +17,7 @@ import numpy as np
 from clutchid.errors import ExportError
 from clutchid.fleet import pool
 from clutchid.fleet.alone import Lost
+from clutchid.fleet.cluster import Place, shared
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.study.proving.answers import Answer, Workflow, score
@@ -132,12 +133,14 @@ def prove(
     conditions: Conditions = Conditions(),
     *,
     workers: int = 1,
+    scheduler: str = "",
     progress: Callable[[str, float], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
 
-    The folder of `conditions` other than family A without changes is ``out/NAME@FAMILY+CHANGE``. The results do not
-    depend on the number of workers or on interruptions.
+    The trucks are shared by `workers` processes of this machine, or by the workers of the Dask scheduler at an address.
+    A truck that ends its process has failed. The results do not depend on the number of workers or on interruptions.
+    The folder of `conditions` other than family A without changes is ``out/NAME@FAMILY+CHANGE``.
 
     Raises
     ------
@@ -145,6 +148,8 @@ def prove(
         For an unknown workflow, family or change, or fewer than one worker.
     ExportError
         If `out` cannot be written, or contains results of other settings.
+    SolveError
+        If the scheduler is lost; the results before are kept.
     """
     pool.check_workers(workers)
     workflow(name)
@@ -153,8 +158,9 @@ def prove(
     folder = _folder(out, name + conditions.suffix)
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
+    work = partial(prove_one, name, conditions=conditions)
     show = progress or (lambda _text, _fraction: None)
-    for number, found in pool.results(partial(prove_one, name, conditions=conditions), todo, workers):
+    for number, found in shared(work, todo, Place(workers, scheduler)):
         result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, Lost) else found
         _write(folder / f"truck_{number:05d}.json", result)
         done[number] = result
