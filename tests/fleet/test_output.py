@@ -8,7 +8,7 @@ import pytest
 from clutchid.errors import ExportError
 from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.output import rows_of
-from clutchid.fleet.reading import How, Read, read_recording
+from clutchid.fleet.reading import How, Read, checksum_of, read_recording
 from clutchid.fleet.run import Options, tasks
 from clutchid.fleet.store import Kept, store
 from clutchid.fleet.tracking import track
@@ -45,6 +45,37 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
         assert not tasks(fleet, Options(), one)
         gone.touch()
         assert tasks(fleet, Options(), one), "it has come back"
+
+
+def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, monkeypatch):
+    recording, start, channels = tmp_path / "r.parquet", tmp_path / "cal.toml", tmp_path / "map.toml"
+    for path in (recording, start, channels):
+        path.write_text("before")
+    fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
+    options = Options(channel_map=channels)
+    with store(tmp_path / "out", {}) as one:
+
+        def is_read(options=options, **retry):
+            """Whether the recording is read now; then it is done."""
+            todo = tasks(fleet, options, one, **retry)
+            for task in todo:
+                read = Read(recording, Reading("killed", "lost", "none", None), sha256=checksum_of(recording))
+                one.put(Kept("V1", "r", task.inputs, task.file, read, 0.0))
+            return bool(todo)
+
+        assert is_read()
+        assert not is_read()
+        for path in (start, channels, recording):
+            path.write_text(f"{path.read_text()}, and after")
+            assert is_read(), path.name
+            assert not is_read()
+        assert is_read(Options(channel_map=channels, ambient=1e5))
+        assert is_read(Options("observe", channel_map=channels))
+        assert is_read()
+        monkeypatch.setattr("clutchid.fleet.run.version_and_source", lambda: {"clutchid": "9", "source": "other"})
+        assert is_read()
+        assert not is_read()
+        assert is_read(retry=True), "it ended its worker"
 
 
 def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):
