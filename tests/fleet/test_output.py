@@ -6,6 +6,7 @@ import polars as pl
 import pytest
 
 from clutchid.errors import ExportError
+from clutchid.fleet.alone import Limits, alone
 from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.output import rows_of
 from clutchid.fleet.reading import How, Read, checksum_of, read_recording
@@ -76,6 +77,26 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
         assert is_read()
         assert not is_read()
         assert is_read(retry=True), "it ended its worker"
+
+
+def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path):
+    recording, start = tmp_path / "r.parquet", tmp_path / "cal.toml"
+    recording.touch()
+    start.touch()
+    fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
+    with store(tmp_path / "out", {}) as one:
+        (task,) = tasks(fleet, Options(), one)
+        for checksum, again in (("", 1), (checksum_of(recording), 0)):
+            read = Read(recording, Reading("bad_input", "cannot be read.", "none", None), sha256=checksum)
+            one.put(Kept("V1", "r", task.inputs, task.file, read, 0.0))
+            assert len(tasks(fleet, Options(), one)) == again
+
+
+def test_work_alone_without_room_for_its_files_is_a_value(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
+    lost = alone(abs, -1, Limits())
+    assert lost.status == "killed"
+    assert "could not be started (No such file or directory)" in lost.message
 
 
 def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):

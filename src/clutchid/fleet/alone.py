@@ -46,6 +46,14 @@ class Limits(NamedTuple):
 
 def alone(work: Callable[[Any], Any], item: Any, limits: Limits) -> Any:
     """The result of `work` on `item` in a process of its own, or how it was `Lost`."""
+    try:
+        return _alone(work, item, limits)
+    except OSError as error:  # as on a full disk
+        reason = error.strerror or type(error).__name__
+        return Lost("killed", f"ended its worker, and a process of its own could not be started ({reason}).")
+
+
+def _alone(work: Callable[[Any], Any], item: Any, limits: Limits) -> Any:
     with tempfile.TemporaryDirectory(prefix="clutchid-") as folder:
         given, found = Path(folder, "given"), Path(folder, "found")
         given.write_bytes(pickle.dumps((work, item)))

@@ -57,10 +57,11 @@ def tasks(fleet: Fleet, options: Options, kept: Store, *, retry: bool = False) -
         key, file = (job.vehicle, job.recording), _file(job.path)
         task = Task(job, options.how(job.start), inputs[job.start], file)
         known_inputs, known_file, checksum, status = done.get(key, ("", "", "", ""))
-        if known_inputs != task.inputs or (retry and status in LOST):
+        unread = file and not checksum  # as where a share was away for a while
+        if known_inputs != task.inputs or unread or (retry and status in LOST):
             found.append(task)
         elif known_file != file:
-            if checksum and checksum_of(job.path) == checksum:
+            if checksum_of(job.path) == checksum:
                 kept.same_file(key, file)
             else:
                 found.append(task)

@@ -10,7 +10,7 @@ from clutchid.wear.settings import FALSE_ALARMS
 
 
 def wear_json(wear: Wear) -> dict[str, Any]:
-    """The keys of every result, and `wear`: the trend at the last recording, alarms and how often they are false, and what is left."""
+    """The keys of every result, and `wear`: the trend at the end, alarms, how often they are false, what is left."""
     counted = any(outcome in ("used", "jump") for outcome in wear.outcomes)
     troubled = wear.warnings or wear.alarms or any(one.status != "ok" for one in wear.readings)
     at_end = {
