@@ -88,3 +88,13 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
 def test_a_row_that_stands_twice_with_the_same_values_counts_once(depot):
     path = table(depot, "a,V1,T1,", "a,V1,T1,", head="recording,vehicle,type,strokes")
     assert keys(fleet_of(path, depot / "cal.toml")) == [("V1", "a")]
+
+
+def test_results_of_a_run_are_no_recordings_and_a_link_to_a_file_that_is_gone_is_one(depot):
+    results = depot / "fleet" / "result"
+    (results / "curves").mkdir(parents=True)
+    for name in ("run.sqlite", "results.parquet", "curves/part-00000.parquet"):
+        (results / name).touch()
+    (depot / "fleet" / "V2" / "c.parquet").symlink_to(depot / "share" / "c.parquet")
+    found = keys(fleet_of(depot / "fleet", depot / "cal.toml"))
+    assert found == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b"), ("V2", "c")]

@@ -1,6 +1,7 @@
 """What a run keeps: whole after any end, for one run at a time, and only for what it is about."""
 
 import resource
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +51,8 @@ def test_a_folder_of_something_else_is_refused_unchanged(tmp_path):
     with pytest.raises(ExportError, match="is not empty and has no run of a fleet"), store(tmp_path / "mine", ABOUT):
         pass
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
-    with store(tmp_path / "out", ABOUT):
-        pass
+    with store(tmp_path / "out", ABOUT) as one:
+        one.put(kept("r1"))
     with (
         pytest.raises(ExportError, match="has a run whose verb is fit, not track; name another folder"),
         store(tmp_path / "out", {**ABOUT, "verb": "track"}),
@@ -90,3 +91,24 @@ def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path
         fill(one)
     with store(tmp_path, ABOUT) as one:
         assert len(list(one.results())) == 2001
+
+
+def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
+    (tmp_path / "text").mkdir()
+    (tmp_path / "text" / "run.sqlite").write_text("no database, but a text that is long enough to be told from one")
+    with pytest.raises(ExportError, match="is not the file of a run, or was damaged"), store(tmp_path / "text", ABOUT):
+        pass
+    (tmp_path / "other").mkdir()
+    with sqlite3.connect(tmp_path / "other" / "run.sqlite") as base:
+        base.execute("CREATE TABLE done (vehicle TEXT, name TEXT)")
+    with pytest.raises(ExportError, match="is not from this version of clutchid"), store(tmp_path / "other", ABOUT):
+        pass
+
+
+def test_a_run_that_has_done_nothing_may_become_another(tmp_path):
+    with store(tmp_path, ABOUT):
+        pass
+    with store(tmp_path, {**ABOUT, "verb": "track"}) as one:
+        one.put(kept("r1"))
+    with pytest.raises(ExportError, match="has a run whose verb is track, not fit"), store(tmp_path, ABOUT):
+        pass

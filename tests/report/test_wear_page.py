@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.report.html import render
+from clutchid.report.wear_json import wear_json
 from clutchid.report.wear_page import page_of, wear_page
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Reading, wear_of
@@ -33,6 +34,12 @@ def test_the_page_of_a_vehicle_leads_back_to_the_fleet_whatever_was_read(shifts,
 
 def test_a_page_of_its_own_leads_nowhere(loads_nothing):
     assert loads_nothing(render(page_of(life_of([0.0, 1e-5]), [], "c")))
+
+
+def test_page_and_object_say_how_often_an_alarm_is_false():
+    life = life_of([0.0, 1e-5])
+    assert "set to one false alarm in 1,000 recordings" in render(page_of(life, [], "c"))
+    assert wear_json(life)["wear"]["false_alarms"] == 1e-3
 
 
 def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):

@@ -23,11 +23,18 @@ def test_the_clock_of_the_file_counts_before_the_table_and_the_name():
     assert [one.source for one in found.dated] == ["name", "file", "file"]
     assert found.axis == "days"
     assert found.s == pytest.approx([0.0, 1.0, 34.17021], abs=1e-4)
-    (contradiction,) = found.warnings
-    assert (
-        contradiction
-        == "b_2026-03-01: the file is of 2026-02-03 04:05, the table says 2026-01-05 00:00; the file counts."
+    assert found.warnings == (
+        "b_2026-03-01: the file is of 2026-02-03 04:05, the table says 2026-01-05 00:00; the file counts.",
+        "b_2026-03-01: its name is of 2026-03-01, the file of 2026-02-03; the file counts.",
     )
+
+
+def test_a_name_that_agrees_to_a_day_is_no_contradiction():
+    for clock in ("2026-03-01T23:59:00+00:00", "2026-02-28T11:00:00+00:00", "2026-03-02T20:00:00+00:00"):
+        assert not arranged(["b_2026-03-01"], [clock], {}).warnings
+    late = rows(Listed("b_2026-03-01", begin=datetime(2026, 3, 9, tzinfo=UTC)))
+    (warning,) = arranged(["b_2026-03-01"], [""], late).warnings
+    assert warning == "b_2026-03-01: its name is of 2026-03-01, the table of 2026-03-09; the table counts."
 
 
 def test_a_clock_that_restarted_is_not_used():

@@ -140,20 +140,19 @@ def _run(place: Place, todo: list[Task], kept: Store) -> None:
     from clutchid.fleet.run import run
     from clutchid.fleet.warming import warm
 
-    with progress_bar("fleet") as show:
-        warm({task.how.start for task in todo})
-        with cluster(place) as on:
-            if on.dashboard:
-                print(f"dashboard: {printable(on.dashboard)}", file=sys.stderr)
-            begin = monotonic()
+    with progress_bar("fleet") as show, cluster(place) as on:
+        warm({task.how.start for task in todo})  # after the scheduler has answered, which is not known at once
+        if on.dashboard:
+            print(f"dashboard: {printable(on.dashboard)}", file=sys.stderr)
+        begin = monotonic()
 
-            def progress(count: int) -> None:
-                rate = count / max(monotonic() - begin, 1e-3)
-                left = (len(todo) - count) / rate
-                words = f"{count:,} of {len(todo):,} recordings, {rate:.2g} a second, {_span(left)} left"
-                show(words, count / len(todo))
+        def progress(count: int) -> None:
+            rate = count / max(monotonic() - begin, 1e-3)
+            left = (len(todo) - count) / rate
+            words = f"{count:,} of {len(todo):,} recordings, {rate:.2g} a second, {_span(left)} left"
+            show(words, count / len(todo))
 
-            run(on, todo, kept, progress)
+        run(on, todo, kept, progress)
 
 
 def _written(

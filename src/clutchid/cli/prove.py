@@ -20,6 +20,7 @@ def prove(
     workflow: str = "paper",
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     workers: int = 1,
+    scheduler: str = "",
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Evaluate a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
@@ -44,6 +45,8 @@ def prove(
         repeated, all of them then change together.
     workers
         Number of processes; does not affect the results.
+    scheduler
+        Address of a Dask scheduler whose workers do the work instead, for example tcp://host:8786.
     debug
         Show the traceback of an error.
     """
@@ -59,7 +62,7 @@ def prove(
             raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
         numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
         with progress_bar("prove") as show:
-            results = run(workflow, numbers, out, conditions, workers=workers, progress=show)
+            results = run(workflow, numbers, out, conditions, workers=workers, scheduler=scheduler, progress=show)
         everyone = kept(out, numbers)
         table = standings(everyone)
         write_text(to_csv(table), out / "standings.csv")

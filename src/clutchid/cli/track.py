@@ -75,12 +75,12 @@ def track(
         from clutchid.fleet.reading import How
         from clutchid.wear.tables import read_table, read_wear_table
 
-        _check(out, report, start, table, wear_table)
+        _check(out, report, start, table, wear_table, logs)
         content = workflow.start_file(start, None)
         rows = read_table(table) if table else {}
         shift = None if limit is None else limit * 1e-3
         ends = tracking.Limits(shift, read_wear_table(wear_table) if wear_table else None)
-        paths = tracking.recordings_of(logs)
+        paths = tracking.recordings_of(logs, (out, tracking.curves_path(out)))
         vehicle = tracking.vehicle_of(paths, rows, str(table))
         how = How(start, pressure(ambient, content.actuator.parameters.P_0), map_, tuple(dbc or ()))
         with progress_bar("track") as show:
@@ -115,7 +115,9 @@ def _say(found: Tracked, written: Sequence[Path | None], *, as_json: bool) -> No
     print_written(*written)
 
 
-def _check(out: Path, report: Path | None, start: Path, table: Path | None, wear_table: Path | None) -> None:
+def _check(
+    out: Path, report: Path | None, start: Path, table: Path | None, wear_table: Path | None, logs: Sequence[Path]
+) -> None:
     """Check before any work that the files can be written."""
     if out.suffix.lower() != ".parquet":
         raise ExportError(f"--out {out}: is written as .parquet.")
@@ -123,6 +125,7 @@ def _check(out: Path, report: Path | None, start: Path, table: Path | None, wear
         ("the calibration", start),
         ("the table", table),
         ("the table of wear", wear_table),
+        *(("a recording", path) for path in logs),
     ]
     check_outputs({"--out": out, "--report": report}, read)
     if start.is_dir():

@@ -6,6 +6,7 @@ was merely there when one was lost.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import pickle
@@ -19,6 +20,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import psutil
+
+#: Request to Linux for a signal when the thread that started this process has ended.
+_PR_SET_PDEATHSIG = 1
 
 #: Interval in s at which time and memory are looked at.
 _GLANCE = 0.05
@@ -42,11 +46,20 @@ class Limits(NamedTuple):
 
 def alone(work: Callable[[Any], Any], item: Any, limits: Limits) -> Any:
     """The result of `work` on `item` in a process of its own, or how it was `Lost`."""
+    try:
+        return _alone(work, item, limits)
+    except OSError as error:  # as on a full disk
+        reason = error.strerror or type(error).__name__
+        return Lost("killed", f"ended its worker, and a process of its own could not be started ({reason}).")
+
+
+def _alone(work: Callable[[Any], Any], item: Any, limits: Limits) -> Any:
     with tempfile.TemporaryDirectory(prefix="clutchid-") as folder:
         given, found = Path(folder, "given"), Path(folder, "found")
         given.write_bytes(pickle.dumps((work, item)))
         process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _START, json.dumps(sys.path), str(given), str(found)],
+            [sys.executable, "-P", "-c", _START, json.dumps(sys.path), str(given), str(found),
+             str(os.getpid())],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
         try:
@@ -61,9 +74,19 @@ def alone(work: Callable[[Any], Any], item: Any, limits: Limits) -> Any:
 
 def main() -> None:
     """Do the work that a file describes, and write what came of it."""
+    _end_with_parent(int(sys.argv[4]))
     given, found = map(Path, sys.argv[2:4])
     work, item = pickle.loads(given.read_bytes())
     found.write_bytes(pickle.dumps(work(item)))
+
+
+def _end_with_parent(parent: int) -> None:
+    """Let this process end with the one that started it: nobody else would end work that never ends."""
+    if sys.platform != "linux":
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it ended before this one could ask
+        os._exit(1)
 
 
 def _watched(process: subprocess.Popen[bytes], limits: Limits) -> Lost | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import signal
@@ -15,9 +16,10 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from clutchid.errors import MissingExtra, ParameterError, SolveError
+from clutchid.fleet import pool
 from clutchid.fleet.alone import Limits, Lost, alone
 from clutchid.fleet.pool import THREADS, check_workers
-from clutchid.fleet.version import version_and_source
+from clutchid.fleet.scheduler import answered, check_scheduler
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -31,7 +33,7 @@ WINDOW = 1000
 #: Items that are given to the scheduler together.
 BATCH = 100
 
-#: Time in s that a scheduler, and its first worker, has to answer.
+#: Time in s that a scheduler, its first worker, and then all of its workers have to answer.
 ANSWER = 4.0
 
 #: How often an item is given out, from the second time on in a process of its own: a worker that is lost then was not
@@ -93,7 +95,7 @@ def cluster(place: Place) -> Iterator[Cluster]:
     with _quiet(), dask.config.set(_settings(place)), _client(place) as client:
         dashboard = client.dashboard_link if find_spec("bokeh") or place.scheduler else ""
         if place.scheduler:
-            _check_versions(client, place.scheduler)
+            check_scheduler(client, place.scheduler, ANSWER)
         yield Cluster(client, place, dashboard)
 
 
@@ -134,6 +136,21 @@ def results(on: Cluster, work: Callable[[Item], Result], items: Iterable[Item]) 
                 yield Done(item, found.lost if isinstance(found, _Again) else found, seconds)
         if len(attempts) <= WINDOW - BATCH:
             submit(list(islice(waiting, WINDOW - len(attempts))), 0)
+
+
+def shared(work: Callable[[Item], Result], items: Sequence[Item], place: Place) -> Iterator[tuple[Item, Result | Lost]]:
+    """Items with their results from the workers of a scheduler, or from processes of this machine, without Dask.
+
+    Raises
+    ------
+    MissingExtra, ParameterError, SolveError
+        As `cluster` and `results`.
+    """
+    if not place.scheduler or not items:
+        yield from pool.results(work, items, place.workers)
+        return
+    with cluster(place) as on:
+        yield from ((done.item, done.result) for done in results(on, work, items))
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +208,12 @@ def _timed(work: Callable[[Item], Result], limit: float, item: Item) -> tuple[Re
 
 
 def _timed_alone(work: Callable[[Item], Result], limits: Limits, item: Item) -> tuple[Result | Lost, float]:
+    """Result and time in s of a process of its own, which has the memory of its worker where none is said."""
+    from distributed import get_worker
+
     begin = time.perf_counter()
-    return alone(work, item, limits), time.perf_counter() - begin
+    memory = limits.memory or get_worker().memory_manager.memory_limit or 0
+    return alone(work, item, limits._replace(memory=memory)), time.perf_counter() - begin
 
 
 def _settings(place: Place) -> dict[str, Any]:
@@ -230,8 +251,9 @@ def _client(place: Place) -> Iterator[Client]:
             yield client
         return
     try:
+        asyncio.run(answered(place.scheduler, ANSWER))
         client = Client(place.scheduler, timeout=f"{ANSWER:g}s")
-    except (OSError, ValueError, TimeoutError, ImportError) as error:
+    except Exception as error:  # whatever listens there may answer anything
         raise ParameterError(
             f"--scheduler {place.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an address "
             "is like tcp://host:8786, and the scheduler is started with `dask scheduler`."
@@ -240,32 +262,14 @@ def _client(place: Place) -> Iterator[Client]:
         yield client
 
 
-def _check_versions(client: Client, address: str) -> None:
-    """Check that a scheduler has workers, and that all have this clutchid."""
-    try:
-        client.wait_for_workers(1, timeout=ANSWER)
-    except TimeoutError:
-        raise ParameterError(
-            f"--scheduler {address}: has no workers; start them with `dask worker {address} --nthreads 1`."
-        ) from None
-    for worker, found in client.run(_version, on_error="return").items():
-        if isinstance(found, BaseException):
-            raise ParameterError(f"--scheduler {address}: worker {worker} has no clutchid of this version ({found}).")
-        if found != version_and_source():
-            raise ParameterError(
-                f"--scheduler {address}: worker {worker} has another clutchid than this process, or other sources; "
-                "install the same version everywhere."
-            )
-
-
-def _version() -> dict[str, str]:
-    return version_and_source()
-
-
 @contextmanager
 def _quiet() -> Iterator[None]:
     """No lines of Dask's own on standard error: what goes wrong with a worker is a row of the results."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio", "bokeh")]
+    roots = {"distributed", "tornado", "asyncio", "bokeh"}
+    below = {
+        name for name in logging.root.manager.loggerDict if name.split(".")[0] in roots
+    }  # have levels of their own
+    loggers = [logging.getLogger(name) for name in sorted(roots | below)]
     levels = [one.level for one in loggers]
     for one in loggers:
         one.setLevel(logging.CRITICAL + 1)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.fleet.tracking import SUFFIXES
+from clutchid.fleet.tracking import SUFFIXES, recording_files
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 
@@ -60,7 +60,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     if table.is_file():
         rows = read_fleet_table(table)
         _check_vehicles(rows.values(), table)
-        found = _listed(rows, _files(table.parent))
+        found = _listed(rows, recording_files(table.parent))
     else:
         rows, found = {}, _in_folders(source)
     if not found:
@@ -74,15 +74,11 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     return Fleet(source, jobs, rows)
 
 
-def _files(folder: Path) -> list[Path]:
-    return sorted(one for one in folder.rglob("*") if one.suffix.lower() in SUFFIXES and one.is_file())
-
-
 def _in_folders(source: Path) -> dict[tuple[str, str], Path | None]:
     """Recordings by (vehicle, name): the vehicle is their folder."""
     folders: dict[str, Path] = {}
     found: dict[tuple[str, str], Path | None] = {}
-    for path in _files(source):
+    for path in recording_files(source):
         vehicle = path.parent.resolve().name
         other = folders.setdefault(vehicle, path.parent)
         if other != path.parent:

@@ -13,7 +13,7 @@ import numpy as np
 from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.reading import Read
 from clutchid.fleet.store import Kept, Store
-from clutchid.io.files import atomic_write
+from clutchid.io.files import write_frame
 from clutchid.wear.life import Curve, Reading
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def rows_of(fleet: Fleet, kept: Store) -> Iterator[Row]:
             yield Row(job, Read(Path(job.recording), reading), float("nan"))
             continue
         read = result.read
-        other = first.setdefault(read.sha256, job) if read.sha256 else job
+        other = first.setdefault(read.sha256, job) if read.sha256 and read.reading.has_result else job
         if other is not job:
             sentence = f"the same recording as {other.recording} of {other.vehicle}; it counts once."
             read = read._replace(reading=read.reading._replace(status="warning", message=sentence, measurement=None))
@@ -135,9 +135,3 @@ def _curves(rows: Iterable[Row]) -> pl.DataFrame:
     }
     heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
     return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
-
-
-def write_frame(frame: pl.DataFrame, path: Path) -> None:
-    """Write a table as Parquet; on an error an existing file is unchanged."""
-    with atomic_write(path) as temporary:
-        frame.write_parquet(temporary)

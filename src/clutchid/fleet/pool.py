@@ -1,21 +1,25 @@
-"""Processes that share the work on many recordings, with one thread of linear algebra each."""
+"""Processes that share the work on many recordings, with one thread of linear algebra each; none is lost with them."""
 
 from __future__ import annotations
 
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import get_context, parent_process
 from typing import TypeVar
 
 from clutchid.errors import ParameterError
+from clutchid.fleet.alone import Limits, Lost, alone
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-THREADS = ("OPENBLAS_NUMTHREADS", "OMP_NUMTHREADS", "MKL_NUMTHREADS", "POLARS_MAXTHREADS")
+#: Environment variables that limit the threads of a process: linear algebra, `numerics.threads`, and polars.
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
 def check_workers(workers: int) -> None:
@@ -30,8 +34,13 @@ def check_workers(workers: int) -> None:
         raise ParameterError(f"--workers {workers}: must be at least 1.")
 
 
-def results(work: Callable[[Item], Result], items: Iterable[Item], workers: int) -> Iterator[Result]:
-    """Results of `work` on all items in order of completion; even one worker is a process, so results are identical.
+def results(
+    work: Callable[[Item], Result], items: Iterable[Item], workers: int
+) -> Iterator[tuple[Item, Result | Lost]]:
+    """Items with their results in order of completion; even one worker is a process, so results are identical.
+
+    If a process is lost, all end with it. Those items that it may have had are then done in processes of their own, so
+    that only the item that ends its process is `Lost`; the others go on.
 
     Parameters
     ----------
@@ -41,12 +50,27 @@ def results(work: Callable[[Item], Result], items: Iterable[Item], workers: int)
         Number of processes, at least 1.
     """
     todo = list(items)
-    if not todo:
-        return
-    count = min(workers, len(todo))
-    with _one_thread(), ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
-        for future in as_completed([pool.submit(work, item) for item in todo]):
-            yield future.result()
+    with _one_thread():
+        while todo:
+            count, left = min(workers, len(todo)), dict(enumerate(todo))
+            for k, result in _together(work, todo, count):
+                yield left.pop(k), result
+            todo = list(left.values())
+            suspects, todo = todo[: 2 * count + 1], todo[2 * count + 1 :]  # at work, and in the queue of the pool
+            with ThreadPoolExecutor(count) as threads:
+                yield from zip(suspects, threads.map(partial(alone, work, limits=Limits()), suspects), strict=True)
+
+
+def _together(work: Callable[[Item], Result], todo: list[Item], count: int) -> Iterator[tuple[int, Result]]:
+    """Results by the index of their item, until all are there or a process is lost."""
+    futures: dict[Future[Result], int] = {}
+    with ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
+        with suppress(BrokenProcessPool):
+            for k, item in enumerate(todo):
+                futures[pool.submit(work, item)] = k
+        for future in as_completed(futures):
+            if not isinstance(future.exception(), BrokenProcessPool):
+                yield futures[future], future.result()
 
 
 def end_with_parent() -> None:

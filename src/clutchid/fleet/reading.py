@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +13,7 @@ from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import LoadCurve
+from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
 from clutchid.wear.life import Curve, Reading
 from clutchid.wear.measurement import measured
@@ -55,7 +56,7 @@ def read_recording(how: How, path: Path) -> Read:
     clock = checksum = ""
     try:
         checksum = digest(path)
-        content = _calibration(how.start)
+        content = _calibration(how.start, digest(how.start))
         actuator = content.actuator
         ambient = actuator.parameters.P_0 if np.isnan(how.ambient) else how.ambient
         reading = workflow.Reading(ambient, how.channel_map, how.dbc)
@@ -69,6 +70,19 @@ def read_recording(how: How, path: Path) -> Read:
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
         return Read(path, Reading("failed", sentence, "none", None), clock, checksum)
     return read._replace(clock=clock, sha256=checksum)
+
+
+def without_result(path: Path, lost: Lost) -> Read:
+    """A recording whose process was lost."""
+    return Read(path, Reading(lost.status, lost.message, "none", None), "", checksum_of(path))
+
+
+def checksum_of(path: Path) -> str:
+    """SHA-256 of a file, or an empty string where it cannot be read."""
+    try:
+        return digest(path)
+    except DataError:
+        return ""
 
 
 def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
@@ -103,7 +117,7 @@ def _observed(log: Log, content: ParameterFile, path: Path) -> Read:
     return Read(path, Reading(status, observe_sentence(run), trust, None), curve=Curve(*after), half_load=half)
 
 
-@cache
-def _calibration(path: Path) -> ParameterFile:
-    """A calibration, read once a process."""
+@lru_cache(maxsize=64)
+def _calibration(path: Path, _checksum: str) -> ParameterFile:
+    """A calibration, read once a process; the workers of a scheduler outlive a change of its file."""
     return workflow.start_file(path, None)

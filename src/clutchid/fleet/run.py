@@ -12,11 +12,10 @@ from typing import NamedTuple
 from clutchid.fleet.alone import Lost
 from clutchid.fleet.cluster import Cluster, Done, results
 from clutchid.fleet.jobs import Fleet, Job
-from clutchid.fleet.reading import How, Read, read_recording
+from clutchid.fleet.reading import How, Read, checksum_of, read_recording, without_result
 from clutchid.fleet.store import Kept, Store
 from clutchid.fleet.version import version_and_source
 from clutchid.io.files import digest
-from clutchid.wear.life import Reading
 
 #: Lost results, which are tried again where the user says so.
 LOST = ("killed", "timed_out")
@@ -58,10 +57,11 @@ def tasks(fleet: Fleet, options: Options, kept: Store, *, retry: bool = False) -
         key, file = (job.vehicle, job.recording), _file(job.path)
         task = Task(job, options.how(job.start), inputs[job.start], file)
         known_inputs, known_file, checksum, status = done.get(key, ("", "", "", ""))
-        if known_inputs != task.inputs or (retry and status in LOST):
+        unread = file and not checksum  # as where a share was away for a while
+        if known_inputs != task.inputs or unread or (retry and status in LOST):
             found.append(task)
         elif known_file != file:
-            if checksum and digest(job.path) == checksum:
+            if checksum_of(job.path) == checksum:
                 kept.same_file(key, file)
             else:
                 found.append(task)
@@ -101,17 +101,9 @@ def _work(task: Task) -> Read:
 def _result(done: Done[Task, Read]) -> Kept:
     task, read = done.item, done.result
     if isinstance(read, Lost):
-        read = Read(
-            Path(task.job.recording), Reading(read.status, read.message, "none", None), "", _sha256(task.job.path)
-        )
+        assert task.job.path is not None
+        read = without_result(task.job.path, read)
     return Kept(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)
-
-
-def _sha256(path: Path | None) -> str:
-    try:
-        return digest(path) if path else ""
-    except OSError:
-        return ""
 
 
 def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:
@@ -123,6 +115,9 @@ def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:
 
 
 def _file(path: Path) -> str:
-    """Size and time of a file, which tell that it has not changed without reading it."""
-    known = path.stat()
+    """Size and time of a file, which tell that it has not changed without reading it; empty where it is gone."""
+    try:
+        known = path.stat()
+    except OSError:
+        return ""
     return f"{known.st_size} {known.st_mtime_ns}"

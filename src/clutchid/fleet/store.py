@@ -34,6 +34,9 @@ CREATE TABLE IF NOT EXISTS done (
 """
 
 
+_COLUMNS = ("vehicle", "recording", "inputs", "file", "status", "message", "sha256", "content", "curve", "seconds")
+
+
 class Kept(NamedTuple):
     """A result: `inputs` are version and calibration that it came from, `file` size and time of its recording."""
 
@@ -54,8 +57,9 @@ class Store:
 
     def keys(self) -> dict[tuple[str, str], tuple[str, str, str, str]]:
         """Inputs, file, checksum and status of what is done, by vehicle and recording."""
-        rows = self.base.execute("SELECT vehicle, recording, inputs, file, sha256, status FROM done")
-        return {(row[0], row[1]): (row[2], row[3], row[4], row[5]) for row in rows}
+        with _room(self.path):
+            rows = self.base.execute("SELECT vehicle, recording, inputs, file, sha256, status FROM done")
+            return {(row[0], row[1]): (row[2], row[3], row[4], row[5]) for row in rows}
 
     def results(self) -> Iterator[Kept]:
         """All results, in the order of vehicle and recording."""
@@ -121,6 +125,7 @@ def store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
             base.execute("PRAGMA locking_mode = EXCLUSIVE")
             base.executescript(_SCHEMA)
             base.execute("BEGIN IMMEDIATE")
+        _check_columns(base, folder)
         _check_about(base, folder, about)
         opened = Store(path, base)
         opened.saved()
@@ -130,8 +135,16 @@ def store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
         base.close()
 
 
+def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
+    names = [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description]
+    if names != list(_COLUMNS):
+        raise ExportError(f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder.")
+
+
 def _check_about(base: sqlite3.Connection, folder: Path, about: dict[str, str]) -> None:
-    known = dict(base.execute("SELECT what, value FROM about"))
+    """Check that the run is about the same, unless nothing has been done yet."""
+    begun = base.execute("SELECT 1 FROM done LIMIT 1").fetchone() is not None
+    known = dict(base.execute("SELECT what, value FROM about")) if begun else {}
     for what, value in about.items():
         if known.setdefault(what, value) != value:
             raise ExportError(
@@ -149,6 +162,10 @@ def _room(path: Path) -> Iterator[None]:
         if "locked" in str(error):
             raise ExportError(
                 f"--out {path.parent}: another run is going on in this folder; wait until it ends."
+            ) from error
+        if "not a database" in str(error) or "malformed" in str(error):
+            raise ExportError(
+                f"{path}: is not the file of a run, or was damaged ({error}); name another folder, or remove the file."
             ) from error
         raise ExportError(
             f"{path}: cannot be written ({error}); what was written before is whole. Make room on the disk, and run "

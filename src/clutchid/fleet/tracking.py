@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,9 +12,11 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.fleet import pool
-from clutchid.fleet.reading import How, Read, read_recording
-from clutchid.io.files import atomic_write
-from clutchid.wear.history import Listed, arranged
+from clutchid.fleet.alone import Lost
+from clutchid.fleet.reading import How, Read, read_recording, without_result
+from clutchid.fleet.store import STORE
+from clutchid.io.files import write_frame
+from clutchid.wear.history import History, Listed, arranged
 from clutchid.wear.life import Curve, Wear, wear_of
 from clutchid.wear.trend import WearTable
 
@@ -49,8 +51,28 @@ class Tracked:
         return [(one.path.stem, one.curve) for one, outcome in counted if one.curve and outcome in ("used", "jump")]
 
 
-def recordings_of(paths: Sequence[Path]) -> list[Path]:
+def recording_files(folder: Path) -> list[Path]:
+    """Files below a folder that can be recordings, in order, also links to files that are gone.
+
+    Results of a fleet are none.
+    """
+    below = sorted(folder.rglob("*"))
+    runs = {path.parent for path in below if path.name == STORE}
+    found = [path for path in below if path.suffix.lower() in SUFFIXES and (path.is_file() or _is_dangling(path))]
+    return [path for path in found if runs.isdisjoint(path.parents)] if runs else found
+
+
+def _is_dangling(path: Path) -> bool:
+    return path.is_symlink() and not path.exists()
+
+
+def recordings_of(paths: Sequence[Path], results: Sequence[Path] = ()) -> list[Path]:
     """The recordings: files as they are, and of a folder all files below it that can be recordings.
+
+    Parameters
+    ----------
+    results
+        Files that an earlier run may have left in the folder.
 
     Raises
     ------
@@ -58,11 +80,12 @@ def recordings_of(paths: Sequence[Path]) -> list[Path]:
         If there is none, one is not there, or two have the same name.
     """
     found: list[Path] = []
+    left = {path.resolve() for path in results}
     for path in paths:
         if not path.exists():
             raise DataError(f"{path}: there is no such file or folder.")
         if path.is_dir():
-            found += sorted(one for one in path.rglob("*") if one.suffix.lower() in SUFFIXES and one.is_file())
+            found += [one for one in recording_files(path) if one.resolve() not in left]
         else:
             found.append(path)
     if not found:
@@ -129,14 +152,28 @@ def track(
     """
     pool.check_workers(workers)
     found: dict[Path, Read] = {}
-    for read in pool.results(partial(read_recording, how), paths, workers):
-        found[read.path] = read
+    for path, read in pool.results(partial(read_recording, how), paths, workers):
+        found[path] = without_result(path, read) if isinstance(read, Lost) else read
         if progress:
             progress(f"{len(found)} of {len(paths)} recordings", len(found) / len(paths))
     reads = _once([found[path] for path in paths])
     history = arranged([read.path.stem for read in reads], [read.clock for read in reads], table)
+    history = _with_folders(history, paths, table)
     wear = wear_of(vehicle, history, [read.reading for read in reads], limits.table, limits.shift)
     return Tracked(wear, tuple(reads[i] for i in history.order))
+
+
+def _with_folders(history: History, paths: Sequence[Path], table: Mapping[str, Listed]) -> History:
+    """The history with a warning of recordings in several folders, of which no table says that they belong together."""
+    folders = sorted({path.resolve().parent for path in paths})
+    if table or len(folders) < 2:
+        return history
+    names = ", ".join([*(one.name for one in folders[:3]), *(["..."] if len(folders) > 3 else [])])
+    warning = (
+        f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
+        "with the vehicle of each, or one folder."
+    )
+    return replace(history, warnings=(warning, *history.warnings))
 
 
 def _once(reads: Sequence[Read]) -> list[Read]:
@@ -144,7 +181,7 @@ def _once(reads: Sequence[Read]) -> list[Read]:
     first: dict[str, Path] = {}
     found = []
     for read in reads:
-        other = first.setdefault(read.sha256, read.path) if read.sha256 else read.path
+        other = first.setdefault(read.sha256, read.path) if read.sha256 and read.reading.has_result else read.path
         if other != read.path:
             sentence = f"the same recording as {other.name}; it counts once."
             reading = read.reading._replace(status="warning", message=sentence, measurement=None)
@@ -210,9 +247,8 @@ def write_tracked(tracked: Tracked, out: Path) -> None:
     ExportError
         If a file cannot be written; an existing one is then unchanged.
     """
-    for frame, path in ((table_of(tracked), out), (curves_of(tracked), curves_path(out))):
-        with atomic_write(path) as temporary:
-            frame.write_parquet(temporary)
+    write_frame(table_of(tracked), out)
+    write_frame(curves_of(tracked), curves_path(out))
 
 
 def curves_path(out: Path) -> Path:

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from clutchid.fleet.jobs import Fleet
-from clutchid.fleet.output import rows_of, write_frame
+from clutchid.fleet.output import rows_of
 from clutchid.fleet.store import Store
 from clutchid.fleet.tracking import Limits, Tracked, table_of
 from clutchid.fleet.version import version_and_source
-from clutchid.io.files import atomic_write
+from clutchid.io.files import atomic_write, write_frame
 from clutchid.report.fleet_page import fleet_page
 from clutchid.report.fleet_values import Reason, VehicleRow
 from clutchid.report.wear_page import wear_page
@@ -158,7 +158,7 @@ _SIDES = ("", "_low", "_high")
 def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) -> None:
     """Count why recordings have no result, without what is particular to one of them."""
     for dated, reading in zip(tracked.wear.dated, tracked.wear.readings, strict=True):
-        if reading.status not in ("ok", "warning") or reading.trust == "none":
+        if not reading.has_result or reading.trust == "none":
             sentence = _PARTICULAR.sub("…", reading.message.splitlines()[0] if reading.message else "")
             reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(dated.name)
 

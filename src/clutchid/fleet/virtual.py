@@ -14,8 +14,9 @@ import numpy as np
 
 from clutchid.assess.half_load import half_load
 from clutchid.assess.verdict import ENGAGING
-from clutchid.errors import ExportError
+from clutchid.errors import ExportError, SolveError
 from clutchid.fleet import pool
+from clutchid.fleet.alone import Lost
 from clutchid.io import write
 from clutchid.io.files import atomic_write
 from clutchid.log import FloatArray
@@ -68,6 +69,8 @@ def write_fleet(
         If the folder has files, or cannot be written.
     ParameterError
         If there is no worker, or a recording is too short or too long.
+    SolveError
+        If a recording ends its process.
     """
     pool.check_workers(workers)
     visits = [visit for vehicle in vehicles for visit in vehicle]
@@ -76,8 +79,10 @@ def write_fleet(
     for family, number in kinds:
         _write_calibration(out / CALIBRATIONS, family, number)
     found: dict[str, Row] = {}
-    for name, row in pool.results(partial(_recorded, out, seconds), visits, workers):
-        found[name] = row
+    for visit, row in pool.results(partial(_recorded, out, seconds), visits, workers):
+        if isinstance(row, Lost):
+            raise SolveError(f"{visit.recording}: {row.message}")
+        found[visit.recording] = row
         if progress:
             progress(f"{len(found):,} of {len(visits):,} recordings", len(found) / len(visits))
     _write_csv(out / TRUTH, [found[visit.recording] for visit in visits])
@@ -128,8 +133,8 @@ def true_load(vehicle: Vehicle) -> FloatArray:
     return force
 
 
-def _recorded(out: Path, seconds: float, visit: Visit) -> tuple[str, Row]:
-    """Drive and write a recording; its name, and the row of its truth."""
+def _recorded(out: Path, seconds: float, visit: Visit) -> Row:
+    """Drive and write a recording; the row of its truth."""
     done = drive(
         visit.truck, seconds=seconds, seed=visit.seed, wear=visit.wear, cycles=visit.cycles,
         temperature=visit.temperature, pressure=False, conditions=True, name=visit.recording,
@@ -141,7 +146,7 @@ def _recorded(out: Path, seconds: float, visit: Visit) -> tuple[str, Row]:
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     if visit.fault == "twice":
         shutil.copyfile(path, path.with_stem(f"{path.stem}_again"))
-    return visit.recording, _truth(visit, done.truth.truck)
+    return _truth(visit, done.truth.truck)
 
 
 def _truth(visit: Visit, vehicle: Vehicle) -> Row:

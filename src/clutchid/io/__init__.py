@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check, check_ambient
 from clutchid.io.columns import QUANTITIES, REQUIRED
-from clutchid.io.files import atomic_write, digest
+from clutchid.io.files import atomic_write, digest, polars_errors
 from clutchid.io.guard.limits import MEMORY_VARIABLE, memory
 from clutchid.io.opening import open_source
 from clutchid.io.source import BLOCK, Source, in_contract
@@ -217,7 +217,7 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     if log.edges and suffix.lower() != ".parquet":
         lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
         warnings.warn(lost, stacklevel=2)
-    with atomic_write(path) as temporary:
+    with polars_errors(path), atomic_write(path) as temporary:
         writers[suffix.lower()](log, temporary)
 
 

@@ -12,8 +12,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError, ExportError
+
+if TYPE_CHECKING:
+    import polars as pl
 
 CHUNK = 1 << 20
 
@@ -55,6 +59,35 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def polars_errors(path: str | PathLike[str]) -> Iterator[None]:
+    """What polars says where `path` cannot be written, as on a full disk, as the error that it is.
+
+    Raises
+    ------
+    ExportError
+        In place of an error of polars.
+    """
+    import polars as pl
+
+    try:
+        yield
+    except pl.exceptions.PolarsError as error:
+        raise ExportError(f"{path}: cannot be written ({error}); what was there is unchanged.") from error
+
+
+def write_frame(frame: pl.DataFrame, path: Path) -> None:
+    """Write a table as Parquet.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing one is then unchanged.
+    """
+    with polars_errors(path), atomic_write(path) as temporary:
+        frame.write_parquet(temporary)
 
 
 def check_writable(path: str | PathLike[str]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.io.files import atomic_write
+from clutchid.io.files import atomic_write, polars_errors
 from clutchid.io.formats.parquet.file import KEY
 from clutchid.io.table import to_frame
 from clutchid.log import Log
@@ -41,21 +41,10 @@ def spooled(path: str | PathLike[str]) -> Iterator[Add]:
     suffix = Path(path).suffix.lower()
     if suffix not in SPOOLED:
         raise ExportError(f"{path}: a recording that is not known whole is written as {' or '.join(SPOOLED)}.")
-    with _errors_of(path), atomic_write(path) as temporary:
+    with polars_errors(path), atomic_write(path) as temporary:
         make = _as_text if suffix == ".csv" else _as_parquet
         with make(temporary) as add:
             yield add
-
-
-@contextmanager
-def _errors_of(path: str | PathLike[str]) -> Iterator[None]:
-    """What polars says about a full disk as the error that it is."""
-    import polars as pl
-
-    try:
-        yield
-    except pl.exceptions.PolarsError as error:
-        raise ExportError(f"{path}: cannot be written ({error}); what was there is unchanged.") from error
 
 
 @contextmanager

@@ -6,10 +6,11 @@ from typing import Any
 
 from clutchid.report.wear_text import change_words, recordings_words, wear_lines
 from clutchid.wear.life import Wear
+from clutchid.wear.settings import FALSE_ALARMS
 
 
 def wear_json(wear: Wear) -> dict[str, Any]:
-    """The keys of every result, and `wear`: the trend at the last recording, alarms, and what is left."""
+    """The keys of every result, and `wear`: the trend at the end, alarms, how often they are false, what is left."""
     counted = any(outcome in ("used", "jump") for outcome in wear.outcomes)
     troubled = wear.warnings or wear.alarms or any(one.status != "ok" for one in wear.readings)
     at_end = {
@@ -33,6 +34,7 @@ def wear_json(wear: Wear) -> dict[str, Any]:
             "alarms": [
                 {**alarm._asdict(), "begin": alarm.begin.isoformat() if alarm.begin else None} for alarm in wear.alarms
             ],
+            "false_alarms": FALSE_ALARMS,
             "limit_m": wear.limit,
             "left": wear.left._asdict() if wear.left else None,
             "text": wear_lines(wear),

@@ -15,6 +15,7 @@ from clutchid.report.tables import Cell, Column, Table
 from clutchid.report.wear_figures import loads_figure, trend_figure
 from clutchid.report.wear_text import alarm_words, change_words, left_words, recordings_words
 from clutchid.wear.life import Curve, Wear
+from clutchid.wear.settings import FALSE_ALARMS
 
 _TREND = (
     "Readings of single recordings, and the trend through them with its 95 % band. Dashed: the clutch, or a sensor, "
@@ -63,6 +64,7 @@ def _result(wear: Wear) -> tuple[Block, ...]:
     blocks += [Notice(f"{words[:1].upper()}{words[1:]}.") for words in map(alarm_words, wear.alarms)]
     if not wear.alarms:
         blocks.append(Notice("No sudden change of the load was found.", "ok"))
+    blocks.append(Text(f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."))
     words, left = change_words(wear), left_words(wear)
     blocks.append(Text(escape(f"{words[:1].upper()}{words[1:]}.{f' Left: {left}.' if left else ''}")))
     return (*blocks, Picture(svg(trend_figure(wear)), _TREND, "Trend of the wear with its band"))

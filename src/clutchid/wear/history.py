@@ -20,6 +20,9 @@ CLOCKS = datetime(2000, 1, 1, tzinfo=UTC)
 #: Difference between the clock of a file and the table that is not warned of: time zones, and the end of a drive.
 TOLERANCE = timedelta(days=1)
 
+#: What a date without a time of day stands for.
+DAY = timedelta(days=1)
+
 #: A date in the name of a file, with or without the time of day.
 _DATE = re.compile(
     r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?([0-2]\d|3[01])(?:[T_-]?([01]\d|2[0-3])[-_.:]?([0-5]\d))?(?!\d)"
@@ -94,7 +97,13 @@ def _dated(name: str, clock: str, row: Listed | None, warnings: list[str]) -> Da
             f"{name}: the file is of {of_file:%Y-%m-%d %H:%M}, the table says {of_table:%Y-%m-%d %H:%M}; the file "
             "counts."
         )
-    begin = of_file or of_table or of_name
+    begin = of_file or of_table
+    if begin and of_name and not of_name - TOLERANCE <= begin <= of_name + DAY + TOLERANCE:
+        where = "file" if of_file else "table"
+        warnings.append(
+            f"{name}: its name is of {of_name:%Y-%m-%d}, the {where} of {begin:%Y-%m-%d}; the {where} counts."
+        )
+    begin = begin or of_name
     source = "file" if of_file else "table" if of_table else "name" if of_name else ""
     return Dated(name, begin, row.odometer if row else np.nan, row.strokes if row else np.nan, source)
 

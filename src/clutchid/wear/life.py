@@ -28,6 +28,11 @@ class Reading(NamedTuple):
     trust: str
     measurement: Measurement | None
 
+    @property
+    def has_result(self) -> bool:
+        """Whether the recording was read."""
+        return self.status in ("ok", "warning")
+
 
 class Curve(NamedTuple):
     """Load in N over the position in m with its 95 % band, each (n,)."""

@@ -104,6 +104,22 @@ def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, mo
     assert proving.kept(tmp_path / "two", range(3)) == {"paper": pair}
 
 
+def test_a_workflow_that_ends_its_process_fails_for_that_truck_only(tmp_path, monkeypatch):
+    (tmp_path / "deadly_workflow.py").write_text(
+        "import os, signal\n"
+        "def run(calibration, worn):\n"
+        "    if calibration.metadata['seed'] == os.environ['DEADLY']:\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "    raise ValueError('no idea')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("DEADLY", proving.proof(6).calibration.log.metadata["seed"])
+    found = proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out", workers=2)
+    assert ["SIGKILL" in result["failed"] for result in found] == [False, True, False]
+    assert [result["truck"] for result in found] == [5, 6, 7]
+    assert proving.prove("deadly_workflow:run", [5, 6, 7], tmp_path / "out") == found
+
+
 def test_a_workflow_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch):
     (tmp_path / "broken_workflow.py").write_text("def run(calibration, worn):\n    raise ValueError('no idea')\n")
     monkeypatch.syspath_prepend(tmp_path)

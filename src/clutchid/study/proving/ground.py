@@ -16,6 +16,8 @@ import numpy as np
 
 from clutchid.errors import ExportError
 from clutchid.fleet import pool
+from clutchid.fleet.alone import Lost
+from clutchid.fleet.cluster import Place, shared
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.study.proving.answers import Answer, Workflow, score
@@ -88,16 +90,21 @@ def prove_one(name: str, number: int, conditions: Conditions = Conditions()) -> 
     If the workflow raises an exception or returns no finite curve, the truck counts as failed, with the reason.
     """
     ground = proof(number, conditions)
-    known = {"truck": number, "family": conditions.family, "change": " + ".join(conditions.changes) or "none"}
     begin = time.perf_counter()
     try:
         answers = _answers(workflow(name), ground)
         seconds = time.perf_counter() - begin
         logs = {d.log.name: _scored(answer, d) for answer, d in zip(answers, ground.worn, strict=True)}
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
-        return {**known, "failed": reason, "seconds": time.perf_counter() - begin, "logs": {}}
-    return {**known, "failed": None, "seconds": seconds, "logs": logs}
+        return _result(number, conditions, f"{type(error).__name__}: {error}", time.perf_counter() - begin, {})
+    return _result(number, conditions, None, seconds, logs)
+
+
+def _result(
+    number: int, conditions: Conditions, failed: str | None, seconds: float, logs: dict[str, Any]
+) -> dict[str, Any]:
+    known = {"truck": number, "family": conditions.family, "change": " + ".join(conditions.changes) or "none"}
+    return {**known, "failed": failed, "seconds": seconds, "logs": logs}
 
 
 def _answers(method: Workflow, ground: Proof) -> Sequence[Answer]:
@@ -126,12 +133,14 @@ def prove(
     conditions: Conditions = Conditions(),
     *,
     workers: int = 1,
+    scheduler: str = "",
     progress: Callable[[str, float], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
 
-    The folder of `conditions` other than family A without changes is ``out/NAME@FAMILY+CHANGE``. The results do not
-    depend on the number of workers or on interruptions.
+    The trucks are shared by `workers` processes of this machine, or by the workers of the Dask scheduler at an address.
+    A truck that ends its process has failed. The results do not depend on the number of workers or on interruptions.
+    The folder of `conditions` other than family A without changes is ``out/NAME@FAMILY+CHANGE``.
 
     Raises
     ------
@@ -139,6 +148,8 @@ def prove(
         For an unknown workflow, family or change, or fewer than one worker.
     ExportError
         If `out` cannot be written, or contains results of other settings.
+    SolveError
+        If the scheduler is lost; the results before are kept.
     """
     pool.check_workers(workers)
     workflow(name)
@@ -147,10 +158,12 @@ def prove(
     folder = _folder(out, name + conditions.suffix)
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
+    work = partial(prove_one, name, conditions=conditions)
     show = progress or (lambda _text, _fraction: None)
-    for result in pool.results(partial(prove_one, name, conditions=conditions), todo, workers):
-        _write(folder / f"truck_{result['truck']:05d}.json", result)
-        done[result["truck"]] = result
+    for number, found in shared(work, todo, Place(workers, scheduler)):
+        result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, Lost) else found
+        _write(folder / f"truck_{number:05d}.json", result)
+        done[number] = result
         ready = sum(r is not None for r in done.values())
         show(f"{ready} of {len(requested)} trucks", ready / len(requested))
     return [result for result in done.values() if result is not None]
