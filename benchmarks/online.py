@@ -127,29 +127,37 @@ def one_truck(
     seconds: float,
     passes: int,
     kept: Path | None,
+    conditions: bool,
 ) -> dict[tuple[str, str], Row]:
     """Errors of every method with every fault on one truck."""
     kind = truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
     of_method = {
-        method: calibrated(kind, seeds[0], kept / f"{family}{number}{mark}.toml" if kept else None, paper)
+        method: calibrated(
+            kind, seeds[0], kept / f"{family}{number}{mark}.toml" if kept else None, conditions, method == "paper"
+        )
         for method in methods
-        for paper, mark in [(method == "paper", "_paper" if method == "paper" else "")]
+        for mark in [f"{'_paper' if method == 'paper' else ''}{'_supply' if conditions else ''}"]
     }
     rows = {}
     for fault in faults:
         of_truck, of_log = FAULTS[fault]
-        worn = drive(of_truck(kind), seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False)
+        worn = drive(
+            of_truck(kind), seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False,
+            conditions=conditions,
+        )  # fmt: skip
         log = of_log(worn.log)
         rows |= {(fault, method): followed(of_method[method], worn, log, method, passes) for method in methods}
     return rows
 
 
-def calibrated(kind: Vehicle, seed: int, path: Path | None, paper: bool = False) -> ParameterFile:
+def calibrated(
+    kind: Vehicle, seed: int, path: Path | None, conditions: bool = False, paper: bool = False
+) -> ParameterFile:
     """The calibration of a truck, read from a file if an earlier run has written it; `paper` with the paper's model."""
     if path is not None and path.exists():
         return clutchid.read_parameters(path)
-    log = drive(kind, seconds=SECONDS, seed=seed, name="calibration").log
+    log = drive(kind, seconds=SECONDS, seed=seed, name="calibration", conditions=conditions).log
     both = ("position", "pressure_a")
     once = fit(log, measure=both, free=PAPER, method="shooting") if paper else fit(log, measure=both, free=("auto",))
     if path is not None:
@@ -204,6 +212,7 @@ def main() -> None:
     options.add_argument("--seconds", type=float, default=60.0, help="of the worn clutch")
     options.add_argument("--passes", type=int, default=1, help="of the same recording, one after the other")
     options.add_argument("--calibrations", type=Path, help="folder in which calibrations are kept for the next run")
+    options.add_argument("--conditions", action="store_true", help="the vehicle records its supply pressure")
     options.add_argument("--workers", type=int, default=1)
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
@@ -216,6 +225,7 @@ def main() -> None:
         seconds=chosen.seconds,
         passes=chosen.passes,
         kept=chosen.calibrations,
+        conditions=chosen.conditions,
     )
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
         found = list(pool.map(of_a_truck, range(chosen.seed, chosen.seed + chosen.trucks)))

@@ -39,5 +39,14 @@ MEASURED: Mapping[str, Sensor] = MappingProxyType({
     "pressure_a": Sensor(state="p_A", lag="tau_p", offset="e_p", noise=3e3, first_scale=1e4, shown=("kPa", 1e-3)),
 })  # fmt: skip
 
+#: All sensors: those, and that of the vehicle's air supply, which an observer corrects by while no valve is open; both
+#: pressure sensors are taken to be as slow.
+SENSORS: Mapping[str, Sensor] = MappingProxyType({
+    **MEASURED,
+    "pressure_supply": Sensor(
+        state="p_S", lag="tau_p", offset="e_p", noise=3e3, first_scale=1e4, shown=("kPa", 1e-3)
+    ),
+})  # fmt: skip
+
 #: Parameters of sensors, which are not in the equations of an actuator.
-SENSOR_PARAMETERS = tuple(name for sensor in MEASURED.values() for name in (sensor.lag, sensor.offset))
+SENSOR_PARAMETERS = tuple(dict.fromkeys(name for sensor in SENSORS.values() for name in (sensor.lag, sensor.offset)))

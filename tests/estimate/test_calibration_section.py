@@ -194,7 +194,7 @@ def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
 
 
 def test_the_conditions_of_a_calibration_are_read_as_they_were(tmp_path):
-    for conditions in (Conditions(281.5, 9.4e5), Conditions(temperature=281.5), NOT_RECORDED):
+    for conditions in (Conditions(281.5, 9.4e5, 9.2e5), Conditions(temperature=281.5), NOT_RECORDED):
         kept = replace(KEPT, conditions=conditions)
         assert calibration_of(tmp_path / "CAL.toml", kept).conditions == conditions
     assert "conditions" not in calibration_section(KEPT), "as in an earlier version"

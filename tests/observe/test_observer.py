@@ -25,7 +25,7 @@ def equal(one, other):
     arrays = [(one.theta, other.theta), (one.T, other.T), *zip(one.tail, other.tail, strict=True)]
     arrays += [*zip(one.filter, other.filter, strict=True), (one.deviations, other.deviations)]
     counted = (one.number, one.strokes) == (other.number, other.strokes)
-    return counted and all(np.array_equal(a, b) for a, b in arrays)
+    return counted and all(np.array_equal(a, b, equal_nan=True) for a, b in arrays)
 
 
 def test_a_load_that_has_grown_is_followed(joint, plant, worn, log):

@@ -14,6 +14,7 @@ from clutchid.uncertainty.conditions import (
     condition_warnings,
     conditions_of,
     known_conditions,
+    with_estimated_supply,
 )
 from clutchid.uncertainty.coordinates import Prior
 
@@ -101,3 +102,16 @@ def test_an_inspection_shows_what_is_recorded():
     found = {one.name: one for one in inspect(recorded(263.15, 9e5), ACTUATOR).checks}
     assert (found["ambient temperature"].value, found["recorded supply pressure"].value) == ("-10 degC", "9 bar")
     assert found["ambient temperature"].grade == "good"
+
+
+def test_the_estimated_supply_is_the_mean_of_the_samples_that_the_recorded_one_is_the_mean_of():
+    duty = np.repeat([0.0, 1.0], 50)
+    log = recorded(supply=np.where(np.arange(100) < 10, np.nan, 9e5), duty=duty)
+    estimated = Log(log.time, {"pressure_supply": np.arange(100) * 1e3}, log.name)
+    known = with_estimated_supply(Conditions(supply=9e5), [log], [estimated])
+    assert known == Conditions(None, 9e5, np.mean(np.arange(10, 50)) * 1e3)
+    for conditions, states in (
+        (NOT_RECORDED, estimated),
+        (Conditions(supply=9e5), estimated.without("pressure_supply")),
+    ):
+        assert with_estimated_supply(conditions, [log], [states]) == conditions

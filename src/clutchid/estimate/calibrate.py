@@ -27,7 +27,7 @@ from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.conditions import CONDITIONS, condition_warnings, conditions_of
+from clutchid.uncertainty.conditions import CONDITIONS, condition_warnings, conditions_of, with_estimated_supply
 from clutchid.uncertainty.consider import calibrated_deviation
 from clutchid.uncertainty.coordinates import Prior
 
@@ -75,6 +75,7 @@ def fit_with_priors(
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
         return _with_condition_warnings(replace(result, calibration=request.calibration), logs, free)
     kept = calibration_of(result, actuator)
+    conditions = with_estimated_supply(conditions, logs, [result.recordings[log.name].simulated for log in logs])
     # without the conditions, so that the errors hold for readings of recordings that lack them
     errors = position_only_errors(method, logs, result.actuator, kept, progress)
     return replace(result, calibration=replace(kept, position_only=errors, conditions=conditions))

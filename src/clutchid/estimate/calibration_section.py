@@ -91,8 +91,8 @@ def _conditions(section: Any) -> Conditions:
     known = isinstance(section, Mapping) and set(section) <= set(Conditions._fields)
     if not known or not all(type(value) in (int, float) and 0.0 < value < np.inf for value in section.values()):
         raise ParameterError(
-            "[fit.calibration.conditions]: temperature in K and supply in Pa, above 0, are allowed; save the "
-            "calibration again."
+            "[fit.calibration.conditions]: temperature in K, supply and supply_estimated in Pa, above 0, are allowed; "
+            "save the calibration again."
         )
     return Conditions(**{name: float(value) for name, value in section.items()})
 

@@ -13,7 +13,7 @@ from clutchid.filter.joint_arrays import Derived, JointScratch, SettingsArrays
 from clutchid.filter.joint_setup import JointFilter
 from clutchid.filter.setup import first_state, intervals, measurements, model_arrays, scratch
 from clutchid.log import FloatArray
-from clutchid.measured import MEASURED
+from clutchid.measured import SENSORS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.parameter_map import parameter_map
 from clutchid.simulation.plan import Segment
@@ -185,7 +185,7 @@ def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, 
     actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
     model = model_arrays(joint.mapped, joint.which, width)
     own = model[0].copy(), *model[1:]
-    sensors = [MEASURED[name] for name in joint.measure]
+    sensors = [SENSORS[name] for name in joint.measure]
     derived = (
         np.array(actuator.load.theta),
         np.array([actuator.value(sensor.lag) for sensor in sensors]),

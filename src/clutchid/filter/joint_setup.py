@@ -13,7 +13,7 @@ from clutchid.filter.joint_arrays import FreeArrays, Pace
 from clutchid.filter.pace import AS_PLANNED
 from clutchid.filter.setup import sensor_rows
 from clutchid.log import FloatArray
-from clutchid.measured import MEASURED
+from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import prepare, step
 from clutchid.simulation.parameter_map import ParameterMap, parameter_map
@@ -152,7 +152,7 @@ def _free_arrays(
     actuator: Actuator, coordinates: Sequence[Coordinate], bounds: tuple[FloatArray, FloatArray], measure: Sequence[str]
 ) -> FreeArrays:
     weights, parameters = actuator.load.names, actuator.parameter_names
-    lags, offsets = ([getattr(MEASURED[name], kind) for name in measure] for kind in ("lag", "offset"))
+    lags, offsets = ([getattr(SENSORS[name], kind) for name in measure] for kind in ("lag", "offset"))
     numbers = [
         (c.mean, c.width, float(c.positive), c.low, c.high, low, high)
         for c, low, high in zip(coordinates, *(side.tolist() for side in bounds), strict=True)

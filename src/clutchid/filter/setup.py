@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid.filter.arrays import IntArray, Intervals, Measurements, ModelArrays, Scratch
 from clutchid.log import FloatArray
-from clutchid.measured import MEASURED
+from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.parameter_map import ParameterMap
@@ -40,7 +40,7 @@ def sensor_rows(mapped: ParameterMap, names: Sequence[str]) -> IntArray:
     states, column = mapped.actuator.states, {name: c for c, name in enumerate(mapped.bases)}
     rows = [
         (len(states) + m, states.index(sensor.state), column.get(sensor.lag, -1), column.get(sensor.offset, -1))
-        for m, sensor in enumerate(MEASURED[name] for name in names)
+        for m, sensor in enumerate(SENSORS[name] for name in names)
     ]
     return np.array(rows, dtype=np.int64)
 
@@ -58,7 +58,7 @@ def model_arrays(mapped: ParameterMap, which: Columns, width: int) -> ModelArray
 
 def intervals(segment: Segment, actuator: Actuator, noise: Noise, names: Sequence[str]) -> Intervals:
     """The intervals of a segment, with process noise and lags of the sensors as for `actuator`."""
-    lags = [lag_coefficients(actuator.value(MEASURED[name].lag), segment.dt) for name in names]
+    lags = [lag_coefficients(actuator.value(SENSORS[name].lag), segment.dt) for name in names]
     sigma = process_noise(segment, actuator, noise)
     return segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1)
 
@@ -73,7 +73,7 @@ def measurements(
         if name in measure:
             recorded = track.measured[name][inside]
             values[:, m] = np.where(np.isfinite(recorded), recorded, np.nan)
-    of_sensor = [(actuator.value(MEASURED[name].offset), noise.measured.get(name, np.inf)) for name in names]
+    of_sensor = [(actuator.value(SENSORS[name].offset), noise.measured.get(name, np.inf)) for name in names]
     return values, np.array(of_sensor), float(noise.outlier)
 
 
@@ -88,8 +88,8 @@ def first_state(
     actuator, k = mapped.actuator, len(mapped.bases)
     states, n = actuator.states, len(actuator.states)
     outputs = np.zeros((len(names), n))
-    outputs[np.arange(len(names)), [states.index(MEASURED[name].state) for name in names]] = 1.0
-    lag = MEASURED["position"].lag
+    outputs[np.arange(len(names)), [states.index(SENSORS[name].state) for name in names]] = 1.0
+    lag = SENSORS["position"].lag
     if "position" in names:
         outputs[names.index("position"), states.index("v")] = -actuator.value(lag)
     both = np.vstack([np.eye(n), outputs])

@@ -47,6 +47,11 @@ class Method(NamedTuple):
     every: int = EVERY
     rule: Callable[[Actuator, Sequence[Coordinate], FloatArray, float], Rule] = by_covariance
 
+    @property
+    def corrects_supply(self) -> bool:
+        """Whether it corrects the supply pressure where the vehicle records it."""
+        return self.rule is by_covariance
+
 
 def joint(actuator: Actuator) -> tuple[str, ...]:
     """All load weights, what changes with them, and the phase of the valves' carrier."""

@@ -14,13 +14,15 @@ from clutchid.filter.joint_setup import JointFilter, JointSettings, joint_filter
 from clutchid.filter.pace import pace
 from clutchid.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.numerics.failure import Failure
 from clutchid.observe.methods import method_for
 from clutchid.observe.prior import online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes, count_strokes
-from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, segment_of, usable_positions
+from clutchid.observe.supply import Supply, supply_of
+from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, measured_values, segment_of, usable_positions
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
 
@@ -75,7 +77,8 @@ class Observed(NamedTuple):
 class Observer:
     """An observer of a calibrated actuator, as `observer` makes it.
 
-    `missed` is how far off in N a load from position alone was on the calibration recordings, rms over the stroke.
+    `missed` is how far off in N a load from position alone was on the calibration recordings, rms over the stroke;
+    `supply` is None where the recorded supply pressure is not used.
     """
 
     actuator: Actuator
@@ -84,6 +87,7 @@ class Observer:
     root: FloatArray
     spacing: float
     missed: float
+    supply: Supply | None = None
 
     def load(self, state: ObserverState) -> Load:
         """The load as it is known in a state."""
@@ -92,7 +96,8 @@ class Observer:
     def load_deviation(self, state: ObserverState, position: FloatArray) -> FloatArray:
         """Standard deviation in N of that load at positions in m, shape (n,).
 
-        It has a part that no recording makes smaller: what the model missed on the calibration recordings.
+        It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
+        accuracy of a recorded supply pressure.
         """
         load, basis = self.load(state), np.zeros((position.size, len(self.joint.coordinates)))
         functions = load.phi(position)
@@ -100,7 +105,9 @@ class Observer:
             if c.base in load.names:
                 basis[:, j] = functions[:, load.names.index(c.base)] * c.slope(float(state.theta[j]))
         deviation: FloatArray = np.hypot(np.linalg.norm(basis @ state.T, axis=1), self.missed)
-        return deviation
+        if self.supply is None:
+            return deviation
+        return np.hypot(deviation, self.supply.load_deviation(self.actuator, load, position))
 
 
 def observer(
@@ -125,10 +132,16 @@ def observer(
         If there is no such method, or it does not take the actuator.
     """
     chosen = method_for(method, actuator)
+    supply = supply_of(actuator, calibration) if chosen.corrects_supply else None
+    measure = ("position",) if supply is None else ("position", "pressure_supply")
     free, root = online_prior(actuator, chosen.adapting(actuator), chosen.modes)
     k = len(free)
     settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
-    noise = Noise(states={name: row.noise for name, row in actuator.state_rows.items()}, memory=MEMORY)
+    noise = Noise(
+        measured={name: SENSORS[name].noise for name in measure},
+        states={name: row.noise for name, row in actuator.state_rows.items()},
+        memory=MEMORY,
+    )
     limits = -BOUND * np.ones(k), BOUND * np.ones(k)
     return Observer(
         actuator=actuator,
@@ -137,7 +150,7 @@ def observer(
             actuator,
             free,
             limits,
-            ("position",),
+            measure,
             noise,
             settings,
             np.sqrt(DRIFT) * root,
@@ -147,6 +160,7 @@ def observer(
         root=root,
         spacing=spacing,
         missed=_missed(actuator, calibration),
+        supply=supply,
     )
 
 
@@ -166,7 +180,8 @@ def start(observer: Observer) -> ObserverState:
 
 def blank(observer: Observer) -> JointState:
     """A state of the filter with the shapes that all of its states have."""
-    segment = segment_of(Tail(np.zeros(1), np.zeros((1, 2)), np.zeros(1)), observer.joint.mapped.actuator)
+    at_rest = Tail(np.zeros(1), np.zeros((1, 2)), np.zeros(1), np.zeros(1))
+    segment = segment_of(at_rest, observer.joint.mapped.actuator)
     return init(observer.joint, segment, np.zeros(len(observer.root)), observer.root)
 
 
@@ -191,13 +206,15 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     deviations = states.copy()
     innovations, used = np.full((n, 2), np.nan), np.zeros(n, dtype=bool)
     known: Mask = np.isfinite(block["position"])
+    supply = block.columns.get("pressure_supply", np.full(n, np.nan))
     for begin, b in _stretches(observer, block.time, duties):
         if not _continues(observer, state, block.time[begin], duties[begin]):
             state = _ended(observer, state)
         a = begin if state.filter is not None else begin + _first(known[begin:b])
         if a == b or not np.isfinite(duties[a]).all():
             continue
-        state, found, usable = _stretch(observer, state, Tail(block.time[a:b], duties[a:b], block["position"][a:b]))
+        new = Tail(block.time[a:b], duties[a:b], block["position"][a:b], supply[a:b])
+        state, found, usable = _stretch(observer, state, new)
         if found is not None:
             states[a:b], deviations[a:b], innovations[a:b] = found.states, found.deviations, found.errors[:, 0]
             used[a:b] = usable
@@ -255,7 +272,7 @@ def _stretch(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obser
     first, m, joint = old.time.size, both.time.size, observer.joint
     segment = segment_of(both, joint.mapped.actuator)
     usable = usable_positions(both.position)
-    values = np.where(usable, both.position, np.nan)[:, None]
+    values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
     at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     found = follow(joint, at, given, (first, m), state.number - first)

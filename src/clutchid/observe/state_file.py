@@ -18,7 +18,7 @@ from clutchid.observe.observer import Observer, ObserverState, blank, start
 from clutchid.observe.strokes import Strokes
 from clutchid.observe.tail import Tail
 
-FORMAT = 1
+FORMAT = 2
 
 
 def write_state(observer: Observer, state: ObserverState, path: str | PathLike[str]) -> None:
@@ -98,7 +98,8 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     def array(section: str, name: str, *shape: int) -> FloatArray:
         return np.array(content[section][name], dtype=np.float64).reshape(shape)
 
-    tail = Tail(array("tail", "time", -1), array("tail", "duties", -1, 2), array("tail", "position", -1))
+    columns = {"time": (-1,), "duties": (-1, 2), "position": (-1,), "supply": (-1,)}
+    tail = Tail(**{name: array("tail", name, *shape) for name, shape in columns.items()})
     found = None
     if "filter" in content:
         saved = content["filter"]

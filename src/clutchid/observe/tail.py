@@ -19,15 +19,19 @@ FROZEN = 15
 
 
 class Tail(NamedTuple):
-    """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions."""
+    """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions.
+
+    `supply` is the recorded supply pressure in Pa, NaN where there is none.
+    """
 
     time: FloatArray
     duties: FloatArray
     position: FloatArray
+    supply: FloatArray
 
 
 #: Before the first sample of a stretch.
-EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0))
+EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0), np.empty(0))
 
 
 def segment_of(samples: Tail, actuator: Actuator) -> Segment:
@@ -57,6 +61,27 @@ def usable_positions(position: FloatArray) -> Mask:
     changed = np.append(True, position[1:] != position[:-1])
     usable: Mask = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
     return usable
+
+
+def measured_values(samples: Tail, usable: Mask, supply: float | None) -> FloatArray:
+    """What the filter compares with, NaN for none: the position, and the supply pressure if a ratio of it is given.
+
+    It counts while no valve is open, when it is the same in the vehicle's reservoir and before the valve.
+
+    Parameters
+    ----------
+    supply : 1
+        Estimated over recorded supply pressure, see `Supply`.
+
+    Returns
+    -------
+    values : (samples, columns)
+    """
+    position = np.where(usable, samples.position, np.nan)
+    if supply is None:
+        return position[:, None]
+    closed = np.all(samples.duties <= 0.0, axis=1) & np.isfinite(samples.supply)
+    return np.column_stack([position, np.where(closed, supply * samples.supply, np.nan)])
 
 
 def last_samples(samples: Tail, seconds: float) -> Tail:

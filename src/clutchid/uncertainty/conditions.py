@@ -32,10 +32,14 @@ SWING, RATE = 5.0, 0.2
 
 
 class Conditions(NamedTuple):
-    """Mean ambient temperature in K and mean supply pressure at rest in Pa of recordings; None where not recorded."""
+    """Mean ambient temperature in K and mean supply pressure at rest in Pa of recordings; None where not recorded.
+
+    `supply_estimated` is the mean that a calibration estimates of the samples that `supply` is the mean of.
+    """
 
     temperature: float | None = None
     supply: float | None = None
+    supply_estimated: float | None = None
 
     def value(self, name: str) -> float | None:
         """The condition that belongs to the parameter T_0 or P_S."""
@@ -59,6 +63,18 @@ def conditions_of(logs: Sequence[Log], actuator: Actuator) -> Conditions:
         raise DataError("\n".join(problems))
     means = [[mean for log in logs if (mean := _mean(log, name)) is not None] for name in CONDITIONS]
     return Conditions(*(float(np.mean(each)) if each else None for each in means))
+
+
+def with_estimated_supply(conditions: Conditions, logs: Sequence[Log], simulated: Sequence[Log]) -> Conditions:
+    """`conditions` of `logs` with the supply pressure that is estimated where they record one."""
+    estimated = []
+    for log, states in zip(logs, simulated, strict=True):
+        if conditions.supply is not None and "pressure_supply" in log and "pressure_supply" in states:
+            known = np.isfinite(log["pressure_supply"])
+            values = np.where(known, np.interp(log.time, states.time, states["pressure_supply"]), np.nan)
+            mean = _mean(log.with_columns(pressure_supply=values), "P_S")
+            estimated += [] if mean is None else [mean]
+    return conditions._replace(supply_estimated=float(np.mean(estimated))) if estimated else conditions
 
 
 def condition_problems(log: Log, actuator: Actuator) -> dict[str, str]:

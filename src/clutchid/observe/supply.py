@@ -1,0 +1,40 @@
+"""The recorded supply pressure: how an observer's model is related to it by the calibration, and how far that is known.
+
+Less supply and a smaller load look alike from position alone, and the pressure that a governor keeps swings by some
+percent. Where the vehicle records the supply, the filter corrects its state p_S by it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import NamedTuple
+
+from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
+from clutchid.model.weighted_load import Load
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.conditions import ACCURACY, NOT_RECORDED
+
+
+class Supply(NamedTuple):
+    """Estimated over recorded supply pressure in the calibration, and its standard deviation as a share of it."""
+
+    ratio: float
+    share: float
+
+    def load_deviation(self, actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
+        """Standard deviation in N that it leaves to the load at positions in m.
+
+        The motion stays the same if all absolute pressures scale with that of the supply: A_A p_A = f + A_A P_0 at
+        rest.
+        """
+        p = actuator.parameters
+        return self.share * (load.force(position) + p.A_A * p.P_0)
+
+
+def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:
+    """How a calibration relates the supply pressure to a recorded one; None if it does not."""
+    found = calibration.conditions if calibration else NOT_RECORDED
+    if found.supply is None or found.supply_estimated is None or "p_S" not in actuator.states:
+        return None
+    return Supply(found.supply_estimated / found.supply, sqrt(2.0) * ACCURACY["P_S"] / found.supply)
