@@ -93,7 +93,7 @@ def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by
     for heading in ("Wear", "Soonest at their limit", "Odd vehicles", "Recordings without a result", "All vehicles"):
         assert f"<h2>{heading}</h2>" in html
     assert "3 vehicles, 30 recordings: 18 ok, 10 bad_input, 2 failed" in html
-    assert "2 of 3 vehicles have readings of the clutch. The median shift is 0.100 mm" in html
+    assert "2 of 3 vehicles have readings of the clutch. Their shift is 0.100 and 0.100 mm" in html
     assert "clutchid fleet &lt;rows&gt;" in html
     assert html.count("data:image/svg+xml") == 1
     assert Parsed(html).tables["12 recordings by reason"][1] == ["bad_input", "12", "NAME has no position.", "r7"]
@@ -164,7 +164,8 @@ def test_the_worst_begin_with_what_is_left_and_have_the_band_of_the_shift_only_w
 @pytest.mark.parametrize(
     ("count", "words"),
     [
-        (1, "The median shift is 0.100 mm.<"),
+        (1, "Its shift is 0.100 mm.<"),
+        (2, "Their shift is −0.100 and 0.000 mm.<"),
         (3, "The median shift is 0.000 mm; all are between −0.100 and 0.100 mm."),
         (21, "The median shift is 0.000 mm; nine of ten are between −0.900 and 0.900 mm."),
     ],

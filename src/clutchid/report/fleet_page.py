@@ -90,7 +90,7 @@ def _wear(vehicles: Sequence[VehicleRow], spans: Spans) -> tuple[Block, ...]:
 
 
 def _spread(known: Sequence[VehicleRow]) -> str:
-    """The median and the range of nine vehicles in ten; of all where there are few."""
+    """The median and the range of nine vehicles in ten; of all where there are few, and of two that only."""
     name = quantity_of(known)
     few = len(known) < FEW
     shares = (0.0, 0.5, 1.0) if few else (0.05, 0.5, 0.95)
@@ -99,8 +99,9 @@ def _spread(known: Sequence[VehicleRow]) -> str:
         for value in quantiles([getattr(one, name) for one in known], shares)
         if value is not None
     )
-    spread = f"; {'all' if few else 'nine of ten'} are between {low} and {high} mm" if len(known) > 1 else ""
-    return f"The median {name} is {median} mm{spread}."
+    if len(known) < 3:
+        return f"Their {name} is {low} and {high} mm." if len(known) == 2 else f"Its {name} is {median} mm."
+    return f"The median {name} is {median} mm; {'all' if few else 'nine of ten'} are between {low} and {high} mm."
 
 
 def _odd(odd: Sequence[Odd]) -> tuple[Block, ...]:
