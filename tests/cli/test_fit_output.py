@@ -161,6 +161,17 @@ def test_one_warning_more_is_one_warning(fitted, capsys):
     assert shown(warned, capsys)[2].splitlines()[-1] == "1 more warning: --verbose"
 
 
+def test_the_files_are_written_though_nobody_reads_what_is_printed(fitted, capsys, tmp_path, monkeypatch):
+    good = tmp_path / "CAL.toml"
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w", encoding="utf-8") as closed:
+        monkeypatch.setattr(sys, "stdout", closed)
+        with pytest.raises((BrokenPipeError, SystemExit)):
+            answer(Outcome(fitted), {good: lambda path: path.write_text("done")}, COMMAND, verbose=False)
+    assert good.read_text() == "done"
+
+
 def test_a_file_that_cannot_be_written_does_not_cost_the_result(fitted, capsys, tmp_path):
     def full(path):
         raise ExportError(f"{path}: no space left\x1b[31m")

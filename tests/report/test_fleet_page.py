@@ -90,10 +90,10 @@ def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by
         tmp_path / "index.html",
     )
     html = (tmp_path / "index.html").read_text(encoding="utf-8")
-    for heading in ("Wear", "Soonest at their limit", "Odd", "Recordings without a result", "All vehicles"):
+    for heading in ("Wear", "Soonest at their limit", "Odd vehicles", "Recordings without a result", "All vehicles"):
         assert f"<h2>{heading}</h2>" in html
     assert "3 vehicles, 30 recordings: 18 ok, 10 bad_input, 2 failed" in html
-    assert "2 of 3 vehicles have readings of the clutch. The median shift is 0.100 mm" in html
+    assert "2 of 3 vehicles have readings of the clutch. Their shift is 0.100 and 0.100 mm" in html
     assert "clutchid fleet &lt;rows&gt;" in html
     assert html.count("data:image/svg+xml") == 1
     assert Parsed(html).tables["12 recordings by reason"][1] == ["bad_input", "12", "NAME has no position.", "r7"]
@@ -152,12 +152,35 @@ def test_the_worst_are_those_with_the_least_left_then_the_most_worn():
     assert names(worst_table(rows, spans_of(rows))) == ["over", "soon", "old", "unlimited", "new"]
 
 
+def test_the_worst_begin_with_what_is_left_and_have_the_band_of_the_shift_only_where_wear_is_not_known():
+    worn = [vehicle(f"V{i}", wear=1e-3, wear_low=0.9e-3, wear_high=1.1e-3) for i in range(2)]
+    for rows, banded in ((worn, False), ([*worn, vehicle("V3")], True), ([vehicle("V3")], True)):
+        for table in (worst_table(rows, spans_of(rows)), all_table(rows, [], spans_of(rows))):
+            assert ("shift band" in [column.name for column in table.columns]) == banded
+            assert {len(row) for row in table.rows} == {len(table.columns)}
+    assert [column.name for column in worst_table(worn, spans_of(worn)).columns[2:4]] == ["left", "left band"]
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [
+        (1, "Its shift is 0.100 mm.<"),
+        (2, "Their shift is −0.100 and 0.000 mm.<"),
+        (3, "The median shift is 0.000 mm; all are between −0.100 and 0.100 mm."),
+        (21, "The median shift is 0.000 mm; nine of ten are between −0.900 and 0.900 mm."),
+    ],
+)
+def test_the_spread_of_few_vehicles_is_that_of_all_and_agrees_with_the_table_of_types(count, words):
+    shifts = 1e-4 * (np.arange(count) - count // 2) if count > 1 else [1e-4]
+    assert words in render(page_of([vehicle(f"V{i}", shift=s) for i, s in enumerate(shifts)], [], "c"))
+
+
 def test_what_is_left_is_compared_in_lives_where_vehicles_have_different_axes():
     rows = [vehicle("far", left=4e5), vehicle("near", left=8e4, axis="km")]  # 40 % and 20 % of a life
     table = worst_table(rows, spans_of(rows))
     assert names(table) == ["near", "far"]
     assert table.column("left") == (pytest.approx(20.0), pytest.approx(40.0))
-    assert table.columns[-2].group == "left [% of a life]"
+    assert table.columns[2].group == "left [% of a life]"
     assert "A life is 1,000,000 strokes, 400,000 km" in table.note
 
 
@@ -232,7 +255,7 @@ def test_alarms_and_missing_readings_are_odd_and_marked_among_all():
 
 def test_long_lists_are_cut_and_say_what_is_left_out():
     rows = [vehicle(f"V{i}", alarms=("a jump",)) for i in range(ODD + 5)]
-    assert len(parsed(rows).tables[f"Alarm, the load jumped: {ODD} of {ODD + 5}"]) == ODD + 1
+    assert len(parsed(rows).tables[f"Alarm, a clutch replaced or a sudden change: {ODD} of {ODD + 5}"]) == ODD + 1
     table = reasons_table([Reason("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
     assert table.column("recordings") == tuple(range(1000, 960, -1))
     assert table.note.startswith("5 rarer reasons, of 4,790 recordings")

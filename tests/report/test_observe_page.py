@@ -31,7 +31,7 @@ def run(plant, log):
 def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_nothing, tmp_path):
     observe_page(run, ORIGIN, "clutchid observe <worn>.parquet", tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for heading in ("Load before and after", "Load by stroke", "Samples", "Parameters", "Health"):
+    for heading in ("Load before and after", "Load by stroke", "Samples", "Parameters", "Faults of the signals"):
         assert f"<h2>{heading}</h2>" in html
     assert "started from CAL.toml" in html
     assert "clutchid observe &lt;worn&gt;.parquet" in html
@@ -115,6 +115,9 @@ def test_the_table_of_parameters_has_their_values_before_and_after(run, plant):
     table = parameter_table(run, "t", ["F_C"])
     assert table.column("before") == (plant.value("F_C"),)
     assert table.column("after") == (known(run.observer, run.after)["F_C"].value,)
+    assert table.column("meaning") == ("Coulomb friction",)
+    weights = parameter_table(run, "t", list(plant.load.names))
+    assert "meaning" not in [column.name for column in weights.columns]
 
 
 def test_a_name_from_a_file_is_escaped(plant, log):

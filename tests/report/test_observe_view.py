@@ -43,5 +43,5 @@ def test_flags_are_listed_and_an_unknown_pressure_is_said(followed):
     torn = part.log.with_columns(duty_supply=np.full(len(part.log), np.nan))
     later = type(torn)(torn.time + 1.0, torn.columns, torn.name)
     view = observe_view(*gone_on(run, later, {**NONE, "late": 3}), 80)
-    assert "p_A unknown" in view
+    assert "pressure unknown" in view
     assert "flags: duty_missing 1 s, late 0.003 s" in view

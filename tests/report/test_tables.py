@@ -100,3 +100,8 @@ def test_a_link_leads_somewhere_on_a_page_and_is_its_text_elsewhere():
     assert "<th scope=row>z</th>" in to_html(table)
     assert to_csv(table).splitlines()[1:] == ["x & y,1.0", "z,2.0"]
     assert "x & y" in to_text(table)
+
+
+def test_only_a_date_stays_on_one_line_on_a_page():
+    table = Table("t", (Column("a", "a"), Column("b", "b", date=True)), (("2026-05-01", "2026-05-02"),))
+    assert '<th scope=row>2026-05-01</th><td class="date">2026-05-02</td>' in to_html(table)

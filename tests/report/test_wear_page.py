@@ -5,7 +5,8 @@ import pytest
 
 from clutchid.report.html import render
 from clutchid.report.wear_json import wear_json
-from clutchid.report.wear_page import page_of, wear_page
+from clutchid.report.wear_page import page_of, recordings_table, wear_page
+from clutchid.report.wear_text import wear_lines
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Reading, wear_of
 from clutchid.wear.measurement import Measurement
@@ -40,6 +41,30 @@ def test_page_and_object_say_how_often_an_alarm_is_false():
     life = life_of([0.0, 1e-5])
     assert "set to one false alarm in 1,000 recordings" in render(page_of(life, [], "c"))
     assert wear_json(life)["wear"]["false_alarms"] == 1e-3
+
+
+def test_only_a_life_with_an_alarm_says_what_its_red_line_means_and_notices_begin_with_a_capital():
+    calm, replaced = (
+        render(page_of(life_of(shifts), [], "c"))
+        for shifts in ([0.0, 1e-5], [*np.linspace(0.0, 5e-4, 12), *np.linspace(0.0, 1e-4, 6)])
+    )
+    assert "Red and dashed" not in calm
+    assert "Red and dashed" in replaced
+    assert "The clutch, or its sensor, was replaced between r11 and r12" in replaced
+    assert "No recording has a time" in calm
+
+
+def test_a_recording_has_a_message_only_where_something_was_wrong_with_it():
+    fine, failed = (Reading(status, f"it {status}", "", None) for status in ("ok", "failed"))
+    life = wear_of("V", arranged(["a", "b"], ["", ""], {}), [fine, failed], None, 1e-3)
+    assert recordings_table(life).column("message") == ("", "it failed")
+
+
+def test_what_is_left_names_the_options_that_are_missing_for_it():
+    listed = {name: Listed(name, strokes=1e4 * k) for k, name in enumerate("ab")}
+    readings = [Reading("ok", "", "good", Measurement(0.0, 3e-5, 0.0, 0.01, np.nan))] * 2
+    last = wear_lines(wear_of("V", arranged(["a", "b"], ["", ""], listed), readings, None, None))[-1]
+    assert last == "left        not known without a limit: --limit, or a table of wear"
 
 
 def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):

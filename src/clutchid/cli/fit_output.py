@@ -37,28 +37,42 @@ def answer_json(outcome: Outcome, writers: Writers) -> int:
 
 
 def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) -> int:
-    """Print the result, and write the files; the exit code. A file that cannot be written never costs the result."""
-    from clutchid.report.fit_text import fit_text
+    """Print the result, and write the files; the exit code. Neither costs the other where it fails."""
     from clutchid.report.next_step import next_step
-    from clutchid.report.summary import Row, other_warnings, summary
+    from clutchid.report.summary import Row, other_warnings
 
     fit = outcome.fit
-    _print_rows(summary(fit, outcome.single, in_full=verbose))
-    if verbose:
-        print(f"\n{printable_lines(fit_text(fit, WIDTH))}")
-    sys.stdout.flush()
+    try:
+        _print_result(outcome, verbose)
+    except (OSError, SystemExit):  # nobody reads on, which Rich makes an exit: the files are wanted all the same
+        _complain(_write(writers)[1])
+        raise
     warnings = other_warnings(fit)
     _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
     written, failures = _write(writers)
     print_written(*written)
-    for failure in failures:
-        print(f"clutchid: the fit is complete, but {printable_lines(failure)}", file=sys.stderr)
+    _complain(failures)
     if failures:
         return FAILED
     why, what = next_step(fit, command)
     _print_rows([Row("next", f"{why}:")])
     print(printable(f"  {what}"))
     return DONE
+
+
+def _print_result(outcome: Outcome, verbose: bool) -> None:
+    from clutchid.report.fit_text import fit_text
+    from clutchid.report.summary import summary
+
+    _print_rows(summary(outcome.fit, outcome.single, in_full=verbose))
+    if verbose:
+        print(f"\n{printable_lines(fit_text(outcome.fit, WIDTH))}")
+    sys.stdout.flush()
+
+
+def _complain(failures: Sequence[str]) -> None:
+    for failure in failures:
+        print(f"clutchid: the fit is complete, but {printable_lines(failure)}", file=sys.stderr)
 
 
 def _write(writers: Writers) -> tuple[list[Path], list[str]]:

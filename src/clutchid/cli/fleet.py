@@ -41,7 +41,7 @@ class Pool:
     workers
         Number of processes on this machine; does not affect the results.
     scheduler
-        Address of a Dask scheduler whose workers do the work, for example tcp://host:8786.
+        Address of a Dask scheduler, which hands recordings to workers on other machines, for example tcp://host:8786.
     timeout
         Time in s that one recording may take; 0 for no limit.
     memory
@@ -90,14 +90,16 @@ def fleet(
     source
         A folder, in which each folder of recordings is a vehicle; or a table (CSV) with recording, vehicle and type.
     start
-        Calibration (TOML) for all, or a folder with one for each type or vehicle: TYPE.toml or VEHICLE.toml.
+        Calibration (TOML) for all, or a folder with one for each type or vehicle: TYPE.toml or VEHICLE.toml; with
+        track, a table of wear TYPE.wear.csv beside it is used.
     out
         Folder of the results, new or that of a run to go on with.
     verb
         fit: the load of each recording, as `clutchid fit --start`. observe: as `clutchid observe`, at its end. track:
         as fit, and the wear of each vehicle.
     limit
-        With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls.
+        With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls; by
+        default the last row of TYPE.wear.csv ends it.
     retry
         Read recordings once more that ended their worker or took too long.
     ambient

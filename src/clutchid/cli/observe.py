@@ -55,7 +55,7 @@ def observe(
         Calibration (TOML), as written by `clutchid fit --save`.
     out
         States by sample to write (.csv, .parquet, .mf4 or .mat); the load by stroke is written beside it, as
-        OUT.load.parquet.
+        FILE.load.parquet for FILE.parquet.
     method
         joint: load, wearing parameters and states adapt (the default). joint-reduced: fewer modes of the load. states:
         the load stays as calibrated. paper: the paper's three weights. For comparison: adaptive (constant gains) and
@@ -76,7 +76,7 @@ def observe(
         Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
     publish
         Results of a live recording while it goes on: `-` writes JSON lines on standard output,
-        `can:CHANNEL` frames on a bus, whose DBC is written as OUT.dbc.
+        `can:CHANNEL` frames on a bus, whose DBC is written beside --out, as FILE.dbc.
     publish_every
         Time in ms from one published sample to the next; 0 publishes each, the default for lines; 10 for frames.
     view

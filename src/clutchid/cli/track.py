@@ -46,11 +46,12 @@ def track(
     start
         Calibration (TOML) of its type, as written by `clutchid fit --save`.
     out
-        A row a recording (.parquet); the loads are written beside it, as OUT.load.parquet.
+        A row a recording, FILE.parquet; the loads are written beside it, as FILE.load.parquet.
     table
         CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
     limit
-        Shift of the half-load position in mm that ends the life of the clutch, below 0 if it falls.
+        Shift of the half-load position in mm that ends the life of the clutch, below 0 if it falls; by default the
+        last row of the table of wear ends it. Without either, what is left is not known.
     wear_table
         CSV with wear [mm], half_load [mm] and load [N] of this type, as from a test rig: gives the wear of the facing.
     report

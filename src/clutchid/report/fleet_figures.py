@@ -77,7 +77,8 @@ def _histogram(axis: Axes, panel: Panel, groups: Sequence[np.ndarray]) -> None:
         )
         bottom = bottom + number
     axis.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-    axis.set_xlim(low, high)
+    margin = 0.5 * (edges[1] - edges[0])
+    axis.set_xlim(low - margin, high + margin)
     axis.set_ylim(0.0, max(1.0, 1.12 * bottom.max()))
     axis.set_xlabel(panel.words + _outside(panel.values, low, high), fontsize=STYLE.font_size, color=STYLE.ink)
 

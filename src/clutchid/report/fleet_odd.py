@@ -29,10 +29,10 @@ _MAD = 0.6745
 
 #: What a vehicle can stand out by, and what that means.
 MARKS = {
-    "alarm": "the load jumped",
+    "alarm": "a clutch replaced or a sudden change",
     "fast": "wears faster than others of its type",
     "slow": "wears more slowly than others of its type",
-    "few readings": "more than half of its recordings do not count",
+    "few readings": "most recordings do not count",
 }
 
 
@@ -76,7 +76,7 @@ def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Odd]:
             if abs(score) > ODD_SCORE:
                 reason = (
                     f"{rate / MM:.3f} mm per {spans.rate_words}; the median {others} is {median / MM:.3f} mm; robust "
-                    f"z score {score:+.1f}."
+                    f"z score {'+' if score > 0 else '−'}{abs(score):.1f}."
                 )
                 found.append(Odd(one, "fast" if score > 0 else "slow", reason, float(score)))
     return found

@@ -18,12 +18,16 @@ from clutchid.report.fleet_values import (
     Spans,
     VehicleRow,
     has_reading,
+    quantiles,
     quantity_of,
     spans_of,
 )
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Sortable, Text, escape, render
 from clutchid.report.provenance import provenance
 from clutchid.report.style import MM
+
+#: Vehicles below which the range of all is said in place of that of nine in ten.
+FEW = 20
 
 __all__ = ["Reason", "VehicleRow", "fleet_page", "page_of"]
 
@@ -56,7 +60,7 @@ def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[Reason], command: 
         limited = any(not np.isnan(one.left) for one in vehicles)
         heading = "Soonest at their limit" if limited else "Most worn"
         sections.append(Section(heading, (worst_table(vehicles, spans),)))
-    sections.append(Section("Odd", _odd(odd)))
+    sections.append(Section("Odd vehicles", _odd(odd)))
     sections.append(Section("Recordings without a result", _failures(reasons)))
     if vehicles:
         sections.append(Section("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
@@ -77,16 +81,27 @@ def _wear(vehicles: Sequence[VehicleRow], spans: Spans) -> tuple[Block, ...]:
     known = [one for one in vehicles if has_reading(one)]
     if not known:
         return (Notice("No recording determines the wear of a vehicle.", "failed"),)
-    name = quantity_of(known)
-    values = np.array([getattr(one, name) for one in known]) / MM
-    low, median, high = np.nanquantile(values, (0.05, 0.5, 0.95))
-    words = (
-        f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch. The median {name} is "
-        f"{median:.3f} mm; nine of ten are between {low:.3f} and {high:.3f} mm."
-    )
-    caption = "Vehicles by their wear now. In all figures and tables, changes are since the calibration of the type."
+    words = f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch. {_spread(known)}"
+    what = "their wear" if quantity_of(known) == "wear" else "the shift of their half-load position"
+    more = " and by what is left until their limit" if any(np.isfinite(one.left) for one in vehicles) else ""
+    caption = f"Vehicles by {what} now{more}. In all figures and tables, changes are since the calibration of the type."
     picture = Picture(svg(distribution_figure(vehicles, spans)), caption, "Histograms of wear and of what is left")
     return Text(escape(words)), picture, types_table(vehicles, spans)
+
+
+def _spread(known: Sequence[VehicleRow]) -> str:
+    """The median and the range of nine vehicles in ten; of all where there are few, and of two that only."""
+    name = quantity_of(known)
+    few = len(known) < FEW
+    shares = (0.0, 0.5, 1.0) if few else (0.05, 0.5, 0.95)
+    low, median, high = (
+        f"{value / MM:.3f}".replace("-", "−")
+        for value in quantiles([getattr(one, name) for one in known], shares)
+        if value is not None
+    )
+    if len(known) < 3:
+        return f"Their {name} is {low} and {high} mm." if len(known) == 2 else f"Its {name} is {median} mm."
+    return f"The median {name} is {median} mm; {'all' if few else 'nine of ten'} are between {low} and {high} mm."
 
 
 def _odd(odd: Sequence[Odd]) -> tuple[Block, ...]:

@@ -16,6 +16,7 @@ from clutchid.report.fleet_values import (
     VehicleRow,
     has_reading,
     left_shown,
+    quantiles,
     quantity_of,
     rate_shown,
 )
@@ -29,19 +30,18 @@ WORST, ODD, TYPES, REASONS = 20, 12, 30, 40
 
 
 def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
-    """The vehicles with the least left, then the most worn ones."""
+    """The vehicles with the least left, then the most worn ones; first what is left, by which they are sorted."""
     known = sorted(filter(has_reading, vehicles), key=_worst)[:WORST]
-    quantities = [name for name in ("wear", "shift") if np.isfinite([getattr(one, name) for one in known]).any()]
-    columns = [Column("vehicle", "vehicle"), Column("type", "type")]
-    for name in quantities:
-        columns += [Column(f"{name} [m]", "now", MM, 3, group=f"{name} [mm]"), _band_column(name, f"{name} [mm]")]
+    quantities = _quantities(known)
+    columns = [Column("vehicle", "vehicle"), Column("type", "type"), *_left_columns(known, spans)]
+    columns += [column for name, banded in quantities.items() for column in _columns(name, banded=banded)]
     columns += [Column("load [1]", "now", 0.01, 1, group="load [%]"), _band_column("load", "load [%]")]
-    columns += [_rate_column(known, spans), *_left_columns(known, spans)]
+    columns.append(_rate_column(known, spans))
     rows = [
         (
-            _link(one), printable(one.type),
-            *(cell for name in quantities for cell in _banded(one, name, MM, 3)), *_banded(one, "load", 0.01, 1),
-            rate_shown(one, spans), *_left_cells(one, known, spans),
+            _link(one), printable(one.type), *_left_cells(one, known, spans),
+            *(cell for name, banded in quantities.items() for cell in _cells(one, name, banded=banded)),
+            *_banded(one, "load", 0.01, 1), rate_shown(one, spans),
         )
         for one in known
     ]  # fmt: skip
@@ -56,14 +56,13 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[Odd], spans: Spans) 
     for each in odd:
         marks[id(each.vehicle)].append(each.mark)
     ordered = sorted(vehicles, key=lambda one: _natural(one.name))
-    quantities = [name for name in ("wear", "shift") if np.isfinite([getattr(one, name) for one in vehicles]).any()]
+    quantities = _quantities(vehicles)
     columns = [
         Column("vehicle", "vehicle"), Column("type", "type"), Column("last", "last"),
         Column("recordings", "all", decimals=0, group="recordings"),
         Column("counted", "counted", decimals=0, group="recordings"),
     ]  # fmt: skip
-    for name in quantities:
-        columns += [Column(f"{name} [m]", "now", MM, 3, group=f"{name} [mm]"), _band_column(name, f"{name} [mm]")]
+    columns += [column for name, banded in quantities.items() for column in _columns(name, banded=banded)]
     columns += [
         Column("load [1]", "load\n[%]", 0.01, 1), _rate_column(vehicles, spans), *_left_columns(vehicles, spans),
         Column("odd", "odd"),
@@ -72,7 +71,7 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[Odd], spans: Spans) 
         (
             _link(one), printable(one.type), f"{one.last:%Y-%m-%d}" if one.last else None,
             one.recordings, one.counted,
-            *(cell for name in quantities for cell in _banded(one, name, MM, 3)),
+            *(cell for name, banded in quantities.items() for cell in _cells(one, name, banded=banded)),
             one.load, rate_shown(one, spans), *_left_cells(one, vehicles, spans), ", ".join(marks[id(one)]),
         )
         for one in ordered
@@ -124,9 +123,9 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (
             printable(type_) or "none given", len(members), sum(map(has_reading, members)),
-            *_quantiles([getattr(one, name) for one in members], (0.05, 0.5, 0.95)),
-            *_quantiles([rate_shown(one, spans) for one in members], (0.5,)),
-            *_quantiles([left_shown(one, spans)[1] for one in members], (0.5,)),
+            *quantiles([getattr(one, name) for one in members], (0.05, 0.5, 0.95)),
+            *quantiles([rate_shown(one, spans) for one in members], (0.5,)),
+            *quantiles([left_shown(one, spans)[1] for one in members], (0.5,)),
         )
         for type_, members in largest[:TYPES]
     ]  # fmt: skip
@@ -141,10 +140,21 @@ def _worst(one: VehicleRow) -> tuple[float, float, float, float]:
     return left[0], left[1], -np.nan_to_num(one.wear), -abs(np.nan_to_num(one.shift))
 
 
-def _quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
-    """Quantiles of the known values, which may be infinite."""
-    known = np.sort([value for value in values if not np.isnan(value)])
-    return [float(np.quantile(known, share, method="nearest")) if known.size else None for share in shares]
+def _quantities(vehicles: Sequence[VehicleRow]) -> dict[str, bool]:
+    """Lengths to show, each with its band: that of the shift only where the wear of a vehicle is not known."""
+    wear, shift = (np.isfinite([getattr(one, name) for one in vehicles]) for name in ("wear", "shift"))
+    shown = {"wear": True} if wear.any() else {}
+    return {**shown, "shift": bool((shift & ~wear).any())} if shift.any() else shown
+
+
+def _columns(name: str, *, banded: bool) -> tuple[Column, ...]:
+    """A length now, and its band."""
+    value = Column(f"{name} [m]", "now", MM, 3, group=f"{name} [mm]")
+    return (value, _band_column(name, value.group)) if banded else (value,)
+
+
+def _cells(one: VehicleRow, name: str, *, banded: bool) -> tuple[Cell, ...]:
+    return _banded(one, name, MM, 3) if banded else (getattr(one, name),)
 
 
 def _band_column(name: str, group: str) -> Column:
@@ -184,9 +194,9 @@ def _left_cells(one: VehicleRow, vehicles: Sequence[VehicleRow], spans: Spans) -
 
 
 def _note(spans: Spans) -> str:
-    lives = ", ".join(f"{life:,.0f} {axis}" for axis, life in LIFE.items())
-    life = f" A life is {lives}." if spans.rate is LIFE else ""
-    return f"Changes since the calibration. ∞: not within five lives; –: not known.{life}"
+    """What signs mean, and lives as long as forecasts and shares of a life take them to be."""
+    lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
+    return f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
 
 
 def _link(one: VehicleRow) -> Link:

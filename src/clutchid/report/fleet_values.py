@@ -93,6 +93,12 @@ def left_shown(one: VehicleRow, spans: Spans) -> tuple[float, float, float]:
     return one.left_low / span, one.left / span, one.left_high / span
 
 
+def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
+    """Quantiles of the known values, which may be infinite: each is one of the values."""
+    known = np.sort([value for value in values if not np.isnan(value)])
+    return [float(np.quantile(known, share, method="nearest")) if known.size else None for share in shares]
+
+
 def quantity_of(vehicles: Sequence[VehicleRow]) -> str:
     """What ends the life: wear where that of a vehicle is known, else shift."""
     return "wear" if any(np.isfinite(one.wear) for one in vehicles) else "shift"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 
-from clutchid.observe.by_stroke import known
+from clutchid.observe.by_stroke import Known, known
 from clutchid.observe.health import FLAGS, LIVE_FLAGS
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.figures import png, svg
@@ -17,17 +17,18 @@ from clutchid.report.provenance import provenance
 from clutchid.report.tables import Cell, Column, Table
 from clutchid.uncertainty.calibration import Origin
 
+_AFTER = "after the recording"
 _MEANINGS = {**FLAGS, **LIVE_FLAGS}
 _LOADS = (
     "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and the "
-    "change. The band before is that of a clutch that may have worn since."
+    "change. The band before is that of a clutch that may have worn since. Shaded: 5 to 8 mm, where the clutch engages."
 )
 _STROKES = (
     "Load at three positions after each stroke, with its 95 % band; the first point is that before the recording."
 )
 _SAMPLES = (
-    "Position and pressure as estimated at each sample from what came before it, the innovations of the position with "
-    "their 95 % bounds, and the duty cycles."
+    "Position and pressure as estimated at each sample from what came before it, the innovations (measured less "
+    "predicted) with their 95 % bounds, and the duty cycles."
 )
 
 
@@ -59,7 +60,7 @@ def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
         Section("Load by stroke", _by_stroke(run)),
         Section("Samples", (Picture(png(samples_figure(run)), f"{name}. {_SAMPLES}", "Samples over time"),)),
         Section("Parameters", _parameters(run)),
-        Section("Health", (health_table(run),)),
+        Section("Faults of the signals", (health_table(run),)),
     ]
     subtitle = (
         f"Model {run.observer.actuator.model}; method {run.observer.method}; started from "
@@ -93,23 +94,37 @@ def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
     names, weights = [c.base for c in run.observer.joint.coordinates], run.observer.actuator.load.names
     if not names:
         return (Text("Nothing adapts: load and parameters stay as calibrated."),)
-    others = parameter_table(run, "Parameters that adapt", [name for name in names if name not in weights])
+    parameters = [name for name in names if name not in weights]
+    others = (parameter_table(run, "Parameters that adapt", parameters),) if parameters else ()
     table = parameter_table(run, "Load weights", [name for name in names if name in weights])
-    return (others, Details("Load weights", (table,)))
+    return (*others, Details("Load weights", (table,)))
 
 
 def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) -> Table:
-    """Some parameters or load weights before and after the recording."""
+    """Some parameters, with their meaning, or load weights, before and after the recording."""
+    actuator = run.observer.actuator
     before, after = (known(run.observer, state) for state in (run.before, run.after))
+    meant = not set(names) & set(actuator.load.names)
     columns = (
-        Column("name", "name"), Column("unit", "unit"), Column("before", "before", significant=4),
-        Column("after", "after", significant=4), Column("std", "std", significant=2),
-        Column("low", "from", significant=4, group="95 % interval"),
-        Column("high", "to", significant=4, group="95 % interval"),
+        Column("name", "parameter"), Column("unit", "unit"), Column("before", "before", significant=4),
+        Column("after", "value", significant=4, group=_AFTER),
+        Column("std", "standard\ndeviation", significant=2, group=_AFTER),
+        Column("low", "95 %\nfrom", significant=4, group=_AFTER), Column("high", "to", significant=4, group=_AFTER),
+        *([Column("meaning", "meaning")] if meant else []),
     )  # fmt: skip
-    unit = run.observer.actuator.unit
-    rows: list[tuple[Cell, ...]] = [(name, unit(name), before[name].value, *after[name]) for name in names]
+    rows: list[tuple[Cell, ...]] = [
+        (
+            name, actuator.unit(name), _rounded(before[name]), *after[name],
+            *([actuator.row(name).meaning] if meant else []),
+        )
+        for name in names
+    ]  # fmt: skip
     return Table(title, columns, tuple(rows))
+
+
+def _rounded(one: Known) -> float:
+    """A value, 0 where it differs from that by rounding only."""
+    return one.value if abs(one.value) > 1e-6 * one.std else 0.0
 
 
 def health_table(run: ObservedRecording) -> Table:
@@ -118,4 +133,4 @@ def health_table(run: ObservedRecording) -> Table:
         Column("flag", "flag"), Column("meaning", "meaning"), Column("seconds [s]", "seconds", 1.0, 3),
     )  # fmt: skip
     rows = tuple((name, _MEANINGS[name], seconds) for name, seconds in run.health.items())
-    return Table("Faults of the signals", columns, rows)
+    return Table("Seconds of each flag", columns, rows)

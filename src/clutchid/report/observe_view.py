@@ -39,11 +39,11 @@ def _pressure(run: LiveRun, part: ObservedRecording, inner: int) -> str:
     value = float(part.samples.states[-1, at]) if len(part.log) else np.nan
     half = BAND * float(run.after.deviations[at])
     if not np.isfinite(value):
-        return f"{'p_A':>{LABELS}} unknown"
+        return f"{'pressure':>{LABELS}} unknown"
     text = f" {value / 1e3:.0f} kPa" + (f" +-{half / 1e3:.0f}" if np.isfinite(half) else "")
     size = max(1, inner - len(text) - 2)
     full = round(size * min(max(value / FULL, 0.0), 1.0))
-    return f"{'p_A':>{LABELS}} [{'#' * full}{' ' * (size - full)}]{text}"
+    return f"{'pressure':>{LABELS}} [{'#' * full}{' ' * (size - full)}]{text}"
 
 
 def _load(run: LiveRun, inner: int) -> list[str]:
@@ -69,7 +69,7 @@ def _half(run: LiveRun) -> str:
     half = [0.5 * run.observer.actuator.parameters.y_max]
     now, before = curve(run.observer, run.after, half), curve(run.observer, start(run.observer), half)
     return (
-        f"{LOAD} load ({WITHIN} 95 %)  {CALIBRATED} as calibrated; at {half[0] / MM:.1f} mm {now.force[0]:.0f} N, "
+        f"{LOAD} load ({WITHIN} 95 % band)  {CALIBRATED} as calibrated; at {half[0] / MM:.1f} mm {now.force[0]:.0f} N, "
         f"as calibrated {before.force[0]:.0f} N"
     )
 

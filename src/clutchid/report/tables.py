@@ -21,6 +21,7 @@ class Column:
     """A column: `name` with its SI unit for files, `heading` (one or two lines) under `group` for display.
 
     Values are displayed divided by `scale`, with `decimals` places, or with `significant` digits and a power of ten.
+    A `date` stays on one line.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Column:
     decimals: int = 2
     significant: int | None = None
     group: str = ""
+    date: bool = False
 
     def shown(self, value: Cell) -> str:
         """The cell as displayed; a dash for a missing value.
@@ -139,7 +141,8 @@ def to_html(table: Table) -> str:
         cells = []
         for i, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
             opening, closing = ("th scope=row", "th") if i == 0 else ("td", "td")
-            cells.append(f"<{opening}{_classes(numeric[i], i in first)}>{_content(column, cell)}</{closing}>")
+            classes = _classes(numeric[i], i in first, column.date)
+            cells.append(f"<{opening}{classes}>{_content(column, cell)}</{closing}>")
         body.append(f"<tr{rule}>{''.join(cells)}</tr>")
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
     return (
@@ -173,8 +176,8 @@ def _group_starts(table: Table) -> set[int]:
     return {i for i in range(1, len(groups)) if groups[i] != groups[i - 1]}
 
 
-def _classes(numeric: bool, first: bool) -> str:
-    names = " ".join(name for name, yes in (("n", numeric), ("first", first)) if yes)
+def _classes(numeric: bool, first: bool, date: bool = False) -> str:
+    names = " ".join(name for name, yes in (("n", numeric), ("first", first), ("date", date)) if yes)
     return f' class="{names}"' if names else ""
 
 

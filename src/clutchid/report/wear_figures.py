@@ -49,7 +49,7 @@ def trend_figure(wear: Wear) -> Figure:
         if limited and wear.limit is not None:
             draw(axis, s[[0, -1]], np.full(2, wear.limit / factor), Line(STYLE.orange, "limit", 1.2, (0, (5, 3))))
         label(axis, y=words)
-        legend(axis, "above", 4)
+        legend(axis, "above", 5)
     label(axes[-1], unit)
     figure.align_ylabels()
     return figure

@@ -18,10 +18,15 @@ from clutchid.wear.life import Curve, Wear
 from clutchid.wear.settings import FALSE_ALARMS
 
 _TREND = (
-    "Readings of single recordings, and the trend through them with its 95 % band. Dashed: the clutch, or a sensor, "
-    "was replaced, or the load changed suddenly."
+    "Readings of single recordings, and the trend with its 95 % band. Readings may all lie to one side of the trend: "
+    "it is without the error that the readings of a vehicle share and the one that goes with the air temperature, as "
+    "far as these can be estimated, and its band contains what is not known of them."
 )
-_LOADS = "Load over the position of the piston, as read from recordings evenly over the life."
+_ALARMS = " Red and dashed: the clutch, or a sensor, was replaced, or the load changed suddenly."
+_LOADS = (
+    "Load over the position of the piston, as read from recordings evenly over the life, from dark to light. Shaded: "
+    "5 to 8 mm, where the clutch engages."
+)
 
 
 def wear_page(
@@ -58,28 +63,35 @@ def page_of(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, home:
 
 
 def _result(wear: Wear) -> tuple[Block, ...]:
-    blocks: list[Block] = [Notice(warning) for warning in wear.warnings]
+    blocks: list[Block] = [Notice(_capital(warning)) for warning in wear.warnings]
     if not any(outcome in ("used", "jump") for outcome in wear.outcomes):
         return (*blocks, Notice("No recording determines the wear.", "failed"))
-    blocks += [Notice(f"{words[:1].upper()}{words[1:]}.") for words in map(alarm_words, wear.alarms)]
+    blocks += [Notice(f"{_capital(words)}.") for words in map(alarm_words, wear.alarms)]
     if not wear.alarms:
         blocks.append(Notice("No sudden change of the load was found.", "ok"))
     blocks.append(Text(f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."))
     words, left = change_words(wear), left_words(wear)
-    blocks.append(Text(escape(f"{words[:1].upper()}{words[1:]}.{f' Left: {left}.' if left else ''}")))
-    return (*blocks, Picture(svg(trend_figure(wear)), _TREND, "Trend of the wear with its band"))
+    blocks.append(Text(escape(f"{_capital(words)}.{f' Left: {left}.' if left else ''}")))
+    caption = f"{_TREND}{_ALARMS if wear.alarms else ''}"
+    return (*blocks, Picture(svg(trend_figure(wear)), caption, "Trend of the wear with its band"))
+
+
+def _capital(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}"
 
 
 def recordings_table(wear: Wear) -> Table:
-    """A row a recording."""
+    """A row a recording, with a message where it is not only that the fit converged."""
     columns = (
-        Column("recording", "recording"), Column("begin", "begin"), Column("strokes [1]", "strokes", decimals=0),
-        Column("shift [m]", "shift\n[mm]", MM, 3), Column("load [1]", "load\n[%]", 0.01, 1),
-        Column("trust", "trust"), Column("outcome", "in the trend"), Column("message", "message"),
+        Column("recording", "recording"), Column("begin", "begin", date=True),
+        Column("strokes [1]", "strokes", decimals=0), Column("shift [m]", "shift\n[mm]", MM, 3),
+        Column("load [1]", "load\n[%]", 0.01, 1), Column("trust", "trust"),
+        Column("outcome", "in the trend"), Column("message", "message"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for dated, one, outcome in zip(wear.dated, wear.readings, wear.outcomes, strict=True):
         begin = f"{dated.begin:%Y-%m-%d}" if dated.begin else None
         shift, load = (one.measurement.shift, one.measurement.load) if one.measurement else (None, None)
-        rows.append((dated.name, begin, dated.strokes, shift, load, one.trust, outcome, one.message))
+        message = "" if one.status == "ok" else one.message
+        rows.append((dated.name, begin, dated.strokes, shift, load, one.trust, outcome, message))
     return Table("Recordings in the order of the life", columns, tuple(rows))

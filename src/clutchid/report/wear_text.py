@@ -22,8 +22,7 @@ def wear_lines(wear: Wear) -> list[str]:
         return [*lines, "wear        no recording determines it"]
     lines.append(f"now         {change_words(wear)}")
     lines += [f"alarm       {alarm_words(alarm)}" for alarm in wear.alarms]
-    left = left_words(wear)
-    return [*lines, f"left        {left}"] if left else lines
+    return [*lines, f"left        {left_words(wear) or 'not known without a limit: --limit, or a table of wear'}"]
 
 
 def recordings_words(wear: Wear) -> str:
