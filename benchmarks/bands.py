@@ -36,9 +36,9 @@ CONDITIONS = ("temperature_ambient", "pressure_supply")
 
 #: What is compared.
 BANDS: Mapping[str, Band] = {
-    "evidence as it is": Band(1.0, {}, 0.0),
-    "half of it": Band(0.5, {}, 0.0),
-    "and what temperature adds": Band(0.5, BAND.missed, 0.0),
+    "evidence as it is": Band(1.0, 0.0, 0.0),
+    "half of it": Band(0.5, 0.0, 0.0),
+    "and what other grease adds": Band(0.5, BAND.missed, 0.0),
     "and misfit, as shipped": BAND,
     "all evidence, the rest as shipped": Band(1.0, BAND.missed, BAND.misfit),
 }

@@ -18,18 +18,20 @@ from clutchid.uncertainty.change_prior import LOG_ODDS, change_priors, log_odds,
 from clutchid.uncertainty.coordinates import coordinates
 from clutchid.uncertainty.noise import Noise
 
-NAMES = ("theta_1", "P_S@w", "C_vs@w")
+NAMES = ("theta_1", "P_S@w", "C_vs@w", "D_v@w")
 NONE, SUPPLY, VALVES = (), ("supply pressure",), ("valves",)
 HYPOTHESES = (NONE, SUPPLY, VALVES, SUPPLY + VALVES)
 
 #: Rows ``[J | r]`` of the data at x = 0: the supply has changed rather than the valves.
-DATA = np.array([[0.5, 2.0, 1.5, -2.2], [-0.4, 3.0, 2.5, -3.4], [0.3, 1.0, -2.0, -0.6], [0.0, 0.5, 0.5, 0.8]])
+DATA = np.array([
+    [0.5, 2.0, 1.5, 0.4, -2.2], [-0.4, 3.0, 2.5, -0.3, -3.4], [0.3, 1.0, -2.0, 0.6, -0.6], [0.0, 0.5, 0.5, -0.8, 0.8]
+])  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def problem():
     actuator = Actuator()
-    priors = {f"{name}@w": change_priors(actuator)[name] for name in ("P_S", "C_vs")}
+    priors = {f"{name}@w": change_priors(actuator)[name] for name in ("P_S", "C_vs", "D_v")}
     return FitProblem(
         actuator=actuator,
         coordinates=coordinates(actuator, NAMES, {}, priors),
@@ -42,7 +44,7 @@ def problem():
     )
 
 
-def explanations(problem, x=(0.0, 0.0, 0.0), scatter=1.0):
+def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0):
     """The data linearised at x under every hypothesis."""
     x = np.array(x)
     data = DATA.copy()
@@ -83,21 +85,21 @@ def band_weights(densities):
     return weights / weights.sum()
 
 
-def missed(problem, hypothesis, mean):
-    """Covariance of what the model misses of the load, here of its first weight."""
-    weight = problem.coordinates[0]
-    share = BAND.missed["temperature and grease"] if "temperature and grease" in hypothesis else 0.0
+def missed(problem, mean):
+    """Covariance of what the model misses of the load, here of its first weight, as far as the friction has changed."""
+    weight, friction = problem.coordinates[0], problem.coordinates[3]
+    share = BAND.missed * np.log(friction.si(mean[3]) / problem.actuator.value("D_v"))
     size = weight.si(mean[0]) / weight.slope(mean[0])
-    return np.diag([(share * size) ** 2, 0.0, 0.0])
+    return np.diag([(share * size) ** 2, 0.0, 0.0, 0.0])
 
 
-def inside_and_between(problem, x, shift_of=lambda _hypothesis: np.zeros(3)):
+def inside_and_between(problem, x, shift_of=lambda _hypothesis: np.zeros(4)):
     """Parts of the covariance of the band about x: of the hypotheses, with errors `shift_of`, and between them."""
     densities, means, covariances = gaussians(problem, ALL)
     shifts = np.array([shift_of(hypothesis) for hypothesis in ALL])
     inside = [
-        c + missed(problem, h, m - s) + ERRORS_REPEAT**2 * np.outer(s, s)
-        for h, m, c, s in zip(ALL, means, covariances, shifts, strict=True)
+        c + missed(problem, m - s) + ERRORS_REPEAT**2 * np.outer(s, s)
+        for m, c, s in zip(means, covariances, shifts, strict=True)
     ]
     weights, apart = band_weights(densities), means - shifts - x
     return np.einsum("h,hij->ij", weights, inside), np.einsum("h,hi,hj->ij", weights, apart, apart)
@@ -109,7 +111,7 @@ def test_probabilities_are_those_of_the_data_under_each_prior(problem):
     assert found == pytest.approx(weights, abs=1e-10)
     assert found.sum() == pytest.approx(1.0, abs=1e-12)
     assert found.min() > 1e-3, "all of them have to matter"
-    elsewhere = probabilities(explanations(problem, (0.3, -1.0, 2.0)), calibration())
+    elsewhere = probabilities(explanations(problem, (0.3, -1.0, 2.0, 0.5)), calibration())
     assert elsewhere == pytest.approx(weights, abs=1e-10), "wherever a linear problem is linearised"
 
 
@@ -150,7 +152,7 @@ def test_evidence_mean_and_covariance_agree_with_brute_force_sampling(problem):
     evidence, means, covariances, effective = [], [], [], []
     for hypothesis in ALL:
         root = with_hypothesis(problem, hypothesis).prior_root
-        x = rng.standard_normal((draws, 3)) @ np.linalg.inv(root).T
+        x = rng.standard_normal((draws, 4)) @ np.linalg.inv(root).T
         likelihood = np.exp(-0.5 * np.sum((x @ DATA[:, :-1].T + DATA[:, -1]) ** 2, axis=1))
         weights = likelihood / likelihood.sum()
         evidence.append(likelihood.mean())
@@ -167,7 +169,7 @@ def test_evidence_mean_and_covariance_agree_with_brute_force_sampling(problem):
     deviation = np.sqrt(np.diag(found.covariance))
     assert np.all(np.abs(found.x - mean) < 5.0 * error * deviation)
     apart = np.array(means) - mean
-    inside = [c + missed(problem, h, m) for h, m, c in zip(ALL, means, covariances, strict=True)]
+    inside = [c + missed(problem, m) for m, c in zip(means, covariances, strict=True)]
     covariance = np.einsum(
         "h,hij->ij", band_weights(np.array(evidence)), inside + apart[:, :, None] * apart[:, None, :]
     )
@@ -191,7 +193,7 @@ def test_errors_of_position_alone_are_subtracted_and_a_part_of_them_is_uncertain
         "log_evidence": np.zeros(2),
     }
     widths = np.array([c.width for c in problem.coordinates])
-    wanted = {NONE: np.array([2e3, 0.0, 0.03]) / widths, SUPPLY: np.array([-5e3, 0.0, -0.02]) / widths}
+    wanted = {NONE: np.array([2e3, 0.0, 0.03, 0.0]) / widths, SUPPLY: np.array([-5e3, 0.0, -0.02, 0.0]) / widths}
     known = explanations(problem)
     for hypothesis in (NONE, SUPPLY):
         one = {hypothesis: known[hypothesis]}

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -16,22 +14,26 @@ from clutchid.log import FloatArray
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.change_prior import GROUPS, HYPOTHESES, Hypothesis, prior_probability
-from clutchid.uncertainty.coordinates import Coordinate
 
 #: Part of the errors of a fit to position alone that is different in another recording.
 ERRORS_REPEAT = 0.5
+
+
+#: A viscous friction below this share of the calibrated one counts as this share.
+LEAST_RATIO = 0.1
 
 
 class Band(NamedTuple):
     """How certain the load is taken to be. Provenance: `benchmarks/bands.py`, docs/derivations.md, "Intervals".
 
     `evidence` is the part of the logarithm of the evidence that counts: a likelihood of correlated residuals is too
-    sure of the best hypothesis; `missed` the standard deviation of what the model misses of the load where a group has
-    changed, as a share of the load; `misfit` the power of the relative misfit that multiplies standard deviations.
+    sure of the best hypothesis; `missed` the standard deviation of what the model misses of the load, as a share of it,
+    where the viscous friction is larger or smaller by a factor of e; `misfit` the power of the relative misfit that
+    multiplies standard deviations.
     """
 
     evidence: float = 0.5
-    missed: Mapping[str, float] = MappingProxyType({"temperature and grease": 0.018})
+    missed: float = 0.03
     misfit: float = 1.0
 
 
@@ -72,13 +74,12 @@ def mixture(
     means, covariances = {}, {}
     for hypothesis in HYPOTHESES:
         one = known.get(hypothesis, best)
-        coordinates, posterior = one.result.problem.coordinates, one.under(hypothesis)
-        shift = errors_in_x(coordinates, hypothesis, calibration)
+        problem, posterior = one.result.problem, one.under(hypothesis)
+        shift = errors_in_x(problem.coordinates, hypothesis, calibration)
         means[hypothesis] = one.solution.x + posterior.step - shift
-        scale = _scale_of_load(coordinates, one.result.problem.actuator.load.names, means[hypothesis])
-        share = np.hypot.reduce([band.missed.get(group, 0.0) for group in hypothesis])
+        missed = band.missed * _log_friction(problem, means[hypothesis]) * _scale_of_load(problem, means[hypothesis])
         covariances[hypothesis] = (
-            posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + share**2 * np.outer(scale, scale)
+            posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + np.outer(missed, missed)
         )
     x = np.sum([p * means[hypothesis] for hypothesis, p in probability.items()], axis=0)
     widened = np.fmax(1.0, misfit) ** (2.0 * band.misfit)
@@ -89,14 +90,19 @@ def mixture(
     return Mixture(x, np.asarray(covariance), probability)
 
 
-def _scale_of_load(coordinates: Sequence[Coordinate], weights: Sequence[str], x: FloatArray) -> FloatArray:
+def _log_friction(problem: FitProblem, x: FloatArray) -> float:
+    """How far the viscous friction is from the calibrated one, as a logarithm, rms over the recordings."""
+    calibrated = problem.actuator.value("D_v")
+    found = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
+    logarithms = [np.log(max(value / calibrated, LEAST_RATIO)) for value in found if calibrated > 0.0]
+    return float(np.sqrt(np.mean(np.square(logarithms)))) if logarithms else 0.0
+
+
+def _scale_of_load(problem: FitProblem, x: FloatArray) -> FloatArray:
     """Direction in x, shape (k,), in which the load grows by its own size."""
-    return np.array(
-        [
-            c.si(value) / c.slope(value) if c.base in weights else 0.0
-            for c, value in zip(coordinates, x.tolist(), strict=True)
-        ]
-    )
+    weights = problem.actuator.load.names
+    of_each = zip(problem.coordinates, x.tolist(), strict=True)
+    return np.array([c.si(value) / c.slope(value) if c.base in weights else 0.0 for c, value in of_each])
 
 
 def changes(problem: FitProblem, found: Mixture) -> tuple[Change, ...]:
