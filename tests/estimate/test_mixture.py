@@ -142,7 +142,7 @@ def test_a_misfit_widens_what_each_hypothesis_leaves_open_and_a_good_fit_narrows
     for one in (better, unknown):
         np.testing.assert_array_equal(one.covariance, as_usual.covariance)
     inside, between = inside_and_between(problem, worse.x)
-    np.testing.assert_allclose(worse.covariance, 4.0 * inside + between, atol=1e-9)
+    np.testing.assert_allclose(worse.covariance, 2.0 * inside + between, atol=1e-9)
     np.testing.assert_array_equal(worse.x, as_usual.x)
 
 

@@ -14,7 +14,7 @@ from clutchid.estimate.outcome import QUANTILE
 from clutchid.estimate.result import Fit
 
 #: Expected error of the load, rms over the stroke in % of the peak: up to the first it is good, beyond the second none.
-GOOD_ERROR, POOR_ERROR = 2.0, 3.3
+GOOD_ERROR, POOR_ERROR = 1.8, 3.3
 
 #: Distance from the calibration beyond the number of parameters, in standard deviations of chi-square: beyond the first
 #: no change alone explains it, beyond the second the calibration is of another truck.

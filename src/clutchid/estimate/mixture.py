@@ -28,13 +28,11 @@ class Band(NamedTuple):
 
     `evidence` is the part of the logarithm of the evidence that counts: a likelihood of correlated residuals is too
     sure of the best hypothesis; `missed` the standard deviation of what the model misses of the load, as a share of it,
-    where the viscous friction is larger or smaller by a factor of e; `misfit` the power of the relative misfit that
-    multiplies standard deviations.
+    where the viscous friction is larger or smaller by a factor of e.
     """
 
     evidence: float = 0.5
     missed: float = 0.03
-    misfit: float = 1.0
 
 
 #: As shipped.
@@ -65,7 +63,8 @@ def mixture(
     Parameters
     ----------
     misfit : 1
-        See `Departure`: what the model misses more than in the calibration recordings widens all covariances.
+        See `Departure`: where the model misses more than in the calibration recordings, all covariances are as much
+        larger.
     band : Band
         How certain the load is taken to be.
     """
@@ -82,9 +81,8 @@ def mixture(
             posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + np.outer(missed, missed)
         )
     x = np.sum([p * means[hypothesis] for hypothesis, p in probability.items()], axis=0)
-    widened = np.fmax(1.0, misfit) ** (2.0 * band.misfit)
     covariance = sum(
-        weight * (widened * covariances[h] + np.outer(means[h] - x, means[h] - x))
+        weight * (np.fmax(1.0, misfit) * covariances[h] + np.outer(means[h] - x, means[h] - x))
         for h, weight in flattened(known, best, calibration, band.evidence).items()
     )
     return Mixture(x, np.asarray(covariance), probability)
