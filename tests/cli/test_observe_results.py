@@ -184,7 +184,12 @@ def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_pa
     assert code == 0
     assert said.startswith("observed stdin: ")
     text = b"".join(shown).decode()
-    for words in ("stdin  6.00 s  position", "p_A [###", "* load (. 95 %)  o as calibrated; at 12.5 mm", "no flags"):
+    for words in (
+        "stdin  6.00 s  position",
+        "pressure [###",
+        "* load (. 95 % band)  o as calibrated; at 12.5",
+        "no flags",
+    ):
         assert words in text
     plain = re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", text)
     assert max(map(len, plain.splitlines())) <= 70

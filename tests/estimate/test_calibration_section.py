@@ -204,5 +204,5 @@ def test_the_conditions_of_a_calibration_are_read_as_they_were(tmp_path):
 def test_wrong_conditions_of_a_calibration_are_one_sentence(tmp_path, wrong):
     path = tmp_path / "CAL.toml"
     path.write_text(f"{SECTION}[fit.calibration.conditions]\n{wrong}\n")
-    with pytest.raises(ParameterError, match="temperature in K and supply in Pa, above 0"):
+    with pytest.raises(ParameterError, match="temperature in K, supply and supply_estimated in Pa, above 0"):
         _ = read_parameters(path).calibration

@@ -18,7 +18,6 @@ from clutchid.uncertainty.change_prior import GROUPS, HYPOTHESES, Hypothesis, pr
 #: Part of the errors of a fit to position alone that is different in another recording.
 ERRORS_REPEAT = 0.5
 
-
 #: A viscous friction below this share of the calibrated one counts as this share.
 LEAST_RATIO = 0.1
 
