@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from clutchid.observe.health import LIVE_FLAGS
+from clutchid.observe.live import checked, gone_on, live_run
 from clutchid.observe.observer import observe, observer, start
 from clutchid.observe.state_file import read_state, write_state
-from clutchid.observe.supply import supply_of
+from clutchid.observe.supply import supply_of, unused_supply
 from clutchid.simulation import simulate
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.conditions import ACCURACY, Conditions
@@ -107,3 +109,17 @@ def test_samples_with_an_open_valve_or_without_a_value_do_not_count(plant, kept,
     gone = lower.with_columns(pressure_supply=np.where(open_valve, np.nan, lower["pressure_supply"]))
     (_, first), (_, second) = (observe(one, start(one), log) for log in (wild, gone))
     assert np.array_equal(first.states, second.states)
+
+
+def test_a_column_that_cannot_be_used_is_one_sentence(plant, kept, lower):
+    assert unused_supply(lower, plant, kept) == ""
+    assert unused_supply(lower.without("pressure_supply"), plant, None) == ""
+    assert "does not have it; record it there too" in unused_supply(lower, plant, None)
+    assert "was saved before observers used it" in unused_supply(lower, plant, calibration(9e5, None))
+
+
+def test_a_live_recording_says_it_too(plant, kept, lower):
+    for known, said in ((kept, False), (None, True)):
+        one = observer(plant, calibration=known)
+        run, _ = gone_on(live_run(one, start(one)), lower.slice(0, 2000), dict.fromkeys(LIVE_FLAGS, 0))
+        assert any("pressure_supply is not used" in sentence for sentence in checked(run).checked) == said

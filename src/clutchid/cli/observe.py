@@ -116,13 +116,15 @@ def _checked(path: Path, content: ParameterFile, reading: Reading, force: bool) 
 
 
 def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
-    """The recording; one that is too slow has a warning if it is forced, else it is bad input."""
+    """The recording with its warnings; one that is too slow is bad input unless it is forced."""
     from clutchid.observe.recording import too_slow
+    from clutchid.observe.supply import unused_supply
 
-    sentence = too_slow(log, content.actuator)
-    if sentence and not force:
-        raise DataError(f"{sentence} Or go on with --force.")
-    return replace(log, warnings=(*log.warnings, sentence)) if sentence else log
+    slow = too_slow(log, content.actuator)
+    if slow and not force:
+        raise DataError(f"{slow} Or go on with --force.")
+    found = (slow, unused_supply(log, content.actuator, content.calibration))
+    return replace(log, warnings=(*log.warnings, *filter(None, found)))
 
 
 def _followed(log: Log, content: ParameterFile, method: str, resume: Path | None) -> ObservedRecording:

@@ -14,6 +14,7 @@ from clutchid.observe.by_stroke import StrokeRow
 from clutchid.observe.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observe.observer import Observed, Observer, ObserverState
 from clutchid.observe.recording import ObservedRecording, follow_block, too_slow, usable
+from clutchid.observe.supply import unused_supply
 
 #: Time in s of the samples, and number of the strokes, that are kept for a report.
 RECENT, STROKES = 120.0, 1000
@@ -123,7 +124,8 @@ def checked(run: LiveRun) -> LiveRun:
     log, actuator = joined([part.log for part in run.parts]), run.observer.actuator
     first = log.slice(0, int(np.searchsorted(log.time, run.begin + CHECKED, side="right")))
     slow = too_slow(first, actuator) if len(first) > 1 else ""
-    return replace(run, checked=(*inspect(first, actuator).warnings, *([slow] if slow else [])))
+    unused = unused_supply(first, actuator, run.observer.calibration)
+    return replace(run, checked=(*inspect(first, actuator).warnings, *filter(None, (slow, unused))))
 
 
 def joined(logs: Sequence[Log]) -> Log:

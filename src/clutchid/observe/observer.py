@@ -88,6 +88,7 @@ class Observer:
     spacing: float
     missed: float
     supply: Supply | None = None
+    calibration: Calibration | None = None
 
     def load(self, state: ObserverState) -> Load:
         """The load as it is known in a state."""
@@ -161,6 +162,7 @@ def observer(
         spacing=spacing,
         missed=_missed(actuator, calibration),
         supply=supply,
+        calibration=calibration,
     )
 
 

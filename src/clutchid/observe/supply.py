@@ -9,7 +9,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import NamedTuple
 
-from clutchid.log import FloatArray
+import numpy as np
+
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.uncertainty.calibration import Calibration
@@ -38,3 +40,16 @@ def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | N
     if found.supply is None or found.supply_estimated is None or "p_S" not in actuator.states:
         return None
     return Supply(found.supply_estimated / found.supply, sqrt(2.0) * ACCURACY["P_S"] / found.supply)
+
+
+def unused_supply(log: Log, actuator: Actuator, calibration: Calibration | None) -> str:
+    """Why the supply pressure that a recording has is not used, in a sentence; else nothing."""
+    recorded = log.columns.get("pressure_supply", np.zeros(0))
+    if not np.isfinite(recorded).any() or "p_S" not in actuator.states or supply_of(actuator, calibration):
+        return ""
+    known = calibration is not None and calibration.conditions.supply is not None
+    why = "was saved before observers used it" if known else "does not have it; record it there too"
+    return (
+        f"{log.name}: pressure_supply is not used, because the calibration {why}. Save the calibration again: less "
+        "supply is taken for a larger load."
+    )
