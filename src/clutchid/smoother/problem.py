@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
@@ -132,8 +133,9 @@ class FitProblem:
 
     @cached_property
     def prior_at(self) -> Callable[[bytes], FloatArray]:
-        """Cached `prior_rows`, by the bytes of x."""
-        return lru_cache(maxsize=CACHE_SIZE)(lambda x: _prior(self, np.frombuffer(x)))
+        """Cached `prior_rows`, by the bytes of x; it does not keep the problem, and so its recordings, alive."""
+        own = weakref.proxy(self)
+        return lru_cache(maxsize=CACHE_SIZE)(lambda x: _prior(own, np.frombuffer(x)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
