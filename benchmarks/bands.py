@@ -106,7 +106,7 @@ def rms(values: FloatArray) -> float:
 
 
 def summary(readings: Sequence[Reading]) -> str:
-    """Score, share covered, width, and how well the expected error tells good from bad."""
+    """Score, share covered, width, and how well the expected error separates good from bad."""
     z = [r.error / r.std for r in readings]
     density = [np.mean(np.log(np.exp(-0.5 * e**2) / r.std + FLOOR)) for e, r in zip(z, readings, strict=True)]
     covered = 100 * np.mean([np.abs(e) <= QUANTILE for e in z])

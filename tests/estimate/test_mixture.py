@@ -127,9 +127,9 @@ def test_the_mean_is_that_of_the_weighted_gaussians(problem):
 def test_the_covariance_is_about_that_mean_with_the_flattened_evidence_of_all_hypotheses(problem):
     known = explanations(problem)
     weights = band_weights(gaussians(problem, ALL)[0])
-    assert list(flattened(known, known[NONE], calibration(), BAND.evidence).values()) == pytest.approx(
-        weights, abs=1e-10
-    )
+    assert list(
+        flattened({h: known[NONE].under(h) for h in ALL}, calibration(), BAND.evidence).values()
+    ) == pytest.approx(weights, abs=1e-10)
     found = mixture(known, calibration())
     inside, between = inside_and_between(problem, found.x)
     np.testing.assert_allclose(found.covariance, inside + between, atol=1e-10)

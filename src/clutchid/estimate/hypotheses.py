@@ -110,18 +110,15 @@ def probabilities(known: Explanations[SolutionT], calibration: Calibration) -> F
 
 
 def flattened(
-    known: Explanations[SolutionT], best: Explanation[SolutionT], calibration: Calibration, part: float
+    posteriors: Mapping[Hypothesis, GaussianPosterior], calibration: Calibration, part: float
 ) -> dict[Hypothesis, float]:
-    """Weights of all hypotheses by `part` of the logarithm of their evidence, without odds against two changes at once.
-
-    Those without a search are judged by the linearisation at the `best` explanation.
-    """
+    """Weights of hypotheses by `part` of the logarithm of their evidence, without odds against two changes at once."""
     scores = []
-    for h in HYPOTHESES:
+    for h, posterior in posteriors.items():
         odds = log_odds(h)
-        evidence = score(known.get(h, best).under(h), h, calibration) - odds
+        evidence = score(posterior, h, calibration) - odds
         scores.append(part * evidence + odds - (LOG_ODDS_TOGETHER if len(h) > 1 else 0.0))
-    return dict(zip(HYPOTHESES, softmax(scores).tolist(), strict=True))
+    return dict(zip(posteriors, softmax(scores).tolist(), strict=True))
 
 
 def score(posterior: GaussianPosterior, hypothesis: Hypothesis, calibration: Calibration) -> float:

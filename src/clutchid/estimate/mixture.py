@@ -57,7 +57,8 @@ def mixture(
     """Posterior over the hypotheses: mean over those `known`, covariance over all of them.
 
     The errors that the calibration has found of fits to position alone are subtracted; part of them counts as
-    uncertain. The covariance is about the mean, with the flattened evidence of every hypothesis.
+    uncertain. The covariance is about the mean, with the flattened evidence of every hypothesis; those without a search
+    are judged by the linearisation at the best one.
 
     Parameters
     ----------
@@ -69,10 +70,11 @@ def mixture(
     """
     probability = dict(zip(known, probabilities(known, calibration).tolist(), strict=True))
     best = known[max(probability, key=probability.__getitem__)]
+    explanations = {hypothesis: known.get(hypothesis, best) for hypothesis in HYPOTHESES}
+    posteriors = {hypothesis: one.under(hypothesis) for hypothesis, one in explanations.items()}
     means, covariances = {}, {}
-    for hypothesis in HYPOTHESES:
-        one = known.get(hypothesis, best)
-        problem, posterior = one.result.problem, one.under(hypothesis)
+    for hypothesis, one in explanations.items():
+        problem, posterior = one.result.problem, posteriors[hypothesis]
         shift = errors_in_x(problem.coordinates, hypothesis, calibration)
         means[hypothesis] = one.solution.x + posterior.step - shift
         missed = band.missed * _log_friction(problem, means[hypothesis]) * _scale_of_load(problem, means[hypothesis])
@@ -82,7 +84,7 @@ def mixture(
     x = np.sum([p * means[hypothesis] for hypothesis, p in probability.items()], axis=0)
     covariance = sum(
         weight * (np.fmax(1.0, misfit) * covariances[h] + np.outer(means[h] - x, means[h] - x))
-        for h, weight in flattened(known, best, calibration, band.evidence).items()
+        for h, weight in flattened(posteriors, calibration, band.evidence).items()
     )
     return Mixture(x, np.asarray(covariance), probability)
 
