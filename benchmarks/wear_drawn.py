@@ -24,8 +24,8 @@ from clutchid.truck.ageing import aged
 from clutchid.truck.fleet import truck
 from clutchid.truck.service import Visit, visits
 from clutchid.wear.history import Dated, History
-from clutchid.wear.life import Reading, Wear, wear_of
-from clutchid.wear.measurement import Measurement
+from clutchid.wear.life import Wear, wear_of
+from clutchid.wear.measurement import Measurement, Reading
 from clutchid.wear.settings import REFERENCE
 from clutchid.wear.trend import WearTable
 

@@ -150,6 +150,7 @@ class Parameters:
     h_B: float = _magnitude(
         50.0, "W/(m²·K)", "heat transfer to the wall of chamber B at 1 bar", 0, 1e5, source=_BALANCE
     )
+    C_A0: float = _magnitude(0.0, "m³/(Pa·s)", "leak of chamber A to ambient", 0, 1e-7, source=_BALANCE)
     V_S: float = _magnitude(10e-3, "m³", "volume of the supply reservoir", 1e-7, 1e4, source=_BALANCE)
     tau_S: float = _magnitude(0.6, "s", "time in which the reservoir recovers", 1e-4, 1e5, source=_BALANCE)
     tau_G: float = _magnitude(

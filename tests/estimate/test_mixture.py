@@ -239,9 +239,12 @@ def test_a_change_has_its_value_before_and_after_its_deviation_and_the_probabili
     assert change.probability == pytest.approx(0.96)
 
 
-def test_a_group_is_listed_if_the_data_make_its_change_more_probable(problem):
-    before = prior_probability()
-    below, above = before["supply pressure"] - 0.01, before["valves"] + 0.01
+def test_a_group_is_listed_if_the_data_double_the_odds_of_its_change(problem):
+    def doubled(group):
+        odds = 2.0 * prior_probability()[group] / (1.0 - prior_probability()[group])
+        return odds / (1.0 + odds)
+
+    below, above = doubled("supply pressure") - 0.01, doubled("valves") + 0.01
     assert changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - below, supply=below)) == ()
     # the valves have moved by less than their standard deviation
     (change,) = changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - above, valves=above))

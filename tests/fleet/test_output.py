@@ -14,7 +14,7 @@ from clutchid.fleet.run import Options, tasks
 from clutchid.fleet.store import Kept, store
 from clutchid.fleet.tracking import track
 from clutchid.io.files import write_frame
-from clutchid.wear.life import Reading
+from clutchid.wear.measurement import Reading
 
 
 def statuses(tmp_path, status):

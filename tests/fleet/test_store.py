@@ -11,8 +11,8 @@ from clutchid.assess.half_load import HalfLoad
 from clutchid.errors import ExportError
 from clutchid.fleet.reading import Read
 from clutchid.fleet.store import Kept, store
-from clutchid.wear.life import Curve, Reading
-from clutchid.wear.measurement import Measurement
+from clutchid.wear.life import Curve
+from clutchid.wear.measurement import Measurement, Reading
 
 ABOUT = {"source": "/fleet", "verb": "fit"}
 

@@ -17,7 +17,7 @@ from clutchid.model.chambers import (
     wall_area,
 )
 from clutchid.model.supply import governor_rate, reservoir_rate
-from clutchid.model.valves import thermal_factor
+from clutchid.model.valves import leak_flow, thermal_factor
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.stiffness import stiffness
@@ -80,6 +80,17 @@ def test_cold_air_is_dense_so_more_of_it_flows(one, other):
     cold, warm = sorted((one, other))
     assert float(thermal_factor(T_0, cold)) >= float(thermal_factor(T_0, warm))
     assert float(thermal_factor(T_0, T_0)) == 1
+
+
+@given(pressures, pressures, st.floats(1e-13, 1e-9))
+def test_a_leak_runs_to_the_lower_pressure_faster_than_in_proportion_and_not_between_equals(p, q, C):
+    low, high = sorted((p, q))
+    flow = float(leak_flow(high, low, C, 1.185))
+    assert flow >= 0
+    assert float(leak_flow(low, high, C, 1.185)) == -flow
+    assert float(leak_flow(p, p, C, 1.185)) == 0
+    assert float(leak_flow(2 * high, low, C, 1.185)) >= 2 * flow
+    assert float(leak_flow(high, low, 2 * C, 1.185)) == pytest.approx(2 * flow, rel=1e-14)
 
 
 @given(st.floats(1e-3, 3e-2), volumes)
@@ -239,3 +250,17 @@ def test_bristle_bearing_temperatures_and_reservoir_stay_within_their_limits(pat
     # Venting from the supply pressure to the ambient without heat: T_0 (P_0 / P_S)^((gamma - 1) / gamma) of the start.
     coldest = p.T_0 * (p.P_0 / p.P_S) ** ((p.gamma - 1) / p.gamma)
     assert log["temperature_a"].min() >= coldest
+
+
+def test_a_shut_chamber_that_leaks_loses_what_passes_the_slit_and_ends_at_the_ambient_pressure():
+    step = 1e-3 / 4
+    parameters = Parameters(C_A0=1e-9, C_r=0.0)
+    actuator = Actuator(parameters, LOAD, "energy-balance")
+    log = simulate(actuator, shut(6.0, step), starts=[(8e-3, 4e5)]).log
+    (p, V, T), _ = chambers(log, parameters)
+    mass = p * V / (parameters.R * T)
+    passed = parameters.rho_0 * parameters.C_A0 * (p**2 - parameters.P_0**2) / 1e5
+    lost = np.concatenate([[0], np.cumsum((passed[1:] + passed[:-1]) / 2 * step)])
+    assert mass + lost == pytest.approx(np.full(mass.size, mass[0]), rel=1e-4)
+    assert mass[-1] < 0.4 * mass[0]
+    assert parameters.P_0 * (1 - 1e-6) < p[-1] < parameters.P_0 * 1.05

@@ -30,6 +30,7 @@ BEYOND = {
     "gamma": 1.4, "T_w": 293.0, "h_A": 50.0, "h_B": 50.0, "V_S": 10e-3, "tau_S": 0.6, "tau_G": 10.0, "R_S": 1.3,
     "v_S": 0.01, "c_F": 1.5e-4, "b_vs": 0.3, "m_vs": 0.5, "b_ve": 0.3, "m_ve": 0.5, "F_h": 25.0, "mu_h": 0.03,
     "K_h": 5e5, "n_vs": 1.0, "n_ve": 1.0, "tau_vs": 2e-3, "tau_ve": 2e-3,
+    "C_A0": 0.0,
 }  # fmt: skip
 
 
@@ -135,6 +136,8 @@ def rich_rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p
     w_vs *= opening(u[0], q.R_0vs, q.R_1vs) ** q.n_vs
     w_ve = q.rho_0 * q.C_ve * p_A * iso(q.P_0 / p_A, q.b_ve, q.m_ve, q.r_lam) * math.sqrt(q.T_0 / T_A)
     w_ve *= opening(u[1], q.R_0ve, q.R_1ve) ** q.n_ve
+    # a slit between p_A and P_0, with air of the reference density at 1 bar
+    w_leak = q.C_A0 * q.rho_0 * (p_A**2 - q.P_0**2) / 1e5
     w_in, w_out = g(q.P_0, p_B, q.T_0, q.C_r, q.B_in), g(p_B, q.P_0, T_B, q.C_r, q.B_out)
     # a cylinder of length V / A: its round wall and its two ends
     S_A, S_B = (2 * A + 2 * math.sqrt(math.pi * A) * V / A for A, V in ((q.A_A, V_A), (q.A_B, V_B)))
@@ -149,10 +152,10 @@ def rich_rates(x: Sequence[float], u: Sequence[float], theta: Sequence[float], p
     return [
         v,
         force / q.M,
-        w_vs - w_ve,
+        w_vs - w_ve - w_leak,
         w_in - w_out,
         z_dot,
-        c_p * (q.T_0 * w_vs - T_A * w_ve) + wall_to_air(q.h_A, p_A, T_A, S_A) - p_A * q.A_A * v,
+        c_p * (q.T_0 * w_vs - T_A * (w_ve + w_leak)) + wall_to_air(q.h_A, p_A, T_A, S_A) - p_A * q.A_A * v,
         c_p * (q.T_0 * w_in - T_B * w_out) + wall_to_air(q.h_B, p_B, T_B, S_B) + p_B * q.A_B * v,
         (p_G - p_S) / q.tau_S * q.V_S / (q.R * q.T_0) - w_vs,
         (q.P_S - p_G) / q.tau_G,

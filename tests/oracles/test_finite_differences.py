@@ -91,7 +91,7 @@ def used_by(variant: str) -> set[str]:
         return stribeck | {"B_vs", "B_ve"}
     valves = {f"{letter}_{valve}" for letter in "bmn" for valve in ("vs", "ve")}
     spools = {"tau_vs", "tau_ve"} if variant.endswith("proportional") else set()
-    return stribeck | spools | valves | {"gamma", "T_w", "h_A", "h_B", "V_S", "tau_S", "F_h", "mu_h", "K_h"}
+    return stribeck | spools | valves | {"gamma", "T_w", "h_A", "h_B", "V_S", "tau_S", "F_h", "mu_h", "K_h", "C_A0"}
 
 
 def test_sensitivities_of_every_variant_are_exact_through_valves_stop_and_both_kinds_of_friction(rich, rough):

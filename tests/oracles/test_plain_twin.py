@@ -114,7 +114,16 @@ def test_the_rates_of_the_energy_balance_are_those_of_mass_and_energy_in_the_twi
     if numbers == "all different":
         p = {name: value * generator.uniform(0.85, 1.0) for name, value in p.items()}
         p |= {"A_A": 13e-3, "r_lam": 0.9985, "gamma": 1.32, "R_S": 1.2}
-        p |= {"b_vs": 0.45, "m_vs": 0.6, "b_ve": 0.2, "m_ve": 0.75, "mu_h": 0.05, "n_vs": 1.3, "n_ve": 0.7}
+        p |= {
+            "b_vs": 0.45,
+            "m_vs": 0.6,
+            "b_ve": 0.2,
+            "m_ve": 0.75,
+            "mu_h": 0.05,
+            "n_vs": 1.3,
+            "n_ve": 0.7,
+            "C_A0": 4e-11,
+        }
     computed, jacobian = np.empty((n, 10)), np.empty((n, 10, 10))
     values = Parameters().replace(p).array()
     wide = np.pad(u, ((0, 0), (0, len(system(RICH).inputs) - 2)))

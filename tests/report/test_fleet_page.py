@@ -255,7 +255,10 @@ def test_alarms_and_missing_readings_are_odd_and_marked_among_all():
 
 def test_long_lists_are_cut_and_say_what_is_left_out():
     rows = [vehicle(f"V{i}", alarms=("a jump",)) for i in range(ODD + 5)]
-    assert len(parsed(rows).tables[f"Alarm, a clutch replaced or a sudden change: {ODD} of {ODD + 5}"]) == ODD + 1
+    assert (
+        len(parsed(rows).tables[f"Alarm, a clutch replaced, a sudden change, a leak, a departure: {ODD} of {ODD + 5}"])
+        == ODD + 1
+    )
     table = reasons_table([Reason("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
     assert table.column("recordings") == tuple(range(1000, 960, -1))
     assert table.note.startswith("5 rarer reasons, of 4,790 recordings")

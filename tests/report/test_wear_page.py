@@ -8,8 +8,8 @@ from clutchid.report.wear_json import wear_json
 from clutchid.report.wear_page import page_of, recordings_table, wear_page
 from clutchid.report.wear_text import wear_lines
 from clutchid.wear.history import Listed, arranged
-from clutchid.wear.life import Reading, wear_of
-from clutchid.wear.measurement import Measurement
+from clutchid.wear.life import wear_of
+from clutchid.wear.measurement import Measurement, Reading
 
 
 def life_of(shifts, name="r"):

@@ -5,8 +5,9 @@ import pytest
 
 from clutchid.wear.forecast import remaining
 from clutchid.wear.history import Listed, arranged
-from clutchid.wear.life import Reading, wear_of
-from clutchid.wear.measurement import Measurement
+from clutchid.wear.life import wear_of
+from clutchid.wear.measurement import Leak, Measurement, Reading
+from clutchid.wear.settings import FALSE_ALARMS, LEAKING, LEAKS
 from clutchid.wear.trend import WearTable
 
 #: 1 mm of shift in 1e7 strokes.
@@ -41,6 +42,41 @@ def test_a_replaced_clutch_is_an_alarm_and_a_new_trend():
     (sudden,) = life_of(np.where(np.arange(40) < 30, shifts, shifts + 0.3e-3)).alarms
     assert sudden.kind == "sudden"
     assert sudden.shift > 0.2e-3
+
+
+def alarmed(leaks=(), departs=(), missing=()):
+    """Alarms of 12 recordings: those that read a leak, depart from the calibration, or cannot be read."""
+    names = [f"r{k:02d}" for k in range(12)]
+    readings = [
+        Reading(
+            "failed" if k in missing else "ok", "", "good", Measurement(0.0, 3e-5, 0.0, 0.01, np.nan),
+            Leak(2e-11, 1e-12, 0.99) if k in leaks else None, k in departs,
+        )
+        for k in range(12)
+    ]  # fmt: skip
+    return wear_of("V1", arranged(names, [""] * 12, {}), readings).alarms
+
+
+def test_a_leak_is_an_alarm_where_two_readings_in_a_row_have_it():
+    assert alarmed(leaks=(4,)) == ()
+    (alarm,) = alarmed(leaks=(4, 5, 6, 8, 9))
+    assert (alarm.kind, alarm.after, alarm.before, alarm.leak) == ("leak", "r03", "r04", 2e-11)
+    (alarm,) = alarmed(leaks=(4, 6), missing=(5,))
+    assert alarm.before == "r04"
+    assert [alarm.before for alarm in alarmed(leaks=(1, 2, 8, 9))] == ["r01", "r08"], "a mended one may leak again"
+    assert alarmed(leaks=(0, 1))[0].before == "r00"
+
+
+def test_the_false_alarms_of_two_readings_are_as_many_as_chosen():
+    assert pytest.approx(FALSE_ALARMS) == (1.0 - LEAKING) ** LEAKS
+
+
+def test_a_calibration_that_no_longer_holds_is_an_alarm_after_three_readings():
+    assert alarmed(departs=(4, 5)) == ()
+    (alarm,) = alarmed(departs=(4, 5, 6, 7))
+    assert (alarm.kind, alarm.before) == ("departed", "r04")
+    both = alarmed(leaks=(4, 5), departs=(7, 8, 9))
+    assert [alarm.kind for alarm in both] == ["leak", "departed"]
 
 
 def test_recordings_without_a_measurement_are_bridged():

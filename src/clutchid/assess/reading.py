@@ -45,10 +45,21 @@ def expected_error(fit: Fit) -> float:
     return 100.0 * float(np.sqrt(np.mean(std**2))) / peak if std.size and peak > 0.0 else float("nan")
 
 
+def departs(fit: Fit) -> bool:
+    """Whether the truck is farther from its calibration, or the recording costs more, than any change explains."""
+    found = fit.departure
+    return found is not None and (_beyond(found) > ANOTHER or found.misfit > POOR_MISFIT)
+
+
+def _beyond(departure: Departure) -> float:
+    """Distance from the calibration beyond the number of parameters, in standard deviations of chi-square."""
+    return (departure.distance - departure.parameters) / float(np.sqrt(2.0 * departure.parameters))
+
+
 def _another_truck(departure: Departure, name: str) -> list[Reason]:
     """Parameters farther from the calibration than a change explains."""
     distance, count, _ = departure
-    beyond = (distance - count) / np.sqrt(2.0 * count)
+    beyond = _beyond(departure)
     measure = f"(squared distance {distance:.0f} over {count} parameters)"
     if beyond > ANOTHER:
         text = f"the calibration {name} seems to be of another truck: what may change is farther from it than a change "

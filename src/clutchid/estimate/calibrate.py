@@ -109,10 +109,10 @@ def _searched(
     all_together = mixture(known, calibration, relative_misfit(cost, logs, calibration))
     best = known[max(all_together.probability, key=all_together.probability.__getitem__)]
     settled = method.hypotheses.settle(best.result.problem, best.solution, all_together.x)
-    if isinstance(settled, Failure):
-        return found, (), None
-    result = replace(best.result, solution=settled, covariance=all_together.covariance)
-    departs = departure(result.problem, all_together.x, cost, logs, calibration)
+    solution = best.solution if isinstance(settled, Failure) else settled
+    x = best.solution.x if isinstance(settled, Failure) else all_together.x
+    result = replace(best.result, solution=solution, covariance=all_together.covariance)
+    departs = departure(result.problem, x, cost, logs, calibration)
     return result, changes(result.problem, all_together), departs
 
 

@@ -107,7 +107,7 @@ def _scale_of_load(problem: FitProblem, x: FloatArray) -> FloatArray:
 def changes(problem: FitProblem, found: Mixture) -> tuple[Change, ...]:
     """What has changed, or may have, in which recording.
 
-    A group is listed if the data make its change more probable than it was before; of its parameters those that have
+    A group is listed if the data at least double the odds of its change; of its parameters those that have
     moved by more than their standard deviation, but at least the one that has moved most.
     """
     before = prior_probability()
@@ -118,13 +118,17 @@ def changes(problem: FitProblem, found: Mixture) -> tuple[Change, ...]:
         for group, directions in GROUPS.items():
             names = {name for direction in directions for name in direction}
             at = [i for i in own if problem.coordinates[i].base in names]
-            if at and found.of_group(group) > before[group]:
+            if at and _odds(found.of_group(group)) >= 2.0 * _odds(before[group]):
                 moved = np.abs(found.x[at]) / std[at]
                 shown = [
                     i for i, far in zip(at, moved.tolist(), strict=True) if far > min(1.0, float(moved.max()) - 1e-9)
                 ]
                 result += [_change(problem, found, i, stem, group, float(std[i])) for i in shown]
     return tuple(result)
+
+
+def _odds(probability: float) -> float:
+    return probability / max(1.0 - probability, np.finfo(float).tiny)
 
 
 def _change(problem: FitProblem, found: Mixture, at: int, stem: str, group: str, std: float) -> Change:

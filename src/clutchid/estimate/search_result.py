@@ -14,6 +14,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.plan import Plan
 from clutchid.smoother.problem import FitProblem
+from clutchid.smoother.projection import UNLIMITED, Effort
 from clutchid.uncertainty.calibration import Calibration
 
 
@@ -40,7 +41,8 @@ SolutionT = TypeVar("SolutionT", bound=Solution)
 class SearchResult(Generic[SolutionT]):
     """The problem of a fit, the plans of its recordings, and the solution of the search by `method`.
 
-    `covariance` of x, shape (k, k), is that over all hypotheses about changes, where they were weighed.
+    `covariance` of x, shape (k, k), is that over all hypotheses about changes, where they were weighed; `effort` says
+    when a search by multiple shooting ends that gets nowhere.
     """
 
     method: str
@@ -48,6 +50,7 @@ class SearchResult(Generic[SolutionT]):
     plans: tuple[Plan, ...]
     solution: SolutionT | Failure
     covariance: FloatArray | None = None
+    effort: Effort = UNLIMITED
 
 
 @dataclass(frozen=True, slots=True)

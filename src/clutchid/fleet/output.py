@@ -14,7 +14,8 @@ from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.reading import Read
 from clutchid.fleet.store import Kept, Store
 from clutchid.io.files import write_frame
-from clutchid.wear.life import Curve, Reading
+from clutchid.wear.life import Curve
+from clutchid.wear.measurement import Reading
 
 if TYPE_CHECKING:
     import polars as pl

@@ -10,13 +10,14 @@ import numpy as np
 
 from clutchid import workflow
 from clutchid.assess.half_load import HalfLoad, half_load_band
+from clutchid.assess.reading import departs
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import LoadCurve
 from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
-from clutchid.wear.life import Curve, Reading
-from clutchid.wear.measurement import measured
+from clutchid.wear.life import Curve
+from clutchid.wear.measurement import Reading, leak_of, measured
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
@@ -96,7 +97,8 @@ def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
     measurement = measured(fit, log) if trust != "none" else None
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     curves = Curve(curve.position, curve.force, curve.low, curve.high)
-    return Read(path, Reading(status, message, trust, measurement), curve=curves, half_load=half, changes=changes)
+    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit))
+    return Read(path, reading, curve=curves, half_load=half, changes=changes)
 
 
 def _observed(log: Log, content: ParameterFile, path: Path) -> Read:

@@ -16,8 +16,8 @@ import numpy as np
 from clutchid.assess.half_load import HalfLoad
 from clutchid.errors import ExportError
 from clutchid.fleet.reading import Read
-from clutchid.wear.life import Curve, Reading
-from clutchid.wear.measurement import Measurement
+from clutchid.wear.life import Curve
+from clutchid.wear.measurement import Leak, Measurement, Reading
 
 #: The file in the folder of a run.
 STORE = "run.sqlite"
@@ -177,15 +177,19 @@ def _content(read: Read) -> dict[str, object]:
     one = read.reading
     return {
         "trust": one.trust, "measurement": one.measurement and list(one.measurement), "clock": read.clock,
-        "half_load": list(read.half_load), "changes": list(read.changes),
+        "half_load": list(read.half_load), "changes": list(read.changes), "leak": one.leak and list(one.leak),
+        "departs": one.departs,
     }  # fmt: skip
 
 
 def _read(
     recording: str, status: str, message: str, sha256: str, content: dict[str, list[float]], curve: bytes | None
 ) -> Read:
-    measured = content["measurement"]
-    reading = Reading(status, message, str(content["trust"]), Measurement(*measured) if measured else None)
+    measured, leak = content["measurement"], content["leak"]
+    reading = Reading(
+        status, message, str(content["trust"]), Measurement(*measured) if measured else None,
+        Leak(*leak) if leak else None, bool(content["departs"]),
+    )  # fmt: skip
     half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
     return Read(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)
 

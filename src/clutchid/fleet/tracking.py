@@ -216,6 +216,8 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
         "load measured std [1]": [one.load_std if one else nothing for one in measured],
         "temperature_ambient [K]": [one.temperature if one else nothing for one in measured],
         "changes": [", ".join(read.changes) for read in tracked.reads],
+        "leak [m³/(Pa·s)]": [one.leak.conductance if one.leak else 0.0 for one in wear.readings],
+        "leak probability [1]": [one.leak.probability if one.leak else 0.0 for one in wear.readings],
         "sha256": [read.sha256 for read in tracked.reads],
     }
     units = {"shift": "m", "wear": "m", "load": "1"}

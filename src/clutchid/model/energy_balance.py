@@ -21,7 +21,7 @@ from clutchid.model.isothermal import resets
 from clutchid.model.motion import acceleration
 from clutchid.model.opening import spool_rate
 from clutchid.model.supply import governor_rate, reservoir_rate
-from clutchid.model.valves import iso_flow, orifice_flow, thermal_factor
+from clutchid.model.valves import iso_flow, leak_flow, orifice_flow, thermal_factor
 from clutchid.parameters import Parameters
 
 STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h")
@@ -102,11 +102,11 @@ def _gas_rates(b: Book) -> tuple[Expr, Expr, Expr, Expr]:
     V_A, V_B, Q_A, Q_B = b.all("V_A", "V_B", "Q_A", "Q_B")
     c_p = b["R"] * b["gamma"] / (b["gamma"] - 1)
     V_A_dot, V_B_dot = b["A_A"] * b["v"], -b["A_B"] * b["v"]
-    H_A = c_p * (b["T_0"] * b["w_vs"] - b["T_A"] * b["w_ve"])
+    H_A = c_p * (b["T_0"] * b["w_vs"] - b["T_A"] * (b["w_ve"] + b["w_A0"]))
     H_B = c_p * b["T_r"] * b["w_r"]
     p_A_dot = b.define("p_A_dot", heated_pressure_rate(b["p_A"], V_A, V_A_dot, H_A, Q_A, b["gamma"]))
     p_B_dot = b.define("p_B_dot", heated_pressure_rate(b["p_B"], V_B, V_B_dot, H_B, Q_B, b["gamma"]))
-    T_A_dot = temperature_rate(b["T_A"], b["p_A"], p_A_dot, V_A, V_A_dot, b["w_vs"] - b["w_ve"], b["R"])
+    T_A_dot = temperature_rate(b["T_A"], b["p_A"], p_A_dot, V_A, V_A_dot, b["w_vs"] - b["w_ve"] - b["w_A0"], b["R"])
     T_B_dot = temperature_rate(b["T_B"], b["p_B"], p_B_dot, V_B, V_B_dot, b["w_r"], b["R"])
     return p_A_dot, p_B_dot, T_A_dot, T_B_dot
 
@@ -124,6 +124,7 @@ def _flows(b: Book) -> None:
     air = b.all("rho_0", "B_0", "r_lam")
     b.define("w_vs", gated(b["y_vs"], iso_flow(*b.all("p_S", "p_A", "C_vs", "b_vs", "m_vs", "rho_0", "r_lam"))))
     hot = thermal_factor(*b.all("T_0", "T_A"))
+    b.define("w_A0", leak_flow(*b.all("p_A", "P_0", "C_A0", "rho_0")))
     b.define("w_ve", gated(b["y_ve"], hot * iso_flow(*b.all("p_A", "P_0", "C_ve", "b_ve", "m_ve", "rho_0", "r_lam"))))
     w_in = orifice_flow(*b.all("P_0", "p_B", "C_r", "B_in"), *air)
     w_out = thermal_factor(*b.all("T_0", "T_B")) * orifice_flow(*b.all("p_B", "P_0", "C_r", "B_out"), *air)

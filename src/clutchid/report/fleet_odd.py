@@ -29,7 +29,7 @@ _MAD = 0.6745
 
 #: What a vehicle can stand out by, and what that means.
 MARKS = {
-    "alarm": "a clutch replaced or a sudden change",
+    "alarm": "a clutch replaced, a sudden change, a leak, a departure",
     "fast": "wears faster than others of its type",
     "slow": "wears more slowly than others of its type",
     "few readings": "most recordings do not count",

@@ -22,7 +22,7 @@ _TREND = (
     "it is without the error that the readings of a vehicle share and the one that goes with the air temperature, as "
     "far as these can be estimated, and its band contains what is not known of them."
 )
-_ALARMS = " Red and dashed: the clutch, or a sensor, was replaced, or the load changed suddenly."
+_ALARMS = " Red and dashed: alarms."
 _LOADS = (
     "Load over the position of the piston, as read from recordings evenly over the life, from dark to light. Shaded: "
     "5 to 8 mm, where the clutch engages."
@@ -68,7 +68,7 @@ def _result(wear: Wear) -> tuple[Block, ...]:
         return (*blocks, Notice("No recording determines the wear.", "failed"))
     blocks += [Notice(f"{_capital(words)}.") for words in map(alarm_words, wear.alarms)]
     if not wear.alarms:
-        blocks.append(Notice("No sudden change of the load was found.", "ok"))
+        blocks.append(Notice("No sudden change of the load was found, and no leak.", "ok"))
     blocks.append(Text(f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."))
     words, left = change_words(wear), left_words(wear)
     blocks.append(Text(escape(f"{_capital(words)}.{f' Left: {left}.' if left else ''}")))

@@ -6,13 +6,22 @@ from collections import Counter
 
 import numpy as np
 
+from clutchid.model.valves import leak_flow
+from clutchid.parameters import Parameters
 from clutchid.report.style import MM
-from clutchid.wear.life import Alarm, Band, Wear
+from clutchid.wear.alarms import Alarm
+from clutchid.wear.life import Wear
+from clutchid.wear.trend import Band
 
 #: Words for the axis of a trend.
 AXIS = {"strokes": "strokes", "km": "km", "days": "days", "recordings": "recordings"}
 
-_ALARM = {"replaced": "the clutch, or its sensor, was replaced", "sudden": "the load changed suddenly"}
+_ALARM = {
+    "replaced": "the clutch, or its sensor, was replaced",
+    "sudden": "the load changed suddenly",
+    "leak": "chamber A, or what is connected to it, began to leak",
+    "departed": "the actuator departed from its calibration farther than a change explains",
+}
 
 
 def wear_lines(wear: Wear) -> list[str]:
@@ -54,10 +63,17 @@ def change_words(wear: Wear) -> str:
 def alarm_words(alarm: Alarm) -> str:
     """One alarm."""
     when = f" on {alarm.begin:%Y-%m-%d}" if alarm.begin else ""
-    return (
-        f"{_ALARM[alarm.kind]} between {alarm.after} and {alarm.before}{when}: half-load position "
-        f"{alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+.1f} %"
-    )
+    words = f"{_ALARM[alarm.kind]} between {alarm.after} and {alarm.before}{when}"
+    if alarm.kind == "leak":
+        return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
+    if alarm.kind == "departed":
+        return f"{words}: look for a fault, or calibrate again"
+    return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+.1f} %"
+
+
+def _lost(conductance: float) -> float:
+    """Air in g/s that a leak loses at 5 bar(g)."""
+    return 1e3 * float(leak_flow(6e5, 1e5, conductance, Parameters().rho_0))
 
 
 def left_words(wear: Wear) -> str:

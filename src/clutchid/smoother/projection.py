@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import count
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -31,6 +30,25 @@ MAX_RADIUS, SHRINK_FACTOR = 3.0, 0.2
 #: A predicted decrease that need not be achieved for the search to have converged, and the share of a predicted one
 #: below which a step suffers from derivatives that were kept from nearby points: the problem is linearised anew.
 LITTLE_TO_GAIN, POOR_SHARE = 2.0, 0.3
+
+
+class Effort(NamedTuple):
+    """When a search that gets nowhere ends.
+
+    After `most` evaluations, and after `patience` of them where the solution still costs more than `hopeless`.
+    """
+
+    most: float = np.inf
+    patience: float = np.inf
+    hopeless: float = np.inf
+
+    def is_spent(self, evaluations: int, cost: float) -> bool:
+        """Whether to end after so many evaluations at a cost."""
+        return evaluations >= (min(self.patience, self.most) if cost > self.hopeless else self.most)
+
+
+#: No limit but that of the steps.
+UNLIMITED = Effort()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +75,11 @@ def settled(problem: FitProblem, solution: ShootingSolution, x: FloatArray) -> S
 
 
 def project(
-    problem: FitProblem, x: FloatArray, X: Sequence[FloatArray], on_evaluation: Callable[[int], None]
+    problem: FitProblem,
+    x: FloatArray,
+    X: Sequence[FloatArray],
+    on_evaluation: Callable[[int], None],
+    effort: Effort = UNLIMITED,
 ) -> ShootingSolution | Failure:
     """Minimise the cost of `problem` by variable projection.
 
@@ -69,6 +91,8 @@ def project(
         Free parameters, within their bounds, and window starts, one array per track.
     on_evaluation : function(evaluations)
         Called at each evaluation.
+    effort : Effort
+        When the search ends before it has converged.
 
     Returns
     -------
@@ -81,15 +105,15 @@ def project(
     ----------
     Variable projection: Golub and Pereyra 1973.
     """
-    counter = count(1)
-    projection = VariableProjection(problem, initial_damping(problem), lambda: on_evaluation(next(counter)))
+    counter = _Counter(on_evaluation)
+    projection = VariableProjection(problem, initial_damping(problem), counter)
     start = projection.start(x, X)
     if isinstance(start, Failure):
         return start
     current, radius, fresh = start, MAX_RADIUS, False
 
     def solution(status: Literal["converged", "stalled", "limit"]) -> ShootingSolution:
-        return ShootingSolution(current.x, current.X, current, status, next(counter))
+        return ShootingSolution(current.x, current.X, current, status, counter.number + 1)
 
     for _ in range(MAX_STEPS):
         candidate, predicted, radius = projection.step(current, radius)
@@ -99,6 +123,8 @@ def project(
             return solution("converged")
         if little and fresh:
             return solution("stalled")
+        if effort.is_spent(counter.number, current.cost):
+            break
         if not fresh and (little or gain < POOR_SHARE * predicted):
             anew = projection.start(current.x, current.X)
             if isinstance(anew, Failure):
@@ -107,6 +133,18 @@ def project(
         else:
             fresh = False
     return solution("limit")
+
+
+@dataclass(slots=True, eq=False)
+class _Counter:
+    """Counts the evaluations of a search, and tells each."""
+
+    tell: Callable[[int], None]
+    number: int = 0
+
+    def __call__(self) -> None:
+        self.number += 1
+        self.tell(self.number)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

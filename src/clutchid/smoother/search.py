@@ -11,7 +11,7 @@ from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
-from clutchid.smoother.projection import ShootingSolution, bounded_step, project
+from clutchid.smoother.projection import UNLIMITED, Effort, ShootingSolution, bounded_step, project
 from clutchid.smoother.settling import stepped_states
 from clutchid.smoother.trial import NO_GAIN, accept, evaluate_step
 
@@ -29,19 +29,20 @@ def search(
     stages: Sequence[float],
     progress: Progress | None = None,
     before: int = 0,
+    effort: Effort = UNLIMITED,
 ) -> ShootingSolution | Failure:
     """Minimise the cost of `problem` from `x` and `X` in stages of decreasing inflation, after `before` evaluations.
 
     Coarse stages step parameters and states simultaneously. With inflated standard deviations the states follow the
     measurement and the parameters change little, so that a poor start does not lead to a distant local minimum. The
-    stage without inflation is `project`.
+    stage without inflation is `project`, which takes the `effort`.
     """
     solution: ShootingSolution | Failure = Failure("no stage to search in")
     count = before
     for inflation in stages:
         on_evaluation = _counted(progress, inflation, count)
         if inflation == 1.0:
-            solution = project(problem, x, X, on_evaluation)
+            solution = project(problem, x, X, on_evaluation, effort)
         else:
             solution = _stage(replace(problem, noise=problem.noise.inflated(inflation)), (x, X), on_evaluation)
         if isinstance(solution, Failure):

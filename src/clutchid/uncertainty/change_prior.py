@@ -29,7 +29,7 @@ DRIFT: Direction = {
     "P_S": 0.003, "D_v": 0.02, "T_0": 0.002, "T_w": 0.002, "h_A": 0.03, "C_vs": 0.002, "C_ve": 0.002, "C_r": 0.002,
     "R_0vs": 6e-4, "R_0ve": 6e-4, "R_1vs": 6e-4, "R_1ve": 6e-4, "a_0vs": 1e-3, "a_0ve": 1e-3, "t_vs": 1e-3,
     "t_ve": 1e-3, "s_vs": 1e-3, "s_ve": 1e-3, "n_vs": 1e-3, "n_ve": 1e-3, "tau_vs": 0.01, "tau_ve": 0.01, "F_C": 0.15,
-    "c_F": 0.06, "V_0A": 0.05, "tau_y": 3e-5, "V_S": 0.06, "mu_h": 3e-4,
+    "c_F": 0.06, "V_0A": 0.05, "tau_y": 3e-5, "V_S": 0.06, "mu_h": 3e-4, "C_A0": 5e-13,
 }  # fmt: skip
 
 #: The same of parameters that are not estimated from position alone, but considered as uncertain.
@@ -50,13 +50,14 @@ GROUPS: Mapping[str, tuple[Direction, ...]] = {
         {"R_1vs": 0.02}, {"R_1ve": 0.02}, {"a_0vs": 0.02}, {"a_0ve": 0.02}, {"t_vs": 0.02}, {"t_ve": 0.02},
         {"s_vs": 0.02}, {"s_ve": 0.02}, {"tau_vs": 0.2}, {"tau_ve": 0.2}, {"tau_y": 3e-4},
     ),
+    "leak": ({"C_A0": 1e-10},),
 }  # fmt: skip
 
 #: All hypotheses: nothing, one group, or two.
 HYPOTHESES: tuple[Hypothesis, ...] = tuple(h for size in (0, 1, 2) for h in combinations(GROUPS, size))
 
 #: Logarithm of the prior odds of a change of each group, and what two changes at once have in addition.
-LOG_ODDS: Mapping[str, float] = {"supply pressure": -1.0, "temperature and grease": -2.0, "valves": -2.0}
+LOG_ODDS: Mapping[str, float] = {"supply pressure": -1.0, "temperature and grease": -2.0, "valves": -2.0, "leak": -3.0}
 LOG_ODDS_TOGETHER = -2.0
 
 

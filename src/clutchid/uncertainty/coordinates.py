@@ -31,7 +31,7 @@ WIDTHS: Mapping[str, float] = {
     "R_0vs": 0.03, "R_0ve": 0.03, "R_1vs": 0.05, "R_1ve": 0.05, "B_vs": 0.8, "B_ve": 0.8, "B_in": 0.3, "B_out": 0.3,
     "R_S": 0.3, "s_vs": 0.1, "s_ve": 0.1, "s_pwm": 0.03, "tau_y": 2e-3, "tau_p": 2e-3, "e_y": 2e-5, "e_p": 2e3,
     "r_lam": 1e-3, "a_0vs": 0.1, "t_vs": 0.05, "t_ve": 0.05, "b_vs": 0.15, "b_ve": 0.15, "mu_h": 0.02, "a_0ve": 0.1,
-    "gamma": 0.1,
+    "gamma": 0.1, "C_A0": 1e-12,
 }  # fmt: skip
 
 #: Prior standard deviation of a load weight by its unit: N/m for the paper's splines, N for B-splines.

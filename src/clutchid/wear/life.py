@@ -4,34 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.wear.alarms import Alarm, alarms
 from clutchid.wear.forecast import Remaining, remaining
 from clutchid.wear.history import Axis, Dated, History
-from clutchid.wear.measurement import Measurement
-from clutchid.wear.settings import AS_NEW, LIFE
-from clutchid.wear.trend import Function, Step, TrendModel, WearTable, follow, smoothed, trend_model
-
-#: 95 % quantile of the normal distribution.
-QUANTILE = 1.959964
-
-
-class Reading(NamedTuple):
-    """What became of one recording: status and sentence as in every result, trust, and its measurement, if any."""
-
-    status: str
-    message: str
-    trust: str
-    measurement: Measurement | None
-
-    @property
-    def has_result(self) -> bool:
-        """Whether the recording was read."""
-        return self.status in ("ok", "warning")
+from clutchid.wear.measurement import Reading
+from clutchid.wear.settings import LIFE
+from clutchid.wear.trend import QUANTILE, Band, Function, TrendModel, WearTable, follow, smoothed, trend_model
 
 
 class Curve(NamedTuple):
@@ -39,25 +22,6 @@ class Curve(NamedTuple):
 
     position: FloatArray
     force: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
-class Alarm(NamedTuple):
-    """A jump of the load between two recordings; `kind` is "replaced" where the clutch is like new, else "sudden"."""
-
-    after: str
-    before: str
-    begin: datetime | None
-    kind: str
-    shift: float
-    load: float
-
-
-class Band(NamedTuple):
-    """A quantity by recording with its 95 % band, arrays (n,)."""
-
-    value: FloatArray
     low: FloatArray
     high: FloatArray
 
@@ -120,8 +84,8 @@ def wear_of(
         left = remaining(name, last.mean[q : q + 2], last.covariance[q : q + 2, q : q + 2], end, life)
     return Wear(
         vehicle, history.axis, history.s, dated, tuple(ordered), tuple(step.outcome for step in steps),
-        then, _bands(model, later), _rates(model, later), _alarms(dated, steps, then), limit if table is None else end,
-        left, history.warnings,
+        then, _bands(model, later), _rates(model, later), alarms(dated, ordered, steps, then),
+        limit if table is None else end, left, history.warnings,
     )  # fmt: skip
 
 
@@ -161,18 +125,3 @@ def _rates(model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]]) -
 
 def _band(value: FloatArray, std: FloatArray) -> Band:
     return Band(value, value - QUANTILE * std, value + QUANTILE * std)
-
-
-def _alarms(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band]) -> tuple[Alarm, ...]:
-    found = []
-    for k, step in enumerate(steps):
-        if step.outcome != "jump":
-            continue
-        earlier = max((j for j in range(k) if steps[j].outcome in ("used", "jump")), default=0)
-        change = {name: (then[name].value[earlier], then[name].value[k]) for name in ("shift", "load")}
-        std = {name: (then[name].high[k] - then[name].low[k]) / (2 * QUANTILE) for name in change}
-        as_new = all(abs(after) <= AS_NEW * abs(before) + 2 * std[name] for name, (before, after) in change.items())
-        moved = [after - before for before, after in change.values()]
-        kind = "replaced" if as_new else "sudden"
-        found.append(Alarm(dated[earlier].name, dated[k].name, dated[k].begin, kind, moved[0], moved[1]))
-    return tuple(found)

@@ -28,6 +28,40 @@ class Measurement(NamedTuple):
     temperature: float
 
 
+class Leak(NamedTuple):
+    """A leak of chamber A: conductance in m³/(Pa·s) with its standard deviation, and the probability that it is one."""
+
+    conductance: float
+    std: float
+    probability: float
+
+
+class Reading(NamedTuple):
+    """What became of one recording: status and sentence as in every result, trust, and its measurement, if any.
+
+    `leak` is that of chamber A, if one is probable; `departs` says that the truck is farther from its calibration than
+    a change explains.
+    """
+
+    status: str
+    message: str
+    trust: str
+    measurement: Measurement | None
+    leak: Leak | None = None
+    departs: bool = False
+
+    @property
+    def has_result(self) -> bool:
+        """Whether the recording was read."""
+        return self.status in ("ok", "warning")
+
+
+def leak_of(fit: Fit) -> Leak | None:
+    """The leak that a reading finds; None if it finds none, or its model has no leak."""
+    found = next((change for change in fit.changes if change.name == "C_A0"), None)
+    return Leak(found.after, found.std, found.probability) if found else None
+
+
 def measured(fit: Fit, log: Log) -> Measurement | None:
     """The measurement of a recording that was fitted from a calibration; None if its load does not determine one."""
     found = fit.comparison

@@ -56,3 +56,9 @@ FALSE_ALARMS = 1e-3
 
 #: A jump that ends within this share of the former change from the new clutch is a replaced clutch.
 AS_NEW = 0.4
+
+#: Recordings in a row that read a leak, with a probability above the second: by chance alone at most `FALSE_ALARMS`.
+LEAKS, LEAKING = 2, 1.0 - FALSE_ALARMS**0.5
+
+#: Recordings in a row that are farther from the calibration than a change explains.
+DEPARTED = 3

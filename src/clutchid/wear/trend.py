@@ -31,6 +31,18 @@ Function = Callable[[FloatArray], FloatArray]
 CHANNELS = ("shift", "load")
 
 
+#: 95 % quantile of the normal distribution.
+QUANTILE = 1.959964
+
+
+class Band(NamedTuple):
+    """A quantity by recording with its 95 % band, arrays (n,)."""
+
+    value: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
 class WearTable(NamedTuple):
     """Half-load position and load against the wear of the facing, all against the new clutch: arrays (n,) in SI."""
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from clutchid.estimate.departure import misfit
 from clutchid.estimate.free import FreeParameters
 from clutchid.estimate.phase import phase_finder
 from clutchid.estimate.problem import fit_problem, start_point
@@ -18,7 +21,7 @@ from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.windows import initial_states
 from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.problem import FitProblem, data_factor
-from clutchid.smoother.projection import ShootingSolution, settled
+from clutchid.smoother.projection import UNLIMITED, Effort, ShootingSolution, settled
 from clutchid.smoother.search import FINE_STAGE, STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
 from clutchid.smoother.settling import States
 from clutchid.smoother.trajectory import noise_scales
@@ -30,6 +33,11 @@ MEMORY = 0.01
 
 #: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
 MAX_RESTARTS, SAME_COST = 4, 3e-3
+
+#: A search of a reading ends after so many evaluations, and the first one, without a change, after `PATIENCE` if it
+#: costs more than `HOPELESS` times what the calibration recordings did: with a change it goes on better. Of changed
+#: trucks none took more than 184, or cost more than 3.2 times as much (docs/derivations.md, "What a change costs").
+MOST_EVALUATIONS, PATIENCE, HOPELESS = 300, 100, 5.0
 
 _METHOD = "shooting"
 
@@ -55,34 +63,42 @@ def shoot(
     X = _states(problem, [plan.actuator for plan in plans])
     if isinstance(X, Failure):
         return SearchResult(_METHOD, problem, plans, X)
-    x = start_point(problem, free)
+    x, effort = start_point(problem, free), _effort(logs, calibration)
     if free.start is None:
         stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
         coarse = search(problem, x, X, stages[:-1], progress)
         if isinstance(coarse, Failure):
             return SearchResult(_METHOD, problem, plans, coarse)
         problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse)))
-        fine = _fine(problem, coarse.x, coarse.X, progress, coarse.evaluations)
+        fine = _fine(problem, coarse.x, coarse.X, effort, progress, coarse.evaluations)
     else:
-        fine = _fine(problem, x, X, progress)
-    return SearchResult(_METHOD, problem, plans, fine)
+        fine = _fine(problem, x, X, effort, progress)
+    return SearchResult(_METHOD, problem, plans, fine, effort=effort)
+
+
+def _effort(logs: Sequence[Log], calibration: Calibration | None) -> Effort:
+    """When the search of a reading ends that gets nowhere; without a calibration never."""
+    if calibration is None or calibration.position_only is None:
+        return UNLIMITED
+    usual = calibration.position_only.misfit / misfit(1.0, logs)
+    return Effort(MOST_EVALUATIONS, PATIENCE, HOPELESS * usual if np.isfinite(usual) else np.inf)
 
 
 def _fine(
-    problem: FitProblem, x: FloatArray, X: States, progress: Progress | None, before: int = 0
+    problem: FitProblem, x: FloatArray, X: States, effort: Effort, progress: Progress | None, before: int = 0
 ) -> ShootingSolution | Failure:
     """The fine stage; one that stalls goes on with new states, a few times, from the best parameters so far.
 
     A search stalls where a few windows with stiction lie in a poor local minimum of their states. One that arrives at
     the same cost with new states has converged: there the cost has a kink, and the least cost no vanishing gradient.
     """
-    best = search(problem, x, X, FINE_STAGE, progress, before)
+    best = search(problem, x, X, FINE_STAGE, progress, before, effort)
     for _ in range(MAX_RESTARTS):
-        if isinstance(best, Failure) or best.status != "stalled":
+        if isinstance(best, Failure) or best.status != "stalled" or effort.is_spent(best.evaluations, best.at.cost):
             return best
         again = _states(problem, [problem.actuator_of(best.x, stem) for stem in problem.stems])
         further = again if isinstance(again, Failure) else search(
-            problem, best.x, again, FINE_STAGE, progress, best.evaluations
+            problem, best.x, again, FINE_STAGE, progress, best.evaluations, effort
         )  # fmt: skip
         if isinstance(further, Failure):
             return best
@@ -108,7 +124,7 @@ def _states(problem: FitProblem, actuators: Sequence[Actuator]) -> States | Fail
 def refine(found: SearchResult[ShootingSolution], problem: FitProblem, x: FloatArray) -> SearchResult[ShootingSolution]:
     """The search of `found` continued from x with the prior of `problem`."""
     X = () if isinstance(found.solution, Failure) else found.solution.X
-    return replace(found, problem=problem, solution=_fine(problem, x, X, None))
+    return replace(found, problem=problem, solution=_fine(problem, x, X, found.effort._replace(patience=np.inf), None))
 
 
 def _cost(solution: ShootingSolution) -> float:

@@ -37,7 +37,7 @@ _SHOWN = (
 #: Units of the terms that a model may replace, of inputs and of the load.
 TERM_UNITS: Mapping[str, str] = MappingProxyType({
     **dict.fromkeys(("f_f", "f_s", "f_h", "f_l", "F_p", "F_g"), "N"),
-    **dict.fromkeys(("w_vs", "w_ve", "w_v", "w_r"), "kg/s"),
+    **dict.fromkeys(("w_vs", "w_ve", "w_A0", "w_v", "w_r"), "kg/s"),
     **dict.fromkeys(("V_A", "V_B"), "m³"),
     **dict.fromkeys(("Q_A", "Q_B"), "W"),
     **dict.fromkeys(("p_A_dot", "p_B_dot"), "Pa/s"),

@@ -1,0 +1,74 @@
+"""Alarms: the load jumps, chamber A begins to leak, or the calibration no longer holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import NamedTuple
+
+from clutchid.wear.history import Dated
+from clutchid.wear.measurement import Reading
+from clutchid.wear.settings import AS_NEW, DEPARTED, LEAKING, LEAKS
+from clutchid.wear.trend import QUANTILE, Band, Step
+
+
+class Alarm(NamedTuple):
+    """What happened between two recordings, and by how much shift [m] and relative load changed there.
+
+    `kind` is "replaced" where the load jumped and the clutch is like new, "sudden" where it jumped else; "leak" where
+    chamber A begins to leak, with its conductance in m³/(Pa·s); "departed" from where the calibration does not hold.
+    """
+
+    after: str
+    before: str
+    begin: datetime | None
+    kind: str
+    shift: float
+    load: float
+    leak: float = 0.0
+
+
+def alarms(
+    dated: Sequence[Dated], readings: Sequence[Reading], steps: Sequence[Step], then: dict[str, Band]
+) -> tuple[Alarm, ...]:
+    """All alarms in the order of the recordings; `then` is the trend as known at each."""
+    leaks = [one.leak is not None and one.leak.probability > LEAKING for one in readings]
+    found = [(k, _jump(dated, steps, then, k)) for k, step in enumerate(steps) if step.outcome == "jump"]
+    for kind, flags, least in (
+        ("leak", leaks, LEAKS),
+        ("departed", [one.departs for one in readings], DEPARTED),
+    ):
+        for k in _begins(flags, [one.has_result for one in readings], least):
+            leak = readings[k].leak
+            size = leak.conductance if kind == "leak" and leak else 0.0
+            found.append((k, Alarm(dated[max(k - 1, 0)].name, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
+    return tuple(alarm for _, alarm in sorted(found, key=lambda one: one[0]))
+
+
+def _jump(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band], k: int) -> Alarm:
+    """The alarm of a jump before recording `k`."""
+    earlier = max((j for j in range(k) if steps[j].outcome in ("used", "jump")), default=0)
+    change = {name: (then[name].value[earlier], then[name].value[k]) for name in ("shift", "load")}
+    std = {name: (then[name].high[k] - then[name].low[k]) / (2 * QUANTILE) for name in change}
+    as_new = all(abs(after) <= AS_NEW * abs(before) + 2 * std[name] for name, (before, after) in change.items())
+    moved = [after - before for before, after in change.values()]
+    kind = "replaced" if as_new else "sudden"
+    return Alarm(dated[earlier].name, dated[k].name, dated[k].begin, kind, moved[0], moved[1])
+
+
+def _begins(flags: Sequence[bool], read: Sequence[bool], least: int) -> list[int]:
+    """Where `least` recordings in a row that were read have the flag, after as many without it or from the start."""
+    found, candidate, count, active = [], 0, 0, False
+    for k, flag in enumerate(flags):
+        if not read[k]:
+            continue
+        if flag == active:
+            count = 0
+            continue
+        candidate = k if count == 0 else candidate
+        count += 1
+        if count == least:
+            active, count = flag, 0
+            if flag:
+                found.append(candidate)
+    return found
