@@ -25,8 +25,9 @@ import clutchid
 from clutchid import fit
 from clutchid.estimate.parameter_file import ParameterFile
 from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.observe.following import observe
 from clutchid.observe.methods import METHODS
-from clutchid.observe.observer import observe, observer, start
+from clutchid.observe.observer import observer, start
 from clutchid.observe.strokes import NO_STROKES, count_strokes
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck

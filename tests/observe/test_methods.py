@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.observe.observer import observe, observer, start
+from clutchid.observe.following import observe
+from clutchid.observe.observer import observer, start
 from clutchid.observe.recording import observe_recording
 from clutchid.observe.state_file import read_state, write_state
 from clutchid.report.observe_figures import samples_figure

@@ -7,8 +7,9 @@ import pytest
 
 from clutchid import Actuator, Load
 from clutchid.errors import DataError, ParameterError
+from clutchid.observe.following import observe
 from clutchid.observe.methods import MODES
-from clutchid.observe.observer import observe, observer, start
+from clutchid.observe.observer import observer, start
 from clutchid.observe.state_file import read_state, write_state
 from clutchid.observe.tail import FROZEN
 

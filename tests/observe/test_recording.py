@@ -1,21 +1,16 @@
 """A whole recording: samples and strokes as logs, and the health of its signals."""
 
-from importlib import import_module
-
 import numpy as np
 import pytest
 
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.numerics.failure import Failure
 from clutchid.observe.by_stroke import curve, known, positions
+from clutchid.observe.following import observe
 from clutchid.observe.health import FLAGS
-from clutchid.observe.observer import observe, observer, start
+from clutchid.observe.observer import observer, start
 from clutchid.observe.recording import observe_recording, spacing
 from clutchid.observe.tail import FROZEN
-
-#: The package offers a function of the same name.
-module = import_module("clutchid.observe.observer")
 
 
 @pytest.fixture(scope="module")
@@ -119,22 +114,6 @@ def test_every_fault_is_flagged_with_its_seconds(joint, log):
     assert found["time_missing"] == 0.0
     assert found["outlier"] > 0.0
     assert found["diverged"] == 0.0
-
-
-def test_a_filter_that_diverges_is_flagged_and_starts_again(joint, log, monkeypatch):
-    plain, calls = module.follow, []
-
-    def failing(*args):
-        calls.append(args)
-        return Failure("the filter diverged") if len(calls) == 1 else plain(*args)
-
-    monkeypatch.setattr(module, "follow", failing)
-    found = observe_recording(joint, log)
-    lost = int(np.argmax(found.samples.used))
-    assert np.isnan(found.samples.states[:lost]).all()
-    assert np.isfinite(found.samples.states[lost:]).all()
-    assert found.health["diverged"] == pytest.approx(lost * 1e-3)
-    assert found.health["position_frozen"] == 0.0
 
 
 def test_a_hole_in_time_is_flagged_also_between_two_parts(joint, log):

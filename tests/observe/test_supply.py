@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from clutchid.observe.following import observe
 from clutchid.observe.health import LIVE_FLAGS
 from clutchid.observe.live import checked, gone_on, live_run
-from clutchid.observe.observer import observe, observer, start
+from clutchid.observe.observer import observer, start
 from clutchid.observe.state_file import read_state, write_state
 from clutchid.observe.supply import supply_of, unused_supply
 from clutchid.simulation import simulate

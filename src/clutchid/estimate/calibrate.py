@@ -26,6 +26,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
+from clutchid.observe.usual import usual_nis
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.conditions import CONDITIONS, condition_warnings, conditions_of, with_estimated_supply
 from clutchid.uncertainty.consider import calibrated_deviation
@@ -78,7 +79,8 @@ def fit_with_priors(
     conditions = with_estimated_supply(conditions, logs, [result.recordings[log.name].simulated for log in logs])
     # without the conditions, so that the errors hold for readings of recordings that lack them
     errors = position_only_errors(method, logs, result.actuator, kept, progress)
-    return replace(result, calibration=replace(kept, position_only=errors, conditions=conditions))
+    kept = replace(kept, position_only=errors, conditions=conditions)
+    return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
 
 
 def _with_condition_warnings(result: Fit, logs: Sequence[Log], free: FreeParameters) -> Fit:

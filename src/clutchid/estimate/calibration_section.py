@@ -31,6 +31,8 @@ def calibration_section(kept: Calibration, baseline: Calibration | None = None) 
     conditions = {name: value for name, value in kept.conditions._asdict().items() if value is not None}
     if conditions:
         section["conditions"] = conditions
+    if np.isfinite(kept.nis):
+        section["nis"] = kept.nis
     if kept.position_only is not None:
         section["position_only"] = _errors_section(kept.position_only)
     return section
@@ -61,7 +63,20 @@ def calibration_in(section: Any, load_names: Sequence[str], method: str, file: O
     converged = section.get("converged", True) is not False
     origin = file._replace(**text_entries(section.get("origin"), Origin._fields))
     conditions = _conditions(section.get("conditions", {}))
-    return Calibration(names, covariance, None, method, errors, theta, spread, converged, origin, conditions)
+    return Calibration(
+        names, covariance, None, method, errors, theta, spread, converged, origin, conditions, _nis(section.get("nis"))
+    )
+
+
+def _nis(value: Any) -> float:
+    """Usual innovations; earlier versions do not have them."""
+    if value is None:
+        return float("nan")
+    if type(value) not in (int, float) or not 0.0 < value < np.inf:
+        raise ParameterError(
+            f"[fit.calibration] nis = {value!r}: a number above 0 is needed; save the calibration again."
+        )
+    return float(value)
 
 
 def text_entries(section: Any, known: Iterable[str]) -> dict[str, str]:

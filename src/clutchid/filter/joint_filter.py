@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,13 @@ class JointState(NamedTuple):
         """An independent copy."""
         x, S, theta, T, waiting, stroke = self
         return JointState(x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy())
+
+
+@dataclass(frozen=True, slots=True)
+class Diverged(Failure):
+    """The filter left the finite numbers; `sample` is the first of the segment at which it had."""
+
+    sample: int
 
 
 class JointInputs(NamedTuple):
@@ -96,7 +104,7 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
 
 def follow(
     joint: JointFilter, state: JointState, given: JointInputs, span: tuple[int, int], number: int = 0
-) -> JointPass | Failure:
+) -> JointPass | Diverged:
     """Filter the samples of a segment from the first of `span` to before the last, from the state before the first.
 
     A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
@@ -110,7 +118,8 @@ def follow(
         _settings(joint), joint.drifts, joint.pace, output, work, (*span, number),
     )  # fmt: skip
     if failed >= 0 or not all(np.isfinite(array).all() for array in after):
-        return Failure(f"the filter diverged at sample {failed if failed >= 0 else span[1] - 1} of the segment")
+        at = failed if failed >= 0 else span[1] - 1
+        return Diverged(f"the filter diverged at sample {at} of the segment", at)
     return JointPass(after, *output)
 
 

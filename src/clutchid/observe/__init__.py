@@ -5,7 +5,8 @@ comes out: `start`, then `observe` for every block of samples.
 """
 
 from clutchid.observe.by_stroke import curve, follow_strokes, known
-from clutchid.observe.observer import Observed, Observer, ObserverState, observe, observer, start
+from clutchid.observe.following import Observed, observe
+from clutchid.observe.observer import Observer, ObserverState, observer, start
 from clutchid.observe.recording import ObservedRecording, observe_recording
 from clutchid.observe.state_file import read_state, write_state
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log import FloatArray, Log
-from clutchid.observe.observer import Observed, Observer, ObserverState, observe
+from clutchid.observe.following import Observed, observe
+from clutchid.observe.observer import Observer, ObserverState
 from clutchid.observe.strokes import count_strokes
 
 #: Distance of two positions of the load curve of a stroke in m.

@@ -8,7 +8,9 @@ from types import MappingProxyType
 import numpy as np
 
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
-from clutchid.observe.observer import Observed, Observer
+from clutchid.observe.following import Observed
+from clutchid.observe.mismatch import UNLIKE
+from clutchid.observe.observer import Observer
 from clutchid.observe.tail import Mask
 
 #: A position further outside of the stroke than this in m is beyond the stops.
@@ -23,6 +25,8 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "time_missing": "samples are missing in time",
     "outlier": "the innovation is beyond 4 standard deviations, and counts less",
     "diverged": "the filter diverged, and was started again",
+    "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
+    "calibrate again",
 })  # fmt: skip
 
 #: What the flags of a live recording mean besides.
@@ -62,6 +66,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
         "diverged": spacing * int(np.sum(known & driven & ~followed)),
+        "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),
     }
 
 

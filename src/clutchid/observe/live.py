@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from clutchid.inspection import inspect
 from clutchid.log import FloatArray, Log
 from clutchid.observe.by_stroke import StrokeRow
+from clutchid.observe.following import Observed
 from clutchid.observe.health import FLAGS, LIVE_FLAGS, live_health
-from clutchid.observe.observer import Observed, Observer, ObserverState
+from clutchid.observe.observer import Observer, ObserverState
 from clutchid.observe.recording import ObservedRecording, follow_block, too_slow, usable
 from clutchid.observe.supply import unused_supply
 

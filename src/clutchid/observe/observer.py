@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from clutchid.errors import DataError
-from clutchid.filter.joint_filter import JointInputs, JointPass, JointState, follow, init
+from clutchid.filter.joint_filter import JointState, init
 from clutchid.filter.joint_setup import JointFilter, JointSettings, joint_filter
 from clutchid.filter.pace import pace
-from clutchid.filter.setup import intervals
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.log import FloatArray
 from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
-from clutchid.numerics.failure import Failure
 from clutchid.observe.methods import method_for
 from clutchid.observe.prior import online_prior
-from clutchid.observe.strokes import NO_STROKES, Strokes, count_strokes
+from clutchid.observe.strokes import NO_STROKES, Strokes
 from clutchid.observe.supply import Supply, supply_of
-from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, measured_values, segment_of, usable_positions
+from clutchid.observe.tail import EMPTY, Tail, segment_of
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
 
@@ -32,9 +27,6 @@ MEMORY, DRIFT = 0.01, 2e-4
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
-
-#: A duty cycle may be as far outside 0 to 1.
-ROUNDING = 1e-9
 
 #: Bounds of the adapting parameters in prior standard deviations.
 BOUND = 5.0
@@ -46,7 +38,8 @@ class ObserverState:
 
     `theta` (k,) and `T` (k, m), a root of their covariance, are what is known of the parameters that adapt; `filter` is
     None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.
-    `number` counts the samples of the stretch.
+    `number` counts the samples of the stretch. `sound` are theta and T at the end of the last stroke, to which the
+    observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`.
     """
 
     filter: JointState | None
@@ -54,23 +47,10 @@ class ObserverState:
     T: FloatArray
     tail: Tail
     deviations: FloatArray
+    sound: tuple[FloatArray, FloatArray]
     number: int = 0
     strokes: Strokes = NO_STROKES
-
-
-class Observed(NamedTuple):
-    """What an observer found in a block, by sample.
-
-    `states` (n, states) in SI, NaN where no sample could be used; `deviations` (n, states) their standard deviations,
-    NaN between corrections; `innovations` (n, 2) with their variances, NaN where nothing was corrected; `used` (n,)
-    whether the position of a sample was usable.
-    """
-
-    time: FloatArray
-    states: FloatArray
-    deviations: FloatArray
-    innovations: FloatArray
-    used: Mask
+    mismatch: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +70,11 @@ class Observer:
     supply: Supply | None = None
     calibration: Calibration | None = None
 
+    @property
+    def usual(self) -> float:
+        """Mean NIS of the calibration recordings, NaN where it is not known."""
+        return self.calibration.nis if self.calibration else float("nan")
+
     def load(self, state: ObserverState) -> Load:
         """The load as it is known in a state."""
         return self.joint.actuator(state.theta).load
@@ -98,7 +83,8 @@ class Observer:
         """Standard deviation in N of that load at positions in m, shape (n,).
 
         It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
-        accuracy of a recorded supply pressure.
+        accuracy of a recorded supply pressure. Where the innovations are larger than in those, its variance is as much
+        larger.
         """
         load, basis = self.load(state), np.zeros((position.size, len(self.joint.coordinates)))
         functions = load.phi(position)
@@ -106,6 +92,7 @@ class Observer:
             if c.base in load.names:
                 basis[:, j] = functions[:, load.names.index(c.base)] * c.slope(float(state.theta[j]))
         deviation: FloatArray = np.hypot(np.linalg.norm(basis @ state.T, axis=1), self.missed)
+        deviation *= np.sqrt(max(1.0, state.mismatch))
         if self.supply is None:
             return deviation
         return np.hypot(deviation, self.supply.load_deviation(self.actuator, load, position))
@@ -177,7 +164,8 @@ def _missed(actuator: Actuator, calibration: Calibration | None) -> float:
 
 def start(observer: Observer) -> ObserverState:
     """The state before the first sample."""
-    return ObserverState(None, np.zeros(len(observer.root)), observer.root.copy(), EMPTY, _unknown(observer))
+    theta, T = np.zeros(len(observer.root)), observer.root.copy()
+    return ObserverState(None, theta, T, EMPTY, unknown(observer), (theta, T))
 
 
 def blank(observer: Observer) -> JointState:
@@ -187,102 +175,6 @@ def blank(observer: Observer) -> JointState:
     return init(observer.joint, segment, np.zeros(len(observer.root)), observer.root)
 
 
-def _unknown(observer: Observer) -> FloatArray:
+def unknown(observer: Observer) -> FloatArray:
+    """Standard deviations of the states before the first correction."""
     return np.full(len(observer.actuator.states), np.nan)
-
-
-def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
-    """Follow the samples of a block, from the state before its first.
-
-    A stretch without holes starts with its first position. Blocks of any length give the same numbers, bit by bit.
-
-    Raises
-    ------
-    DataError
-        If the block lacks a column, begins before the last sample, or has a duty cycle outside 0 to 1.
-    """
-    _check(state, block)
-    duties = np.column_stack([block[name] for name in INPUTS])
-    n = len(block)
-    states = np.full((n, len(observer.actuator.states)), np.nan)
-    deviations = states.copy()
-    innovations, used = np.full((n, 2), np.nan), np.zeros(n, dtype=bool)
-    known: Mask = np.isfinite(block["position"])
-    supply = block.columns.get("pressure_supply", np.full(n, np.nan))
-    for begin, b in _stretches(observer, block.time, duties):
-        if not _continues(observer, state, block.time[begin], duties[begin]):
-            state = _ended(observer, state)
-        a = begin if state.filter is not None else begin + _first(known[begin:b])
-        if a == b or not np.isfinite(duties[a]).all():
-            continue
-        new = Tail(block.time[a:b], duties[a:b], block["position"][a:b], supply[a:b])
-        state, found, usable = _stretch(observer, state, new)
-        if found is not None:
-            states[a:b], deviations[a:b], innovations[a:b] = found.states, found.deviations, found.errors[:, 0]
-            used[a:b] = usable
-    strokes, _ = count_strokes(state.strokes, block.time, block["position"])
-    state = replace(state, strokes=strokes)
-    return state, Observed(block.time, states, deviations, innovations, used)
-
-
-def _first(known: Mask) -> int:
-    """Number of the first known sample, as many as there are if none is."""
-    return int(np.argmax(np.append(known, True)))
-
-
-def _check(state: ObserverState, block: Log) -> None:
-    absent = [name for name in ("position", *INPUTS) if name not in block]
-    if absent:
-        raise DataError(f"{block.name}: no column '{absent[0]}'; it has {', '.join(block.columns)}.")
-    if len(block) and state.tail.time.size and block.time[0] <= state.tail.time[-1]:
-        raise DataError(
-            f"{block.name}: begins at {block.time[0]:.6g} s, but the observer is at {state.tail.time[-1]:.6g} s; time "
-            "must go on."
-        )
-    for name in INPUTS:
-        outside = (block[name] < -ROUNDING) | (block[name] > 1.0 + ROUNDING)
-        if outside.any():
-            at = int(np.argmax(outside))
-            raise DataError(
-                f"{block.name}: {name} is {block[name][at]:.4g} at {block.time[at]:.6g} s; a duty cycle is from 0 to 1."
-            )
-
-
-def _stretches(observer: Observer, time: FloatArray, duties: FloatArray) -> list[tuple[int, int]]:
-    """Ranges of samples with known inputs and without holes, and single samples without inputs."""
-    known: Mask = np.all(np.isfinite(duties), axis=1)
-    hole = np.diff(time) > HOLE * observer.spacing
-    cuts = np.flatnonzero(hole | ~known[1:] | ~known[:-1]) + 1
-    return [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b > a]
-
-
-def _continues(observer: Observer, state: ObserverState, time: float, duties: FloatArray) -> bool:
-    """Whether a sample goes on from the last one."""
-    tail = state.tail.time
-    return bool(tail.size and time - tail[-1] <= HOLE * observer.spacing and np.isfinite(duties).all())
-
-
-def _ended(observer: Observer, state: ObserverState) -> ObserverState:
-    """The state after a hole: what is known of the parameters stays."""
-    return replace(state, filter=None, tail=EMPTY, deviations=_unknown(observer), number=0)
-
-
-def _stretch(observer: Observer, state: ObserverState, new: Tail) -> tuple[ObserverState, JointPass | None, Mask]:
-    """Follow new samples of a stretch; the state after them, what was found, and which positions were usable."""
-    old = state.tail
-    both = Tail(*(np.concatenate([a, b]) for a, b in zip(old, new, strict=True)))
-    first, m, joint = old.time.size, both.time.size, observer.joint
-    segment = segment_of(both, joint.mapped.actuator)
-    usable = usable_positions(both.position)
-    values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
-    at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
-    given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
-    found = follow(joint, at, given, (first, m), state.number - first)
-    kept = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
-    if isinstance(found, Failure):
-        return _ended(observer, state), None, usable[first:]
-    after, number = found.state, state.number + m - first
-    corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
-    deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
-    state = replace(state, filter=after, theta=after.theta, T=after.T, tail=kept, deviations=deviations, number=number)
-    return state, found, usable[first:]

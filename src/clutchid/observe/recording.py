@@ -11,8 +11,9 @@ from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit
 from clutchid.model.actuator import Actuator
 from clutchid.observe.by_stroke import BAND, StrokeRow, follow_strokes, known, positions
+from clutchid.observe.following import Observed
 from clutchid.observe.health import health
-from clutchid.observe.observer import Observed, Observer, ObserverState, start
+from clutchid.observe.observer import Observer, ObserverState, start
 from clutchid.preparation.pulses import Duties, duties_in
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:

@@ -18,7 +18,7 @@ from clutchid.observe.observer import Observer, ObserverState, blank, start
 from clutchid.observe.strokes import Strokes
 from clutchid.observe.tail import Tail
 
-FORMAT = 2
+FORMAT = 3
 
 
 def write_state(observer: Observer, state: ObserverState, path: str | PathLike[str]) -> None:
@@ -39,7 +39,9 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
         "number": state.number,
         "deviations": state.deviations.tolist(),
         "strokes": {name: value for name, value in state.strokes._asdict().items() if value is not None},
+        "mismatch": state.mismatch,
         "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
+        "sound": {"theta": state.sound[0].tolist(), "root": state.sound[1].tolist()},
         "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
     }
     if state.filter is not None:
@@ -106,16 +108,20 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
         shapes = blank(observer)._asdict().items()
         found = JointState(**{name: np.array(saved[name], a.dtype).reshape(a.shape) for name, a in shapes})
     made = start(observer)
-    theta, root = array("parameters", "theta", *made.theta.shape), array("parameters", "root", *made.T.shape)
+    (theta, root), sound = (
+        (array(section, "theta", *made.theta.shape), array(section, "root", *made.T.shape))
+        for section in ("parameters", "sound")
+    )
     deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
     strokes = Strokes(int(content["strokes"]["ended"]), content["strokes"].get("began"))
-    return ObserverState(found, theta, root, tail, deviations, int(content["number"]), strokes)
+    number, mismatch = int(content["number"]), float(content["mismatch"])
+    return ObserverState(found, theta, root, tail, deviations, sound, number, strokes, mismatch)
 
 
 def fingerprint(observer: Observer) -> str:
-    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, and rule."""
+    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, rule, usual NIS."""
     told = repr((
         observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise,
-        observer.joint.rule,
+        observer.joint.rule, observer.usual,
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()

@@ -91,6 +91,8 @@ class Calibration:
         Its file, if it is from one.
     conditions : Conditions
         Of the calibration recordings, where the vehicle measures them.
+    nis : 1
+        Mean normalised innovation squared of an observer of the calibration recordings, NaN if it is not known.
     """
 
     names: tuple[str, ...]
@@ -103,6 +105,7 @@ class Calibration:
     converged: bool = True
     origin: Origin | None = None
     conditions: Conditions = NOT_RECORDED
+    nis: float = float("nan")
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`; 0 for those that were not calibrated."""

@@ -1,0 +1,172 @@
+"""Follow samples as they arrive: block by block, through holes, frozen sensors and divergence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
+from clutchid.filter.setup import intervals
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.observe.mismatch import mismatches
+from clutchid.observe.observer import Observer, ObserverState, unknown
+from clutchid.observe.strokes import count_strokes
+from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, measured_values, segment_of, usable_positions
+
+#: A duty cycle may be as far outside 0 to 1.
+ROUNDING = 1e-9
+
+
+class Observed(NamedTuple):
+    """What an observer found in a block, by sample.
+
+    `states` (n, states) in SI, NaN where no sample could be used; `deviations` (n, states) their standard deviations,
+    NaN between corrections; `innovations` (n, 2) with their variances, NaN where nothing was corrected; `used` (n,)
+    whether the position of a sample was usable; `mismatch` (n,) see `clutchid.observe.mismatch`.
+    """
+
+    time: FloatArray
+    states: FloatArray
+    deviations: FloatArray
+    innovations: FloatArray
+    used: Mask
+    mismatch: FloatArray
+
+
+def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
+    """Follow the samples of a block, from the state before its first.
+
+    A stretch without holes starts with its first position. Where the filter diverges, it goes back to what it knew of
+    the parameters at the end of the stroke before, and starts anew. Blocks of any length give the same numbers, bit by
+    bit.
+
+    Raises
+    ------
+    DataError
+        If the block lacks a column, begins before the last sample, or has a duty cycle outside 0 to 1.
+    """
+    _check(state, block)
+    n = len(block)
+    duties = np.column_stack([block[name] for name in INPUTS])
+    supply = block.columns.get("pressure_supply", np.full(n, np.nan))
+    samples = Tail(block.time, duties, block["position"], supply)
+    found = _nothing(observer, block.time)
+    strokes, ends = count_strokes(state.strokes, block.time, block["position"])
+    for begin, end in _stretches(observer, block.time, duties):
+        if not _continues(observer, state, block.time[begin], duties[begin]):
+            state = _ended(observer, state)
+        cuts = [begin, *(i + 1 for i in ends if begin <= i < end), end]
+        for a, b in pairwise(cuts):
+            state = _piece(observer, state, samples, (a, b), found)
+            if b - 1 in ends:
+                state = replace(state, sound=(state.theta, state.T))
+    running = mismatches(observer, state.mismatch, found.states, found.innovations)
+    found.mismatch[:] = running
+    known = running[np.isfinite(running)]
+    state = replace(state, strokes=strokes, mismatch=float(known[-1]) if known.size else state.mismatch)
+    return state, found
+
+
+def _nothing(observer: Observer, time: FloatArray) -> Observed:
+    """What is found in samples of which none can be used, to be filled."""
+    n = time.size
+    states = np.full((n, len(observer.actuator.states)), np.nan)
+    return Observed(time, states, states.copy(), np.full((n, 2), np.nan), np.zeros(n, dtype=bool), np.full(n, np.nan))
+
+
+def _piece(
+    observer: Observer, state: ObserverState, samples: Tail, span: tuple[int, int], found: Observed
+) -> ObserverState:
+    """Follow a part of a stretch, from each sample after one at which the filter diverged anew."""
+    a, b = span
+    while a < b:
+        if state.filter is None:
+            a += _first(np.isfinite(samples.position[a:b]))
+        if a == b or not np.isfinite(samples.duties[a]).all():
+            break
+        state, done, usable, count = _followed(observer, state, Tail(*(array[a:b] for array in samples)))
+        if done is not None:
+            end = a + len(done.states)
+            found.states[a:end], found.deviations[a:end] = done.states, done.deviations
+            found.innovations[a:end], found.used[a:end] = done.errors[:, 0], usable
+        a += count
+    return state
+
+
+def _first(known: Mask) -> int:
+    """Number of the first known sample, as many as there are if none is."""
+    return int(np.argmax(np.append(known, True)))
+
+
+def _check(state: ObserverState, block: Log) -> None:
+    absent = [name for name in ("position", *INPUTS) if name not in block]
+    if absent:
+        raise DataError(f"{block.name}: no column '{absent[0]}'; it has {', '.join(block.columns)}.")
+    if len(block) and state.tail.time.size and block.time[0] <= state.tail.time[-1]:
+        raise DataError(
+            f"{block.name}: begins at {block.time[0]:.6g} s, but the observer is at {state.tail.time[-1]:.6g} s; time "
+            "must go on."
+        )
+    for name in INPUTS:
+        outside = (block[name] < -ROUNDING) | (block[name] > 1.0 + ROUNDING)
+        if outside.any():
+            at = int(np.argmax(outside))
+            raise DataError(
+                f"{block.name}: {name} is {block[name][at]:.4g} at {block.time[at]:.6g} s; a duty cycle is from 0 to 1."
+            )
+
+
+def _stretches(observer: Observer, time: FloatArray, duties: FloatArray) -> list[tuple[int, int]]:
+    """Ranges of samples with known inputs and without holes, and single samples without inputs."""
+    known: Mask = np.all(np.isfinite(duties), axis=1)
+    hole = np.diff(time) > HOLE * observer.spacing
+    cuts = np.flatnonzero(hole | ~known[1:] | ~known[:-1]) + 1
+    return [(a, b) for a, b in pairwise([0, *cuts.tolist(), time.size]) if b > a]
+
+
+def _continues(observer: Observer, state: ObserverState, time: float, duties: FloatArray) -> bool:
+    """Whether a sample goes on from the last one."""
+    tail = state.tail.time
+    return bool(tail.size and time - tail[-1] <= HOLE * observer.spacing and np.isfinite(duties).all())
+
+
+def _ended(observer: Observer, state: ObserverState) -> ObserverState:
+    """The state after a hole: what is known of the parameters stays."""
+    return replace(state, filter=None, tail=EMPTY, deviations=unknown(observer), number=0)
+
+
+def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[ObserverState, JointPass | None, Mask, int]:
+    """Follow new samples of a stretch, up to where the filter diverges.
+
+    Returns
+    -------
+    state, found, usable, count
+        The state after them, what was found, which positions were usable, and how many samples were looked at.
+    """
+    old, joint = state.tail, observer.joint
+    both = Tail(*(np.concatenate([a, b]) for a, b in zip(old, new, strict=True)))
+    first, m = old.time.size, both.time.size
+    segment = segment_of(both, joint.mapped.actuator)
+    usable = usable_positions(both.position)
+    values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
+    at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
+    given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
+    found = follow(joint, at, given, (first, m), state.number - first)
+    if isinstance(found, Diverged):
+        theta, T = state.sound
+        ended = replace(_ended(observer, state), theta=theta, T=T)
+        before = follow(joint, at, given, (first, found.sample), state.number - first)
+        done = None if isinstance(before, Diverged) else before
+        return ended, done, usable[first : found.sample], found.sample + 1 - first
+    kept = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
+    corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
+    deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
+    state = replace(
+        state, filter=found.state, theta=found.state.theta, T=found.state.T, tail=kept, deviations=deviations,
+        number=state.number + m - first,
+    )  # fmt: skip
+    return state, found, usable[first:], m - first

@@ -1,0 +1,155 @@
+"""Innovations against those of the calibration recordings, and what happens where the filter diverges."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from clutchid.filter.joint_filter import Diverged
+from clutchid.observe.following import observe
+from clutchid.observe.health import health
+from clutchid.observe.mismatch import MEMORY, UNLIKE, normalised
+from clutchid.observe.observer import observer, start
+from clutchid.observe.recording import observe_recording
+from clutchid.observe.state_file import read_state, write_state
+from clutchid.observe.usual import usual_nis
+from clutchid.uncertainty.calibration import Calibration
+
+module = import_module("clutchid.observe.following")
+
+
+@pytest.fixture(scope="module")
+def calibration(plant, recorded_by):
+    kept = Calibration((), np.zeros((0, 0)))
+    return replace(kept, nis=usual_nis(plant, kept, [recorded_by(plant, seconds=6.0, seed=8)]))
+
+
+@pytest.fixture(scope="module")
+def calibrated(plant, calibration):
+    return observer(plant, calibration=calibration)
+
+
+@pytest.fixture(scope="module")
+def sound(calibrated, log):
+    return observe_recording(calibrated, log)
+
+
+@pytest.fixture(scope="module")
+def leaking_log(worn, recorded_by):
+    return recorded_by(worn.replace({"C_A0": 3e-10}), seconds=6.0)
+
+
+def test_the_usual_innovation_is_the_mean_while_the_piston_moves(plant, calibration, recorded_by):
+    log = recorded_by(plant, seconds=6.0, seed=8)
+    one = observer(plant)
+    _, found = observe(one, start(one), log)
+    e, variance = found.innovations.T
+    moving = np.isfinite(e) & (np.abs(found.states[:, plant.states.index("v")]) > one.joint.settings.least_speed)
+    assert np.isfinite(normalised(one, found.states, found.innovations)).sum() == moving.sum() > 50
+    squared = np.minimum(e[moving] ** 2 / variance[moving], one.joint.noise.outlier**2)
+    assert calibration.nis == pytest.approx(np.mean(squared))
+
+
+def test_a_recording_without_position_has_no_usual_innovation(plant, calibration, log):
+    assert np.isnan(usual_nis(plant, calibration, [log.with_columns(position=np.full(len(log), np.nan))]))
+
+
+def test_another_load_is_not_unlike_the_calibration_but_a_leak_is(calibrated, sound, leaking_log):
+    assert 0.5 < sound.after.mismatch < 1.5
+    assert sound.health["unlike_calibration"] == 0.0
+    leaking = observe_recording(calibrated, leaking_log)
+    assert leaking.after.mismatch > UNLIKE
+    assert leaking.health["unlike_calibration"] > 0.0
+    at = np.linspace(2e-3, 9e-3, 30)
+    plain = replace(leaking.after, mismatch=1.0)
+    wider = calibrated.load_deviation(leaking.after, at) / calibrated.load_deviation(plain, at)
+    assert wider == pytest.approx(np.full(30, np.sqrt(leaking.after.mismatch)))
+
+
+def test_the_running_mean_forgets_and_moves_at_corrections_in_motion_only(calibrated, sound):
+    nis = normalised(calibrated, sound.samples.states, sound.samples.innovations) / calibrated.usual
+    assert np.array_equal(np.isfinite(nis), np.isfinite(sound.samples.mismatch))
+    known, ratio = nis[np.isfinite(nis)], 1.0
+    for one in known:
+        ratio += (one - ratio) / MEMORY
+    assert sound.after.mismatch == pytest.approx(ratio, rel=1e-12)
+
+
+def test_without_usual_innovations_nothing_is_compared(joint, log):
+    found = observe_recording(joint, log)
+    assert found.after.mismatch == 1.0
+    assert np.isnan(found.samples.mismatch).all()
+    assert found.health["unlike_calibration"] == 0.0
+
+
+def in_parts(one, log, lengths):
+    state, parts, at = start(one), [], 0
+    for length in lengths:
+        state, found = observe(one, state, log.slice(at, at + length))
+        parts.append(found)
+        at += length
+    return state, parts
+
+
+def diverging(monkeypatch, log, times):
+    """Let the filter diverge at some times, as often as it comes by."""
+    plain = module.follow
+
+    def follow(joint, state, given, span, number):
+        _, length, *_ = given.intervals
+        at = follow.begin + np.concatenate([[0.0], np.cumsum(length)])
+        for i in range(*span):
+            if any(abs(at[i] - t) < 0.4e-3 for t in times):
+                return Diverged("it diverged", i)
+        return plain(joint, state, given, span, number)
+
+    segment_of = module.segment_of
+
+    def noted(samples, actuator):
+        follow.begin = samples.time[0]
+        return segment_of(samples, actuator)
+
+    monkeypatch.setattr(module, "follow", follow)
+    monkeypatch.setattr(module, "segment_of", noted)
+
+
+def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_before(joint, log, monkeypatch):
+    plain, _ = observe(joint, start(joint), log)
+    at = 4000
+    diverging(monkeypatch, log, [log.time[at]])
+    state, found = observe(joint, start(joint), log)
+    lost = np.flatnonzero(~np.isfinite(found.states[:, 0]))
+    assert lost.tolist() == [at]
+    assert health(joint, np.empty(0), log, found)["diverged"] == pytest.approx(1e-3)
+    assert np.isfinite(state.T).all()
+    assert not np.array_equal(state.theta, plain.theta)
+    # the parameters right behind it are those at the end of the last stroke
+    before, _ = observe(joint, start(joint), log.slice(0, at))
+    behind, _ = observe(joint, before, log.slice(at, at + 1))
+    assert np.array_equal(behind.theta, before.sound[0])
+    assert np.array_equal(behind.T, before.sound[1])
+    assert behind.filter is None
+
+
+def test_blocks_of_any_length_give_the_same_numbers_also_where_the_filter_diverges(joint, log, monkeypatch):
+    diverging(monkeypatch, log, log.time[[1200, 1201, 3500]])
+    state, found = observe(joint, start(joint), log)
+    for lengths in ([20] * 300, [1201, 1, 4798], [3500, 2500]):
+        other, parts = in_parts(joint, log, lengths)
+        for name in ("states", "deviations", "innovations", "used"):
+            together = np.concatenate([getattr(part, name) for part in parts])
+            assert np.array_equal(together, getattr(found, name), equal_nan=name != "used"), name
+        assert np.array_equal(other.theta, state.theta)
+
+
+def test_the_running_mean_is_the_same_in_blocks_and_from_a_file(calibrated, sound, log, tmp_path):
+    state, parts = in_parts(calibrated, log, [700] * 8 + [400])
+    together = np.concatenate([part.mismatch for part in parts])
+    assert np.array_equal(together, sound.samples.mismatch, equal_nan=True)
+    first, _ = observe(calibrated, start(calibrated), log.slice(0, 2500))
+    write_state(calibrated, first, tmp_path / "state.toml")
+    again = read_state(calibrated, tmp_path / "state.toml")
+    assert again.mismatch == first.mismatch
+    assert all(np.array_equal(a, b) for a, b in zip(again.sound, first.sound, strict=True))
+    assert observe(calibrated, again, log.slice(2500, len(log)))[0].mismatch == state.mismatch
