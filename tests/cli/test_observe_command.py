@@ -46,11 +46,18 @@ def test_it_writes_samples_and_strokes_and_says_what_was_found_on_one_line(call,
     first, *written = said.splitlines()
     assert first.startswith("observed worn: load at 12.5 mm ")
     assert " N (+" in first
-    assert first.endswith(" strokes; no flags")
+    assert first.endswith(" strokes; no flags; supply pressure assumed")
     assert [line.rpartition("/")[2] for line in written] == ["est.parquet", "est.load.parquet"]
     samples, strokes = pl.read_parquet(tmp_path / "est.parquet"), pl.read_parquet(tmp_path / "est.load.parquet")
     states = {f"{row.column} [{row.unit}]" for row in plant.state_rows.values()}
-    bands = {"pressure_a low [Pa]", "pressure_a high [Pa]", "innovation [m]", "innovation std [m]", "used [1]"}
+    bands = {
+        "pressure_a low [Pa]",
+        "pressure_a high [Pa]",
+        "innovation [m]",
+        "innovation std [m]",
+        "used [1]",
+        "nis_ratio [1]",
+    }
     recorded = {"time [s]", "duty_supply [1]", "duty_exhaust [1]", "position_measured [m]", "pressure_a_measured [Pa]"}
     assert set(samples.columns) == states | bands | recorded
     assert samples.height == 6000
@@ -211,4 +218,4 @@ def test_the_page_has_the_command_and_needs_no_other_file(call, tmp_path, monkey
     assert call("worn.parquet", "--report", "page.html")[0] == 0
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Load and pressure of worn, on line" in page
-    assert "No fault of the signals was found." in page
+    assert "No fault was found." in page

@@ -31,11 +31,12 @@ def run(plant, log):
 def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_nothing, tmp_path):
     observe_page(run, ORIGIN, "clutchid observe <worn>.parquet", tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for heading in ("Load before and after", "Load by stroke", "Samples", "Parameters", "Faults of the signals"):
+    for heading in ("Load before and after", "Load by stroke", "Samples", "Parameters", "Flags"):
         assert f"<h2>{heading}</h2>" in html
     assert "started from CAL.toml" in html
     assert "clutchid observe &lt;worn&gt;.parquet" in html
-    assert "No fault of the signals was found." in html
+    assert "No fault was found." in html
+    assert "No supply pressure was recorded, so that of the calibration is assumed" in html
     assert html.count("data:image/") == 3
     assert loads_nothing(html)
 
@@ -91,7 +92,7 @@ def test_faults_are_on_the_page_in_words_with_their_seconds(plant, log):
     assert (
         dict(zip(health_table(torn).column("flag"), health_table(torn).column("seconds"), strict=True)) == torn.health
     )
-    assert observe_sentence(torn).endswith("flags: position_missing 0.2 s")
+    assert observe_sentence(torn).endswith("flags: position_missing 0.2 s; supply pressure assumed")
     assert observe_json(torn, ORIGIN)["status"] == "warning"
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.observe.observer import Observer
 
-#: Corrections in motion that the running mean remembers: 5 s of motion at one every 10 ms.
-MEMORY = 500
+#: Corrections in motion that the running mean remembers: 10 s of motion at one every 10 ms.
+MEMORY = 1000
 
 #: A running mean beyond so many times the usual one says that the calibration does not hold. Provenance:
 #: docs/derivations.md.

@@ -45,6 +45,13 @@ class ObservedRecording:
     strokes: tuple[StrokeRow, ...]
     health: Mapping[str, float]
 
+    @property
+    def assumes_supply(self) -> bool:
+        """Whether the supply pressure is taken to be that of the calibration: less is taken for a larger load."""
+        recorded = self.log.columns.get("pressure_supply", np.zeros(0))
+        used = self.observer.supply is not None and bool(np.isfinite(recorded).any())
+        return "p_S" in self.observer.actuator.states and not used
+
     def deviation(self, symbol: str) -> FloatArray:
         """Standard deviation in SI of a state after each sample, that of the last correction; NaN where unknown."""
         at = self.observer.actuator.states.index(symbol)
@@ -72,6 +79,7 @@ class ObservedRecording:
             innovation: self.samples.innovations[:, 0],
             deviation: np.sqrt(self.samples.innovations[:, 1]),
             "used [1]": self.samples.used.astype(np.float64),
+            "nis_ratio [1]": self.samples.mismatch,
         }
         columns = {"position": states.pop("position"), **recorded, **states, **added}
         return Log(self.log.time, columns, self.log.name, self.log.metadata)

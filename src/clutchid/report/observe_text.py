@@ -33,10 +33,11 @@ def loads(run: ObservedRecording) -> Loads:
 
 
 def observe_sentence(run: ObservedRecording) -> str:
-    """The load at half stroke before and after, its change, the strokes, and the flags, on one line."""
+    """The load at half stroke before and after, its change, strokes, flags, and what is assumed, on one line."""
     raised = [f"{name} {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
     flags = f"flags: {', '.join(raised)}" if raised else "no flags"
-    return f"{load_sentence(run)}; {flags}"
+    assumed = "; supply pressure assumed" if run.assumes_supply else ""
+    return f"{load_sentence(run)}; {flags}{assumed}"
 
 
 def load_sentence(run: ObservedRecording) -> str:
