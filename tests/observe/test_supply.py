@@ -8,7 +8,7 @@ from clutchid.observe.health import LIVE_FLAGS
 from clutchid.observe.live import checked, gone_on, live_run
 from clutchid.observe.observer import observer, start
 from clutchid.observe.state_file import read_state, write_state
-from clutchid.observe.supply import supply_of, unused_supply
+from clutchid.observe.supply import load_deviation, supply_of, unused_supply
 from clutchid.simulation import simulate
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.conditions import ACCURACY, Conditions
@@ -69,7 +69,7 @@ def test_the_accuracy_of_the_sensor_is_a_part_of_the_band(plant, kept):
     assert supply.ratio == pytest.approx(1.0 / SHOWN)
     assert supply.share == pytest.approx(share)
     expected = share * (plant.load.force(STROKE) + p.A_A * p.P_0)
-    np.testing.assert_allclose(supply.load_deviation(plant, plant.load, STROKE), expected)
+    np.testing.assert_allclose(load_deviation(supply.share, plant, plant.load, STROKE), expected)
 
 
 def test_all_pressures_scale_with_the_supply(plant, recorded_by):

@@ -16,7 +16,7 @@ from clutchid.model.weighted_load import Load
 from clutchid.observe.methods import method_for
 from clutchid.observe.prior import online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes
-from clutchid.observe.supply import Supply, supply_of
+from clutchid.observe.supply import ASSUMED, Supply, load_deviation, supply_of
 from clutchid.observe.tail import EMPTY, Tail, segment_of
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
@@ -83,19 +83,19 @@ class Observer:
         """Standard deviation in N of that load at positions in m, shape (n,).
 
         It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
-        accuracy of a recorded supply pressure. Where the innovations are larger than in those, its variance is as much
-        larger.
+        supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
+        its variance is as much larger.
         """
         load, basis = self.load(state), np.zeros((position.size, len(self.joint.coordinates)))
         functions = load.phi(position)
         for j, c in enumerate(self.joint.coordinates):
             if c.base in load.names:
                 basis[:, j] = functions[:, load.names.index(c.base)] * c.slope(float(state.theta[j]))
-        deviation: FloatArray = np.hypot(np.linalg.norm(basis @ state.T, axis=1), self.missed)
-        deviation *= np.sqrt(max(1.0, state.mismatch))
-        if self.supply is None:
-            return deviation
-        return np.hypot(deviation, self.supply.load_deviation(self.actuator, load, position))
+        share = self.supply.share if self.supply else ASSUMED
+        by_supply = load_deviation(share, self.actuator, load, position)
+        squared = np.sum((basis @ state.T) ** 2, axis=1) + self.missed**2 + by_supply**2
+        deviation: FloatArray = np.sqrt(max(1.0, state.mismatch) * squared)
+        return deviation
 
 
 def observer(

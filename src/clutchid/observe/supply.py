@@ -17,6 +17,10 @@ from clutchid.model.weighted_load import Load
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.conditions import ACCURACY, NOT_RECORDED
 
+#: Standard deviation of a supply that is not recorded from that of the calibration, as a share of it: what its governor
+#: leaves after minutes. Provenance: docs/derivations.md.
+ASSUMED = 0.006
+
 
 class Supply(NamedTuple):
     """Estimated over recorded supply pressure in the calibration, and its standard deviation as a share of it."""
@@ -24,14 +28,14 @@ class Supply(NamedTuple):
     ratio: float
     share: float
 
-    def load_deviation(self, actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
-        """Standard deviation in N that it leaves to the load at positions in m.
 
-        The motion stays the same if all absolute pressures scale with that of the supply: A_A p_A = f + A_A P_0 at
-        rest.
-        """
-        p = actuator.parameters
-        return self.share * (load.force(position) + p.A_A * p.P_0)
+def load_deviation(share: float, actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
+    """Standard deviation in N that a supply known to a `share` of it leaves to the load at positions in m.
+
+    The motion stays the same if all absolute pressures scale with that of the supply: A_A p_A = f + A_A P_0 at rest.
+    """
+    p = actuator.parameters
+    return share * (load.force(position) + p.A_A * p.P_0)
 
 
 def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:
