@@ -91,7 +91,8 @@ def test_with_the_method_states_of_the_load_of_each_stroke_only_the_supply_is_no
     table = found.load_by_stroke()
     assert not table["theta_3_std [N]"].any()
     half = 1.96 * ASSUMED * (plant.load.force(np.array([5e-3])) + plant.parameters.A_A * plant.parameters.P_0)
-    assert table["load_05000um_high [N]"] - table["load_05000um [N]"] == pytest.approx(np.full(len(table), float(half[0])))
+    found_half = table["load_05000um_high [N]"] - table["load_05000um [N]"]
+    assert found_half == pytest.approx(np.full(len(table), float(half[0])))
     assert set(table["theta_3 [N]"]) == {plant.value("theta_3")}
 
 
