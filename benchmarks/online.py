@@ -5,7 +5,7 @@ from the load of the new clutch, undisturbed or with a fault. Load over 5 to 8 m
 50 strokes and at the end; worse is how much larger that error became than at the start, from 5 strokes on; pressure in
 chamber A, rms in kPa; median / worst over the trucks. Covered is the share of the points from 0.5 to 20 mm where the 95
 % band of the load at the end holds the truth, width the median of the band from low to high in % of the peak. NIS is
-the largest mean over 10 s of motion, over that of the calibration recording.
+(least to most) the largest mean over 10 s of motion, over that of the calibration recording.
 """
 
 from __future__ import annotations
@@ -256,6 +256,8 @@ def cells(found: Sequence[Mapping[tuple[str, str], Row]], fault: str, method: st
     table = np.array([rows[fault, method] for rows in found])
     known = [column[np.isfinite(column)] for column in table.T]
     both = [f"{np.median(column):.2f} / {column.max():.2f}" if column.size else "-" for column in known]
+    if known[9].size:
+        both[9] = f"{known[9].min():.2f} to {known[9].max():.2f}"
     both[6], both[7] = f"{table[:, 6].mean():.0f}", f"{np.nanmedian(table[:, 7]):.1f}"
     return both
 

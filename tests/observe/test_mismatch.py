@@ -153,3 +153,25 @@ def test_the_running_mean_is_the_same_in_blocks_and_from_a_file(calibrated, soun
     assert again.mismatch == first.mismatch
     assert all(np.array_equal(a, b) for a, b in zip(again.sound, first.sound, strict=True))
     assert observe(calibrated, again, log.slice(2500, len(log)))[0].mismatch == state.mismatch
+
+
+def test_states_that_no_actuator_has_are_divergence_although_they_are_finite(joint, log, monkeypatch):
+    plain, at = module.follow, 2500
+
+    def exploding(observer, state, given, span, number):
+        found = plain(observer, state, given, span, number)
+        times = np.concatenate([[0.0], np.cumsum(given.intervals[1])])[slice(*span)] + exploding.begin
+        found.states[np.abs(times - log.time[at]) < 0.4e-3, joint.actuator.states.index("p_A")] = 1e9
+        return found
+
+    segment_of = module.segment_of
+
+    def noted(samples, actuator):
+        exploding.begin = samples.time[0]
+        return segment_of(samples, actuator)
+
+    monkeypatch.setattr(module, "follow", exploding)
+    monkeypatch.setattr(module, "segment_of", noted)
+    _, found = observe(joint, start(joint), log)
+    assert np.flatnonzero(~np.isfinite(found.states[:, 0])).tolist() == [at]
+    assert np.nanmax(found.states[:, joint.actuator.states.index("p_A")]) < 1e7

@@ -118,11 +118,13 @@ def fleet(
         from clutchid.fleet.jobs import fleet_of
         from clutchid.fleet.run import Options, tasks
         from clutchid.fleet.store import store
+        from clutchid.workflow import start_file
 
         if limit is not None and verb != "track":
             raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
-        place = pool.place()
-        found = fleet_of(source, start)
+        place, found = pool.place(), fleet_of(source, start)
+        if start.is_file():
+            start_file(start, None)  # a broken one is one sentence, not one a recording
         options = Options(
             "observe" if verb == "observe" else "fit", pressure(ambient, math.nan), map_, tuple(dbc or ())
         )

@@ -137,7 +137,7 @@ def _row(one: Vehicle, page: str) -> VehicleRow:
     return VehicleRow(
         wear.vehicle, one.type, len(wear.dated), counted, Counter(reading.status for reading in wear.readings), last,
         *now("shift"), *now("load"), *now("wear"), rate, *(wear.left or UNKNOWN), wear.axis,
-        tuple(map(alarm_words, wear.alarms)), page,
+        tuple(map(alarm_words, wear.alarms)), page, float("nan") if wear.limit is None else wear.limit,
     )  # fmt: skip
 
 
@@ -158,7 +158,7 @@ _SIDES = ("", "_low", "_high")
 def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) -> None:
     """Count why recordings have no result, without what is particular to one of them."""
     for dated, reading in zip(tracked.wear.dated, tracked.wear.readings, strict=True):
-        if not reading.has_result or reading.trust == "none":
+        if not reading.has_result or (reading.trust == "none" and reading.measurement is None):
             sentence = _PARTICULAR.sub("…", reading.message.splitlines()[0] if reading.message else "")
             reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(dated.name)
 

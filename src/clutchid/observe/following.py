@@ -17,6 +17,9 @@ from clutchid.observe.observer import Observer, ObserverState, unknown
 from clutchid.observe.strokes import count_strokes
 from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, measured_values, segment_of, usable_positions
 
+#: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
+PRESSURES = 0.01, 10.0
+
 #: A duty cycle may be as far outside 0 to 1.
 ROUNDING = 1e-9
 
@@ -156,12 +159,13 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     found = follow(joint, at, given, (first, m), state.number - first)
-    if isinstance(found, Diverged):
+    diverged = found.sample if isinstance(found, Diverged) else first + _impossible(observer, found.states)
+    if isinstance(found, Diverged) or diverged < m:
         theta, T = state.sound
         ended = replace(_ended(observer, state), theta=theta, T=T)
-        before = follow(joint, at, given, (first, found.sample), state.number - first)
+        before = follow(joint, at, given, (first, diverged), state.number - first)
         done = None if isinstance(before, Diverged) else before
-        return ended, done, usable[first : found.sample], found.sample + 1 - first
+        return ended, done, usable[first:diverged], diverged + 1 - first
     kept = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
     corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
     deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
@@ -170,3 +174,10 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
         number=state.number + m - first,
     )  # fmt: skip
     return state, found, usable[first:], m - first
+
+
+def _impossible(observer: Observer, states: FloatArray) -> int:
+    """The first of the states (n, states) whose pressure in chamber A is outside of `PRESSURES`; n if none."""
+    p, p_A = observer.actuator.parameters, states[:, observer.actuator.states.index("p_A")]
+    low, high = PRESSURES
+    return int(np.argmax(np.append((p_A < low * p.P_0) | (p_A > high * p.P_S), True)))

@@ -24,7 +24,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "duty_missing": "a duty cycle is missing, and nothing was estimated",
     "time_missing": "samples are missing in time",
     "outlier": "the innovation is beyond 4 standard deviations, and counts less",
-    "diverged": "the filter diverged, and was started again",
+    "diverged": "the filter left what is possible, and was started again",
     "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
     "calibrate again",
 })  # fmt: skip

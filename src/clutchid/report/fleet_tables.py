@@ -118,6 +118,7 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
         *(Column(f"{name} {share} [m]", f"{share} %", MM, 3, group=f"{name} [mm]") for share in (5, 50, 95)),
         Column(f"rate [m per {spans.rate_words}]", f"median rate\n[mm per {spans.rate_words}]", MM, 3),
         Column("left", f"median left\n[{spans.left_words}]", decimals=0),
+        Column("limit [m]", f"limit of\n{name} [mm]", MM, 2),
     )  # fmt: skip
     largest = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
     rows: list[tuple[Cell, ...]] = [
@@ -126,6 +127,7 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
             *quantiles([getattr(one, name) for one in members], (0.05, 0.5, 0.95)),
             *quantiles([rate_shown(one, spans) for one in members], (0.5,)),
             *quantiles([left_shown(one, spans)[1] for one in members], (0.5,)),
+            *quantiles([one.limit for one in members], (0.5,)),
         )
         for type_, members in largest[:TYPES]
     ]  # fmt: skip

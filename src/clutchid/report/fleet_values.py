@@ -19,7 +19,8 @@ class VehicleRow(NamedTuple):
     status. `shift` of the half-load position [m] and relative `load` are changes since the calibration; `wear` [m] is
     known with a table of it. `rate` is that of wear, or else of shift, a stroke, km, day or recording, as `axis` says,
     and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
-    sentences. `page` is the file of its own page relative to that of the fleet.
+    sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
+    ends its life, NaN without one.
     """
 
     name: str
@@ -44,6 +45,7 @@ class VehicleRow(NamedTuple):
     axis: Axis
     alarms: tuple[str, ...] = ()
     page: str = ""
+    limit: float = float("nan")
 
 
 class Reason(NamedTuple):

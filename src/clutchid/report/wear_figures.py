@@ -35,16 +35,16 @@ def trend_figure(wear: Wear) -> Figure:
     names = [name for name in _SHOWN if name in wear.now]
     figure, axes = new_figure([2.0] * len(names))
     s, unit = _scaled(wear.s, AXIS[wear.axis])
+    jumps = [k for k, outcome in enumerate(wear.outcomes) if outcome == "jump"]
+    apart = np.insert(s, jumps, s[jumps])  # another clutch is another line
     for axis, name in zip(axes, names, strict=True):
         words, factor = _SHOWN[name]
-        band = wear.now[name]
-        fill(axis, s, band.low / factor, band.high / factor, Line(STYLE.blue, "95 % band", opacity=0.2))
-        draw(axis, s, band.value / factor, Line(STYLE.blue, "trend, given all recordings", 1.6))
+        value, low, high = (np.insert(side, jumps, np.nan) / factor for side in wear.now[name])
+        fill(axis, apart, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
+        draw(axis, apart, value, Line(STYLE.blue, "trend, given all recordings", 1.6))
         if name != "wear":
             _measured(axis, s, wear, name, factor)
-        for k, dated in enumerate(wear.dated):
-            if any(alarm.before == dated.name for alarm in wear.alarms):
-                axis.axvline(float(s[k]), color=STYLE.red, linewidth=1.2, dashes=(4, 2))
+        _alarms(axis, s, wear, words=axis is axes[0])
         limited = name == ("wear" if "wear" in wear.now else "shift")
         if limited and wear.limit is not None:
             draw(axis, s[[0, -1]], np.full(2, wear.limit / factor), Line(STYLE.orange, "limit", 1.2, (0, (5, 3))))
@@ -53,6 +53,19 @@ def trend_figure(wear: Wear) -> Figure:
     label(axes[-1], unit)
     figure.align_ylabels()
     return figure
+
+
+def _alarms(axis: Axes, s: FloatArray, wear: Wear, *, words: bool) -> None:
+    """A line for each alarm, with its kind if `words`."""
+    places = {dated.name: float(at) for dated, at in zip(wear.dated, s, strict=True)}
+    for alarm in wear.alarms:
+        at = places[alarm.before]
+        axis.axvline(at, color=STYLE.red, linewidth=1.2, dashes=(4, 2))
+        if words:
+            axis.text(
+                at, 0.97, f"{alarm.kind} ", color=STYLE.red, rotation=90, ha="right", va="top", fontsize="small",
+                transform=axis.get_xaxis_transform(),
+            )  # fmt: skip
 
 
 def _scaled(s: FloatArray, unit: str) -> tuple[FloatArray, str]:

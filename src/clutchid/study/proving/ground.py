@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
-from importlib.metadata import version
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ from clutchid.errors import ExportError
 from clutchid.fleet import pool
 from clutchid.fleet.alone import Lost
 from clutchid.fleet.cluster import Place, shared
+from clutchid.fleet.version import version_and_source
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
 from clutchid.study.proving.answers import Answer, Workflow, score
@@ -169,16 +168,6 @@ def prove(
     return [result for result in done.values() if result is not None]
 
 
-@cache
-def settings() -> dict[str, str]:
-    """Version and source hash of clutchid, including the ranges of the fleet, on which results depend."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[2].rglob("*")):
-        if path.suffix in (".py", ".j2", ".toml"):
-            digest.update(path.read_bytes())
-    return {"clutchid": version("clutchid"), "source": digest.hexdigest()[:16]}
-
-
 def _folder(out: Path, name: str) -> Path:
     """Folder of the results of a workflow for the current settings, created if necessary."""
     folder = out / name.replace(":", "_").replace("/", "_")
@@ -188,8 +177,8 @@ def _folder(out: Path, name: str) -> Path:
         raise ExportError(f"{out}: the folder cannot be created ({error.strerror}).") from error
     known = _read(folder / "settings.json")
     if known is None:
-        _write(folder / "settings.json", settings())
-    elif known != settings():
+        _write(folder / "settings.json", version_and_source())
+    elif known != version_and_source():
         raise ExportError(
             f"{folder}: contains results of another version or fleet; choose another folder or delete it."
         )
@@ -214,7 +203,7 @@ def kept(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:
     """Results of all workflows in `out` for the trucks `numbers`, the paper's method first."""
     found: dict[str, list[dict[str, Any]]] = {}
     for folder in sorted(out.iterdir(), key=lambda path: (path.name != "paper", path.name)):
-        if not folder.is_dir() or _read(folder / "settings.json") != settings():
+        if not folder.is_dir() or _read(folder / "settings.json") != version_and_source():
             continue
         results = [result for n in sorted(set(numbers)) if (result := _read(folder / f"truck_{n:05d}.json"))]
         if results:
