@@ -177,7 +177,12 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
 
 
 def _impossible(observer: Observer, states: FloatArray) -> int:
-    """The first of the states (n, states) whose pressure in chamber A is outside of `PRESSURES`; n if none."""
+    """The first of the states (n, states) whose pressure in chamber A is outside of `PRESSURES`; n if none.
+
+    An observer without a covariance takes a spike of its sensor at its word, and recovers by itself.
+    """
+    if not observer.joint.rule.columns:
+        return len(states)
     p, p_A = observer.actuator.parameters, states[:, observer.actuator.states.index("p_A")]
     low, high = PRESSURES
     return int(np.argmax(np.append((p_A < low * p.P_0) | (p_A > high * p.P_S), True)))
