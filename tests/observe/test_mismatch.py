@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from clutchid.filter.joint_filter import Diverged
+from clutchid.model import Actuator
+from clutchid.observe.by_stroke import known
 from clutchid.observe.following import observe
 from clutchid.observe.health import health
 from clutchid.observe.mismatch import MEMORY, UNLIKE, normalised
@@ -36,8 +38,16 @@ def sound(calibrated, log):
 
 
 @pytest.fixture(scope="module")
-def leaking_log(worn, recorded_by):
-    return recorded_by(worn.replace({"C_A0": 3e-10}), seconds=6.0)
+def strange_log(worn, recorded_by):
+    """Of an actuator that the calibration is not of: its valves and its friction are others."""
+    p = worn.parameters
+    strange = worn.replace({"C_vs": 0.6 * p.C_vs, "C_ve": 1.5 * p.C_ve, "D_v": 3.0 * p.D_v, "V_0A": 2.0 * p.V_0A})
+    return recorded_by(strange, seconds=8.0)
+
+
+@pytest.fixture(scope="module")
+def leaking(calibrated, worn, recorded_by):
+    return observe_recording(calibrated, recorded_by(worn.replace({"C_A0": 1.5e-10}), seconds=8.0))
 
 
 def test_the_usual_innovation_is_the_mean_while_the_piston_moves(plant, calibration, recorded_by):
@@ -55,16 +65,45 @@ def test_a_recording_without_position_has_no_usual_innovation(plant, calibration
     assert np.isnan(usual_nis(plant, calibration, [log.with_columns(position=np.full(len(log), np.nan))]))
 
 
-def test_another_load_is_not_unlike_the_calibration_but_a_leak_is(calibrated, sound, leaking_log):
+def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(calibrated, sound, strange_log):
     assert 0.5 < sound.after.mismatch < 1.5
     assert sound.health["unlike_calibration"] == 0.0
-    leaking = observe_recording(calibrated, leaking_log)
-    assert leaking.after.mismatch > UNLIKE
-    assert leaking.health["unlike_calibration"] > 0.0
+    strange = observe_recording(calibrated, strange_log)
+    assert strange.after.mismatch > UNLIKE
+    assert strange.health["unlike_calibration"] > 0.0
     at = np.linspace(2e-3, 9e-3, 30)
-    plain = replace(leaking.after, mismatch=1.0)
-    wider = calibrated.load_deviation(leaking.after, at) / calibrated.load_deviation(plain, at)
-    assert wider == pytest.approx(np.full(30, np.sqrt(leaking.after.mismatch)))
+    plain = replace(strange.after, mismatch=1.0)
+    wider = calibrated.load_deviation(strange.after, at) / calibrated.load_deviation(plain, at)
+    assert wider == pytest.approx(np.full(30, np.sqrt(strange.after.mismatch)))
+
+
+def test_a_leak_is_flagged_with_its_size_and_the_load_stays_right(calibrated, leaking, sound, worn):
+    assert sound.health["leak"] == 0.0
+    assert not sound.after.leaking
+    assert leaking.after.leaking
+    assert 0.0 < leaking.health["leak"] < 8.0
+    found = known(calibrated, leaking.after)["C_A0"]
+    assert abs(found.value - 1.5e-10) < 3.0 * found.std
+    at = np.linspace(2e-3, 9e-3, 30)
+    error, without = (
+        np.abs(calibrated.load(one.after).force(at) - worn.load.force(at)).max() for one in (leaking, sound)
+    )
+    assert error < without + 0.02 * worn.load.force(at).max()
+
+
+def test_a_leak_is_flagged_from_the_end_of_a_stroke_on_in_blocks_of_any_length(calibrated, leaking):
+    whole = leaking.samples.leaking
+    first = int(np.argmax(whole))
+    assert leaking.log.time[first - 1] in [row.time for row in leaking.strokes]
+    assert whole[first:].all()
+    _, parts = in_parts(calibrated, leaking.log, [20] * 400)
+    assert np.array_equal(np.concatenate([part.leaking for part in parts]), whole)
+
+
+def test_a_leak_is_not_below_0_and_only_a_model_with_the_energy_balance_has_one(calibrated, sound):
+    at = [c.base for c in calibrated.joint.coordinates].index("C_A0")
+    assert sound.after.theta[at] >= 0.0
+    assert "C_A0" not in [c.base for c in observer(Actuator(model="isothermal")).joint.coordinates]
 
 
 def test_the_running_mean_forgets_and_moves_at_corrections_in_motion_only(calibrated, sound):
@@ -150,7 +189,7 @@ def test_the_running_mean_is_the_same_in_blocks_and_from_a_file(calibrated, soun
     first, _ = observe(calibrated, start(calibrated), log.slice(0, 2500))
     write_state(calibrated, first, tmp_path / "state.toml")
     again = read_state(calibrated, tmp_path / "state.toml")
-    assert again.mismatch == first.mismatch
+    assert (again.mismatch, again.leaking) == (first.mismatch, first.leaking)
     assert all(np.array_equal(a, b) for a, b in zip(again.sound, first.sound, strict=True))
     assert observe(calibrated, again, log.slice(2500, len(log)))[0].mismatch == state.mismatch
 

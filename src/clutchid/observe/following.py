@@ -29,7 +29,8 @@ class Observed(NamedTuple):
 
     `states` (n, states) in SI, NaN where no sample could be used; `deviations` (n, states) their standard deviations,
     NaN between corrections; `innovations` (n, 2) with their variances, NaN where nothing was corrected; `used` (n,)
-    whether the position of a sample was usable; `mismatch` (n,) see `clutchid.observe.mismatch`.
+    whether the position of a sample was usable; `mismatch` (n,) see `clutchid.observe.mismatch`; `leaking`
+    (n,) whether chamber A leaked at the end of the stroke before.
     """
 
     time: FloatArray
@@ -38,6 +39,7 @@ class Observed(NamedTuple):
     innovations: FloatArray
     used: Mask
     mismatch: FloatArray
+    leaking: Mask
 
 
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
@@ -65,8 +67,9 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
         cuts = [begin, *(i + 1 for i in ends if begin <= i < end), end]
         for a, b in pairwise(cuts):
             state = _piece(observer, state, samples, (a, b), found)
+            found.leaking[a:b] = state.leaking
             if b - 1 in ends:
-                state = replace(state, sound=(state.theta, state.T))
+                state = replace(state, sound=(state.theta, state.T), leaking=observer.leaks(state))
     running = mismatches(observer, state.mismatch, found.states, found.innovations)
     found.mismatch[:] = running
     known = running[np.isfinite(running)]
@@ -78,7 +81,8 @@ def _nothing(observer: Observer, time: FloatArray) -> Observed:
     """What is found in samples of which none can be used, to be filled."""
     n = time.size
     states = np.full((n, len(observer.actuator.states)), np.nan)
-    return Observed(time, states, states.copy(), np.full((n, 2), np.nan), np.zeros(n, dtype=bool), np.full(n, np.nan))
+    flags = np.zeros((2, n), dtype=bool)
+    return Observed(time, states, states.copy(), np.full((n, 2), np.nan), flags[0], np.full(n, np.nan), flags[1])
 
 
 def _piece(

@@ -25,6 +25,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "time_missing": "samples are missing in time",
     "outlier": "the innovation is beyond 4 standard deviations, and counts less",
     "diverged": "the filter left what is possible, and was started again",
+    "leak": "chamber A, or what is connected to it, leaks",
     "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
     "calibrate again",
 })  # fmt: skip
@@ -66,6 +67,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
         "diverged": spacing * int(np.sum(known & driven & ~followed)),
+        "leak": spacing * int(np.sum(samples.leaking)),
         "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),
     }
 

@@ -13,11 +13,13 @@ from clutchid.filter.joint_setup import KALMAN, Rule
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
+from clutchid.observe.prior import LEAK
 from clutchid.uncertainty.coordinates import Coordinate
 
 #: Parameters that adapt beside the load: what wears with a clutch, the far stop, the viscous friction of the grease,
-#: and a delay of the duty cycles, which looks like one of the sensor. Provenance: docs/derivations.md.
-ADAPTING = ("F_C", "V_0A", "y_max", "D_v", "tau_y")
+#: a delay of the duty cycles, which looks like one of the sensor, and a leak of chamber A. Provenance:
+#: docs/derivations.md.
+ADAPTING = ("F_C", "V_0A", "y_max", "D_v", "tau_y", LEAK)
 
 
 #: Leading modes of the prior of the load that adapt in 'joint-reduced'.
@@ -54,9 +56,10 @@ class Method(NamedTuple):
 
 
 def joint(actuator: Actuator) -> tuple[str, ...]:
-    """All load weights, what changes with them, and the phase of the valves' carrier."""
+    """All load weights, what changes with them, a leak if the model has one, and the phase of the valves' carrier."""
     phase = ("s_pwm",) if actuator.parameters.T_pwm > 0.0 else ()
-    return (*actuator.load.names, *ADAPTING, *phase)
+    adapting = [name for name in ADAPTING if name != LEAK or LEAK in actuator.in_equations]
+    return (*actuator.load.names, *adapting, *phase)
 
 
 def states(_actuator: Actuator) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observe.methods import method_for
-from clutchid.observe.prior import online_prior
+from clutchid.observe.prior import LEAK, online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes
 from clutchid.observe.supply import ASSUMED, Supply, load_deviation, supply_of
 from clutchid.observe.tail import EMPTY, Tail, segment_of
@@ -28,6 +28,9 @@ MEMORY, DRIFT = 0.01, 2e-4
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
 
+#: A leak of so many standard deviations is one. Provenance: docs/derivations.md.
+LEAK_FOUND = 5.0
+
 #: Bounds of the adapting parameters in prior standard deviations.
 BOUND = 5.0
 
@@ -39,7 +42,8 @@ class ObserverState:
     `theta` (k,) and `T` (k, m), a root of their covariance, are what is known of the parameters that adapt; `filter` is
     None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.
     `number` counts the samples of the stretch. `sound` are theta and T at the end of the last stroke, to which the
-    observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`.
+    observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`;
+    `leaking` says whether chamber A leaked at the end of the last stroke.
     """
 
     filter: JointState | None
@@ -51,6 +55,7 @@ class ObserverState:
     number: int = 0
     strokes: Strokes = NO_STROKES
     mismatch: float = 1.0
+    leaking: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +79,13 @@ class Observer:
     def usual(self) -> float:
         """Mean NIS of the calibration recordings, NaN where it is not known."""
         return self.calibration.nis if self.calibration else float("nan")
+
+    def leaks(self, state: ObserverState) -> bool:
+        """Whether a leak of chamber A that adapts is beyond `LEAK_FOUND` of its standard deviations."""
+        at = next((j for j, c in enumerate(self.joint.coordinates) if c.base == LEAK), None)
+        if at is None:
+            return False
+        return bool(state.theta[at] > LEAK_FOUND * np.linalg.norm(state.T[at]))
 
     def load(self, state: ObserverState) -> Load:
         """The load as it is known in a state."""
@@ -130,7 +142,7 @@ def observer(
         states={name: row.noise for name, row in actuator.state_rows.items()},
         memory=MEMORY,
     )
-    limits = -BOUND * np.ones(k), BOUND * np.ones(k)
+    limits = np.array([0.0 if c.base == LEAK else -BOUND for c in free]), BOUND * np.ones(k)
     return Observer(
         actuator=actuator,
         method=method,

@@ -20,9 +20,12 @@ from clutchid.uncertainty.coordinates import (
     smoothness,
 )
 
-#: Standard deviations of what changes within hours, more than between two recordings: share, and s. Provenance:
-#: docs/derivations.md.
-GREASE, DELAY = 0.1, 3e-4
+#: Parameter of a leak of chamber A, which is not below 0.
+LEAK = "C_A0"
+
+#: Standard deviations of what changes within hours, more than between two recordings: share, s, and m³/(Pa·s).
+#: Provenance: docs/derivations.md.
+GREASE, DELAY, LEAKING = 0.1, 3e-4, 5e-11
 
 
 def online_prior(
@@ -45,6 +48,7 @@ def online_prior(
     known = {name: Prior(actuator.value(name), std) for name in names if (std := drift(actuator, name)) > 0.0} | {
         "D_v": Prior(actuator.value("D_v"), GREASE * actuator.value("D_v")),
         "tau_y": Prior(actuator.value("tau_y"), DELAY),
+        LEAK: Prior(actuator.value(LEAK), LEAKING),
         "y_max": far_stop(actuator, 0.0),
         "s_pwm": Prior(actuator.value("s_pwm"), WIDTHS["s_pwm"]),
     }

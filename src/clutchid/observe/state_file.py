@@ -40,6 +40,7 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
         "deviations": state.deviations.tolist(),
         "strokes": {name: value for name, value in state.strokes._asdict().items() if value is not None},
         "mismatch": state.mismatch,
+        "leaking": state.leaking,
         "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
         "sound": {"theta": state.sound[0].tolist(), "root": state.sound[1].tolist()},
         "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
@@ -115,7 +116,8 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
     strokes = Strokes(int(content["strokes"]["ended"]), content["strokes"].get("began"))
     number, mismatch = int(content["number"]), float(content["mismatch"])
-    return ObserverState(found, theta, root, tail, deviations, sound, number, strokes, mismatch)
+    leaking = bool(content["leaking"])
+    return ObserverState(found, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking)
 
 
 def fingerprint(observer: Observer) -> str:
