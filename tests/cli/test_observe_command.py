@@ -91,7 +91,7 @@ def test_the_json_object_has_the_load_at_the_end_and_the_health(call, plant, tmp
     last = pl.read_parquet(tmp_path / "est.load.parquet").tail(1)
     assert set(answer["parameters"]["theta_3"]) == {"value", "std", "low", "high", "unit"}
     assert answer["parameters"]["theta_3"]["value"] == pytest.approx(last["theta_3 [N]"][0], rel=0.05)
-    assert set(answer["parameters"]) == {*plant.load.names, "F_C", "V_0A", "y_max", "D_v", "tau_y"}
+    assert set(answer["parameters"]) == {*plant.load.names, "F_C", "V_0A", "y_max", "D_v", "tau_y", "C_A0"}
     assert 0.0 < answer["errors"]["pressure_a_rms_Pa"] < 2e4
     assert answer["calibration"]["name"] == "cal.toml"
     assert answer["method"] == "joint"
