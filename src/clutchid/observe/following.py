@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
+from clutchid.filter.joint_filter import Diverged, JointInputs, JointPass, JointState, follow, init
 from clutchid.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observe.mismatch import mismatches
@@ -162,14 +162,11 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
     at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
-    found = follow(joint, at, given, (first, m), state.number - first)
-    diverged = found.sample if isinstance(found, Diverged) else first + _impossible(observer, found.states)
-    if isinstance(found, Diverged) or diverged < m:
+    found, end = _sound(observer, at, given, (first, m), state.number - first)
+    if found is None or end < m:
         theta, T = state.sound
         ended = replace(_ended(observer, state), theta=theta, T=T)
-        before = follow(joint, at, given, (first, diverged), state.number - first)
-        done = None if isinstance(before, Diverged) else before
-        return ended, done, usable[first:diverged], diverged + 1 - first
+        return ended, found, usable[first:end], end + 1 - first
     kept = last_samples(both, joint.mapped.actuator.parameters.T_pwm + 2.0 * observer.spacing)
     corrected = np.flatnonzero(np.isfinite(found.deviations[:, 0]))
     deviations = found.deviations[corrected[-1]].copy() if corrected.size else state.deviations
@@ -178,6 +175,23 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
         number=state.number + m - first,
     )  # fmt: skip
     return state, found, usable[first:], m - first
+
+
+def _sound(
+    observer: Observer, at: JointState, given: JointInputs, span: tuple[int, int], number: int
+) -> tuple[JointPass | None, int]:
+    """Follow samples up to the first at which the filter diverges; what was found, None if nothing, and that sample."""
+    first, end = span
+    while end > first:
+        found = follow(observer.joint, at, given, (first, end), number)
+        if isinstance(found, Diverged):
+            end = found.sample
+            continue
+        possible = first + _impossible(observer, found.states)
+        if possible >= end:
+            return found, end
+        end = possible
+    return None, first
 
 
 def _impossible(observer: Observer, states: FloatArray) -> int:
