@@ -131,19 +131,13 @@ def in_parts(one, log, lengths):
     return state, parts
 
 
-def diverging(monkeypatch, log, times):
-    """Let the filter diverge at some times, as often as it comes by."""
-    plain = module.follow
+def followed_by(monkeypatch, changed):
+    """Let `changed` follow the samples: it gets the plain function, the times of the segment, and its arguments."""
+    plain, segment_of = module.follow, module.segment_of
 
     def follow(joint, state, given, span, number):
-        _, length, *_ = given.intervals
-        at = follow.begin + np.concatenate([[0.0], np.cumsum(length)])
-        for i in range(*span):
-            if any(abs(at[i] - t) < 0.4e-3 for t in times):
-                return Diverged("it diverged", i)
-        return plain(joint, state, given, span, number)
-
-    segment_of = module.segment_of
+        times = follow.begin + np.concatenate([[0.0], np.cumsum(given.intervals[1])])
+        return changed(plain, times, joint, state, given, span, number)
 
     def noted(samples, actuator):
         follow.begin = samples.time[0]
@@ -153,10 +147,22 @@ def diverging(monkeypatch, log, times):
     monkeypatch.setattr(module, "segment_of", noted)
 
 
+def diverging(monkeypatch, at):
+    """Let the filter diverge at some times, as often as it comes by."""
+
+    def changed(plain, times, joint, state, given, span, number):
+        for i in range(*span):
+            if any(abs(times[i] - t) < 0.4e-3 for t in at):
+                return Diverged("it diverged", i)
+        return plain(joint, state, given, span, number)
+
+    followed_by(monkeypatch, changed)
+
+
 def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_before(joint, log, monkeypatch):
     plain, _ = observe(joint, start(joint), log)
     at = 4000
-    diverging(monkeypatch, log, [log.time[at]])
+    diverging(monkeypatch, [log.time[at]])
     state, found = observe(joint, start(joint), log)
     lost = np.flatnonzero(~np.isfinite(found.states[:, 0]))
     assert lost.tolist() == [at]
@@ -172,7 +178,7 @@ def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_befor
 
 
 def test_blocks_of_any_length_give_the_same_numbers_also_where_the_filter_diverges(joint, log, monkeypatch):
-    diverging(monkeypatch, log, log.time[[1200, 1201, 3500]])
+    diverging(monkeypatch, log.time[[1200, 1201, 3500]])
     state, found = observe(joint, start(joint), log)
     for lengths in ([20] * 300, [1201, 1, 4798], [3500, 2500]):
         other, parts = in_parts(joint, log, lengths)
@@ -195,22 +201,18 @@ def test_the_running_mean_is_the_same_in_blocks_and_from_a_file(calibrated, soun
 
 
 def test_states_that_no_actuator_has_are_divergence_although_they_are_finite(joint, log, monkeypatch):
-    plain, at = module.follow, 2500
+    at, p_A = 2500, joint.actuator.states.index("p_A")
 
-    def exploding(observer, state, given, span, number):
-        found = plain(observer, state, given, span, number)
-        times = np.concatenate([[0.0], np.cumsum(given.intervals[1])])[slice(*span)] + exploding.begin
-        found.states[np.abs(times - log.time[at]) < 0.4e-3, joint.actuator.states.index("p_A")] = 1e9
+    def exploding(plain, times, joint, state, given, span, number):
+        if span[1] > span[0] and times[span[1] - 1] > log.time[at] + 10e-3:
+            return Diverged("it diverged", span[1] - 1)  # it grows before it is not finite
+        found = plain(joint, state, given, span, number)
+        if not isinstance(found, Diverged):
+            found.states[np.abs(times[slice(*span)] - log.time[at]) < 0.4e-3, p_A] = 1e9
         return found
 
-    segment_of = module.segment_of
-
-    def noted(samples, actuator):
-        exploding.begin = samples.time[0]
-        return segment_of(samples, actuator)
-
-    monkeypatch.setattr(module, "follow", exploding)
-    monkeypatch.setattr(module, "segment_of", noted)
-    _, found = observe(joint, start(joint), log)
-    assert np.flatnonzero(~np.isfinite(found.states[:, 0])).tolist() == [at]
-    assert np.nanmax(found.states[:, joint.actuator.states.index("p_A")]) < 1e7
+    followed_by(monkeypatch, exploding)
+    _, found = observe(joint, start(joint), log.slice(0, at + 20))
+    lost = np.flatnonzero(~np.isfinite(found.states[:, 0]))
+    assert at in lost
+    assert np.nanmax(found.states[:, p_A]) < 1e7
