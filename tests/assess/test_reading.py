@@ -66,3 +66,13 @@ def test_a_bound_does_not_lower_the_trust_in_a_reading(reading):
     at_bound = replace(reading, bounds={**reading.bounds, name: (0.0, reading.parameters[name].value)})
     assert verdict(at_bound).trust == "good"
     assert verdict(replace(at_bound, departure=None)).trust == "with care"
+
+
+def test_a_load_that_is_only_uncertain_is_not_flawed(reading):
+    uncertain = verdict(with_error(reading, 6.0))
+    assert (uncertain.trust, uncertain.flawed) == ("none", False)
+    for departure in (NEAR._replace(distance=60.0), NEAR._replace(misfit=3.0)):
+        assert verdict(replace(with_error(reading, 6.0), departure=departure)).flawed
+    poor = replace(reading, baseline=replace(reading.baseline, origin=ORIGIN._replace(trust="none")))
+    assert verdict(poor).flawed
+    assert not verdict(reading).flawed

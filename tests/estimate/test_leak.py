@@ -12,6 +12,7 @@ from clutchid.estimate.request import FitRequest
 from clutchid.estimate.shooting import fit as module
 from clutchid.estimate.shooting.fit import SHOOTING, shoot
 from clutchid.model import Actuator, Load
+from clutchid.smoother.projection import UNLIMITED
 from clutchid.uncertainty.change_prior import changeable
 from clutchid.wear.measurement import leak_of
 
@@ -68,6 +69,15 @@ def test_a_search_that_gets_nowhere_ends_after_its_patience(leaking_log, calibra
     again = SHOOTING.hypotheses.refine(found, found.problem, found.solution.x)
     assert again.solution.status == "converged", "with a change the search goes on"
     assert again.solution.at.cost < found.solution.at.cost
+
+
+def test_only_the_search_of_a_load_from_position_alone_ends_early(calibrated, worn, recorded_by, leaking_log):
+    names, with_pressure = calibrated.actuator.load.names, recorded_by(worn, seconds=3.0, seed=5, name="worn", driven=1)
+    both = FreeParameters(names, ("position", "pressure_a"))
+    found = shoot([with_pressure], calibrated.actuator, both, calibrated.calibration)
+    assert found.effort == UNLIMITED
+    alone = shoot([leaking_log], calibrated.actuator, FreeParameters(names, ("position",)), calibrated.calibration)
+    assert alone.effort.most == module.MOST_EVALUATIONS
 
 
 def test_another_shape_of_the_load_is_no_leak(calibrated, recorded_by, plant):

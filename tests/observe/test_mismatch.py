@@ -16,7 +16,8 @@ from clutchid.observe.observer import observer, start
 from clutchid.observe.recording import observe_recording
 from clutchid.observe.state_file import read_state, write_state
 from clutchid.observe.usual import usual_nis
-from clutchid.uncertainty.calibration import Calibration
+from clutchid.report.observe_json import observe_json
+from clutchid.uncertainty.calibration import Calibration, Origin
 
 module = import_module("clutchid.observe.following")
 
@@ -63,6 +64,19 @@ def test_the_usual_innovation_is_the_mean_while_the_piston_moves(plant, calibrat
 
 def test_a_recording_without_position_has_no_usual_innovation(plant, calibration, log):
     assert np.isnan(usual_nis(plant, calibration, [log.with_columns(position=np.full(len(log), np.nan))]))
+
+
+def test_a_recording_that_cannot_be_observed_is_left_out(plant, calibration, recorded_by):
+    log = recorded_by(plant, seconds=6.0, seed=8)
+    full = log.with_columns(duty_supply=1.001 * log["duty_supply"] / log["duty_supply"].max())
+    assert np.isnan(usual_nis(plant, calibration, [full]))
+    assert usual_nis(plant, calibration, [full, log, log.slice(0, 1)]) == calibration.nis
+
+
+def test_observers_without_a_covariance_compare_no_innovations(plant, calibration, log):
+    rls = observer(plant, "rls", calibration=calibration)
+    assert not rls.compares
+    assert observe_json(observe_recording(rls, log.slice(0, 2000)), Origin())["nis_ratio"] is None
 
 
 def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(calibrated, sound, strange_log):

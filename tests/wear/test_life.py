@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from clutchid.report.wear_text import alarm_words
 from clutchid.wear.forecast import remaining
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import wear_of
@@ -64,7 +65,11 @@ def test_a_leak_is_an_alarm_where_two_readings_in_a_row_have_it():
     (alarm,) = alarmed(leaks=(4, 6), missing=(5,))
     assert alarm.before == "r04"
     assert [alarm.before for alarm in alarmed(leaks=(1, 2, 8, 9))] == ["r01", "r08"], "a mended one may leak again"
-    assert alarmed(leaks=(0, 1))[0].before == "r00"
+    (alarm,) = alarmed(leaks=(0, 1))
+    assert (alarm.after, alarm.before) == ("", "r00")
+    assert "began to leak before r00" in alarm_words(alarm)
+    (alarm,) = alarmed(leaks=(4, 5), missing=(2, 3))
+    assert (alarm.after, alarm.before) == ("r01", "r04"), "r02 and r03 could not be read"
 
 
 def test_the_false_alarms_of_two_readings_are_as_many_as_chosen():

@@ -86,4 +86,4 @@ def _expected_error(fit: Fit) -> list[Reason]:
         return []
     text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has changed "
     text += "is not certain enough. Record longer, or give what is known of it with --prior."
-    return [Reason(text, error > POOR_ERROR)]
+    return [Reason(text, error > POOR_ERROR, banded=True)]

@@ -31,11 +31,15 @@ WIDE, WIDE_SHARE = 0.1, 0.1
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """`trust` in a fit, the `reasons` that lower it, and the limits of the verdict (`unseen`); one sentence each."""
+    """`trust` in a fit, the `reasons` that lower it, and the limits of the verdict (`unseen`); one sentence each.
+
+    `flawed` says that a reason takes the trust that the interval of the load does not contain.
+    """
 
     trust: Trust
     reasons: tuple[str, ...]
     unseen: tuple[str, ...] = ()
+    flawed: bool = False
 
 
 def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
@@ -72,7 +76,7 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     'none'
     """
     if fit.status == "failed" or not fit.recordings:
-        return Verdict("none", (f"the fit failed: {fit.message}".rstrip(".") + ".",))
+        return Verdict("none", (f"the fit failed: {fit.message}".rstrip(".") + ".",), flawed=True)
     found = evidence(fit) if found is None else found
     reads = fit.departure is not None
     reasons = [
@@ -81,7 +85,8 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
         *([] if reads else [*_motion_fit(found), *_autocorrelated(fit, found)]), *_wide_interval(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"
-    return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit))
+    flawed = any(reason.grave and not reason.banded for reason in reasons)
+    return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit), flawed)
 
 
 def _not_converged(fit: Fit) -> list[Reason]:
@@ -242,6 +247,7 @@ def _wide_interval(fit: Fit) -> list[Reason]:
             f"the interval of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, wider than the limit of ± "
             f"{100 * WIDE:.0f} %; record longer, or with more strokes.",
             bool(np.median(half) > peak),
+            banded=bool(known.all()),
         )
     ]
 

@@ -49,7 +49,7 @@ class JointState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Diverged(Failure):
-    """The filter left the finite numbers; `sample` is the first of the segment at which it had."""
+    """The filter left the finite numbers at `sample` of the segment, with what it knows of the parameters before."""
 
     sample: int
 

@@ -95,7 +95,7 @@ def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
     message = fit.message if trust == "good" or not fit.verdict.reasons else fit.verdict.reasons[0]
     status = "warning" if fit.warnings or trust != "good" else "ok"
     # a load that is only uncertain counts in the trend by its band
-    measurement = measured(fit, log) if fit.converged and not departs(fit) else None
+    measurement = measured(fit, log) if fit.converged and not fit.verdict.flawed else None
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     curves = Curve(curve.position, curve.force, curve.low, curve.high)
     reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit))

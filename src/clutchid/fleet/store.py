@@ -185,10 +185,10 @@ def _content(read: Read) -> dict[str, object]:
 def _read(
     recording: str, status: str, message: str, sha256: str, content: dict[str, list[float]], curve: bytes | None
 ) -> Read:
-    measured, leak = content["measurement"], content["leak"]
+    measured, leak = content["measurement"], content.get("leak")
     reading = Reading(
         status, message, str(content["trust"]), Measurement(*measured) if measured else None,
-        Leak(*leak) if leak else None, bool(content["departs"]),
+        Leak(*leak) if leak else None, bool(content.get("departs")),
     )  # fmt: skip
     half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
     return Read(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)

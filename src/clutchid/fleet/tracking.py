@@ -206,7 +206,7 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
         "message": [one.message for one in wear.readings],
         "trust": [one.trust for one in wear.readings],
         "outcome": list(wear.outcomes),
-        "alarm": [next((a.kind for a in wear.alarms if a.before == one.name), None) for one in wear.dated],
+        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == one.name) or None for one in wear.dated],
         "half_load [m]": [read.half_load[0] for read in tracked.reads],
         "half_load low [m]": [read.half_load[1] for read in tracked.reads],
         "half_load high [m]": [read.half_load[2] for read in tracked.reads],

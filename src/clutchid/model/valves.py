@@ -268,7 +268,7 @@ def leak_flow(p: Expr, P_0: Expr, C: Expr, rho_0: Expr) -> Expr:
 
     Examples
     --------
-    At 5 bar a leak of a thousandth of the supply valve's conductance loses half a gram a second:
+    At 5 bar a leak of a thousandth of the supply valve's conductance loses a twentieth of a gram a second:
 
     >>> f"{leak_flow(5e5, 1e5, 19e-12, 1.185) * 1e3:.2f} g/s"
     '0.05 g/s'

@@ -20,6 +20,9 @@ from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, measured_valu
 #: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
 PRESSURES = 0.01, 10.0
 
+#: Most samples that are followed at once: where the filter diverges they are followed again.
+MOST = 1000
+
 #: A duty cycle may be as far outside 0 to 1.
 ROUNDING = 1e-9
 
@@ -95,7 +98,7 @@ def _piece(
             a += _first(np.isfinite(samples.position[a:b]))
         if a == b or not np.isfinite(samples.duties[a]).all():
             break
-        state, done, usable, count = _followed(observer, state, Tail(*(array[a:b] for array in samples)))
+        state, done, usable, count = _followed(observer, state, Tail(*(x[a : min(b, a + MOST)] for x in samples)))
         if done is not None:
             end = a + len(done.states)
             found.states[a:end], found.deviations[a:end] = done.states, done.deviations

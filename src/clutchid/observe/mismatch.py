@@ -44,7 +44,7 @@ def mismatches(observer: Observer, before: float, states: FloatArray, innovation
         As in `Observed`.
     """
     found = np.full(len(states), np.nan)
-    if not np.isfinite(observer.usual) or not observer.joint.rule.columns:
+    if not observer.compares:
         return found
     nis = normalised(observer, states, innovations) / observer.usual
     share = 1.0 / MEMORY

@@ -80,6 +80,11 @@ class Observer:
         """Mean NIS of the calibration recordings, NaN where it is not known."""
         return self.calibration.nis if self.calibration else float("nan")
 
+    @property
+    def compares(self) -> bool:
+        """Whether innovations are compared with the usual ones."""
+        return bool(np.isfinite(self.usual)) and self.joint.rule.columns
+
     def leaks(self, state: ObserverState) -> bool:
         """Whether a leak of chamber A that adapts is beyond `LEAK_FOUND` of its standard deviations."""
         at = next((j for j, c in enumerate(self.joint.coordinates) if c.base == LEAK), None)

@@ -50,7 +50,7 @@ class ObservedRecording:
         """Whether the supply pressure is taken to be that of the calibration: less is taken for a larger load."""
         recorded = self.log.columns.get("pressure_supply", np.zeros(0))
         used = self.observer.supply is not None and bool(np.isfinite(recorded).any())
-        return "p_S" in self.observer.actuator.states and not used
+        return not used
 
     def deviation(self, symbol: str) -> FloatArray:
         """Standard deviation in SI of a state after each sample, that of the last correction; NaN where unknown."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
-from clutchid.log import Log
+from clutchid.errors import DataError, ParameterError
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.observe.following import observe
 from clutchid.observe.mismatch import normalised
@@ -18,14 +20,20 @@ from clutchid.uncertainty.calibration import Calibration
 def usual_nis(actuator: Actuator, calibration: Calibration, logs: Sequence[Log]) -> float:
     """Mean normalised innovation squared of the method 'joint' while the piston moves in the calibration recordings.
 
-    NaN where none can be observed.
+    Recordings that cannot be observed are left out; NaN where none is left.
     """
     found = []
     for log in logs:
-        if usable(log) and not too_slow(log, actuator):
-            one = observer(actuator, "joint", spacing(log), calibration)
-            _, samples = observe(one, start(one), log)
-            found.append(normalised(one, samples.states, samples.innovations))
+        with suppress(DataError, ParameterError):  # a calibration is not lost for it
+            found.append(_nis(actuator, calibration, log))
     together = np.concatenate(found) if found else np.empty(0)
     known = together[np.isfinite(together)]
     return float(np.mean(known)) if known.size else float("nan")
+
+
+def _nis(actuator: Actuator, calibration: Calibration, log: Log) -> FloatArray:
+    if not usable(log) or too_slow(log, actuator):
+        return np.empty(0)
+    one = observer(actuator, "joint", spacing(log), calibration)
+    _, samples = observe(one, start(one), log)
+    return normalised(one, samples.states, samples.innovations)

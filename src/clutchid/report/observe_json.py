@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from clutchid.estimate.result import LoadCurve, errors_over
 from clutchid.observe.by_stroke import known
 from clutchid.observe.recording import ObservedRecording
@@ -36,6 +34,6 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
         "calibration": origin._asdict(),
         "strokes": run.after.strokes.ended,
         "health": dict(run.health),
-        "nis_ratio": run.after.mismatch if np.isfinite(run.observer.usual) else None,
+        "nis_ratio": run.after.mismatch if run.observer.compares else None,
         "supply_assumed": run.assumes_supply,
     }

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 
-import numpy as np
-
 from clutchid.observe.by_stroke import Known, known
 from clutchid.observe.health import FLAGS, LIVE_FLAGS
 from clutchid.observe.recording import ObservedRecording
@@ -85,7 +83,7 @@ def _result(run: ObservedRecording) -> tuple[Block, ...]:
         notices.append(Notice("No fault was found.", "ok"))
     sentence = load_sentence(run)
     words = [f"{sentence[:1].upper()}{sentence[1:]}."]
-    if np.isfinite(run.observer.usual):
+    if run.observer.compares:
         words.append(f"Innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration.")
     if run.assumes_supply:
         words.append(_SUPPLY)

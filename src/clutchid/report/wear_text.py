@@ -63,7 +63,8 @@ def change_words(wear: Wear) -> str:
 def alarm_words(alarm: Alarm) -> str:
     """One alarm."""
     when = f" on {alarm.begin:%Y-%m-%d}" if alarm.begin else ""
-    words = f"{_ALARM[alarm.kind]} between {alarm.after} and {alarm.before}{when}"
+    where = f"between {alarm.after} and {alarm.before}" if alarm.after else f"before {alarm.before}"
+    words = f"{_ALARM[alarm.kind]} {where}{when}"
     if alarm.kind == "leak":
         return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
     if alarm.kind == "departed":

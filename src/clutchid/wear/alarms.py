@@ -15,6 +15,7 @@ from clutchid.wear.trend import QUANTILE, Band, Step
 class Alarm(NamedTuple):
     """What happened between two recordings, and by how much shift [m] and relative load changed there.
 
+    `after` is empty where it happened before the first one.
     `kind` is "replaced" where the load jumped and the clutch is like new, "sudden" where it jumped else; "leak" where
     chamber A begins to leak, with its conductance in m³/(Pa·s); "departed" from where the calibration does not hold.
     """
@@ -32,7 +33,7 @@ def alarms(
     dated: Sequence[Dated], readings: Sequence[Reading], steps: Sequence[Step], then: dict[str, Band]
 ) -> tuple[Alarm, ...]:
     """All alarms in the order of the recordings; `then` is the trend as known at each."""
-    leaks = [one.leak is not None and one.leak.probability > LEAKING for one in readings]
+    leaks = [one.leak is not None and one.leak.probability > LEAKING and one.leak.conductance > 0.0 for one in readings]
     found = [(k, _jump(dated, steps, then, k)) for k, step in enumerate(steps) if step.outcome == "jump"]
     for kind, flags, least in (
         ("leak", leaks, LEAKS),
@@ -41,7 +42,8 @@ def alarms(
         for k in _begins(flags, [one.has_result for one in readings], least):
             leak = readings[k].leak
             size = leak.conductance if kind == "leak" and leak else 0.0
-            found.append((k, Alarm(dated[max(k - 1, 0)].name, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
+            after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].has_result), "")
+            found.append((k, Alarm(after, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
     return tuple(alarm for _, alarm in sorted(found, key=lambda one: one[0]))
 
 

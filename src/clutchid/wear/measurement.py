@@ -29,7 +29,10 @@ class Measurement(NamedTuple):
 
 
 class Leak(NamedTuple):
-    """A leak of chamber A: conductance in m³/(Pa·s) with its standard deviation, and the probability that it is one."""
+    """A leak of chamber A since its calibration.
+
+    Its conductance in m³/(Pa·s) with the standard deviation, and the probability that it has changed.
+    """
 
     conductance: float
     std: float
@@ -59,7 +62,7 @@ class Reading(NamedTuple):
 def leak_of(fit: Fit) -> Leak | None:
     """The leak that a reading finds; None if it finds none, or its model has no leak."""
     found = next((change for change in fit.changes if change.name == "C_A0"), None)
-    return Leak(found.after, found.std, found.probability) if found else None
+    return Leak(found.after - found.before, found.std, found.probability) if found else None
 
 
 def measured(fit: Fit, log: Log) -> Measurement | None:

@@ -34,9 +34,10 @@ MEMORY = 0.01
 #: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
 MAX_RESTARTS, SAME_COST = 4, 3e-3
 
-#: A search of a reading ends after so many evaluations, and the first one, without a change, after `PATIENCE` if it
-#: costs more than `HOPELESS` times what the calibration recordings did: with a change it goes on better. Of changed
-#: trucks none took more than 184, or cost more than 3.2 times as much (docs/derivations.md, "What a change costs").
+#: A search of a reading, or one that goes on from other states, ends after so many evaluations, and the first one,
+#: without a change, after `PATIENCE` if it costs more than `HOPELESS` times what the calibration recordings did: with a
+#: change it goes on better. Of changed trucks none took more than 184, or cost more than 3.2 times as much
+#: (docs/derivations.md, "Changes since the calibration").
 MOST_EVALUATIONS, PATIENCE, HOPELESS = 300, 100, 5.0
 
 _METHOD = "shooting"
@@ -63,7 +64,7 @@ def shoot(
     X = _states(problem, [plan.actuator for plan in plans])
     if isinstance(X, Failure):
         return SearchResult(_METHOD, problem, plans, X)
-    x, effort = start_point(problem, free), _effort(logs, calibration)
+    x, effort = start_point(problem, free), _effort(problem, logs, calibration)
     if free.start is None:
         stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
         coarse = search(problem, x, X, stages[:-1], progress)
@@ -76,9 +77,9 @@ def shoot(
     return SearchResult(_METHOD, problem, plans, fine, effort=effort)
 
 
-def _effort(logs: Sequence[Log], calibration: Calibration | None) -> Effort:
-    """When the search of a reading ends that gets nowhere; without a calibration never."""
-    if calibration is None or calibration.position_only is None:
+def _effort(problem: FitProblem, logs: Sequence[Log], calibration: Calibration | None) -> Effort:
+    """When the search of a load from position alone ends that gets nowhere; any other fit has no limit."""
+    if not problem.changing or calibration is None or calibration.position_only is None:
         return UNLIMITED
     usual = calibration.position_only.misfit / misfit(1.0, logs)
     return Effort(MOST_EVALUATIONS, PATIENCE, HOPELESS * usual if np.isfinite(usual) else np.inf)
