@@ -45,13 +45,13 @@ def test_a_replaced_clutch_is_an_alarm_and_a_new_trend():
     assert sudden.shift > 0.2e-3
 
 
-def alarmed(leaks=(), departs=(), missing=()):
+def alarmed(leaks=(), departs=(), missing=(), leak=2e-11):
     """Alarms of 12 recordings: those that read a leak, depart from the calibration, or cannot be read."""
     names = [f"r{k:02d}" for k in range(12)]
     readings = [
         Reading(
             "failed" if k in missing else "ok", "", "good", Measurement(0.0, 3e-5, 0.0, 0.01, np.nan),
-            Leak(2e-11, 1e-12, 0.99) if k in leaks else None, k in departs,
+            Leak(leak, 1e-12, 0.99) if k in leaks else None, k in departs,
         )
         for k in range(12)
     ]  # fmt: skip
@@ -60,6 +60,7 @@ def alarmed(leaks=(), departs=(), missing=()):
 
 def test_a_leak_is_an_alarm_where_two_readings_in_a_row_have_it():
     assert alarmed(leaks=(4,)) == ()
+    assert alarmed(leaks=(4, 5), leak=7e-12) == (), "seals age"
     (alarm,) = alarmed(leaks=(4, 5, 6, 8, 9))
     assert (alarm.kind, alarm.after, alarm.before, alarm.leak) == ("leak", "r03", "r04", 2e-11)
     (alarm,) = alarmed(leaks=(4, 6), missing=(5,))

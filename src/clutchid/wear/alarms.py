@@ -7,8 +7,8 @@ from datetime import datetime
 from typing import NamedTuple
 
 from clutchid.wear.history import Dated
-from clutchid.wear.measurement import Reading
-from clutchid.wear.settings import AS_NEW, DEPARTED, LEAKING, LEAKS
+from clutchid.wear.measurement import Leak, Reading
+from clutchid.wear.settings import AGED, AS_NEW, DEPARTED, LEAKING, LEAKS
 from clutchid.wear.trend import QUANTILE, Band, Step
 
 
@@ -33,7 +33,7 @@ def alarms(
     dated: Sequence[Dated], readings: Sequence[Reading], steps: Sequence[Step], then: dict[str, Band]
 ) -> tuple[Alarm, ...]:
     """All alarms in the order of the recordings; `then` is the trend as known at each."""
-    leaks = [one.leak is not None and one.leak.probability > LEAKING and one.leak.conductance > 0.0 for one in readings]
+    leaks = [one.leak is not None and _is_fault(one.leak) for one in readings]
     found = [(k, _jump(dated, steps, then, k)) for k, step in enumerate(steps) if step.outcome == "jump"]
     for kind, flags, least in (
         ("leak", leaks, LEAKS),
@@ -45,6 +45,11 @@ def alarms(
             after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].has_result), "")
             found.append((k, Alarm(after, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
     return tuple(alarm for _, alarm in sorted(found, key=lambda one: one[0]))
+
+
+def _is_fault(leak: Leak) -> bool:
+    """Whether a leak is certain, and larger than that of seals that age."""
+    return leak.probability > LEAKING and leak.conductance > AGED
 
 
 def _jump(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band], k: int) -> Alarm:
