@@ -62,6 +62,7 @@ def used(actuator: Actuator, random: np.random.Generator) -> Actuator:
     y = np.linspace(0.0, 1.0, len(actuator.load.theta))
     change = 0.08 * random.standard_normal() + 0.08 * random.standard_normal() * np.sin(np.pi * y)
     moved = {name: actuator.value(name) + float(by) for name, by in zip(names, drift, strict=True)}
+    moved["C_A0"] = abs(moved["C_A0"])  # a leak is not below 0
     theta = {
         name: value * float(1.0 + by)
         for name, value, by in zip(actuator.load.names, actuator.load.theta, change, strict=True)

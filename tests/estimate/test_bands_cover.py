@@ -16,6 +16,7 @@ def drifted(actuator, random):
     names = changeable(actuator)
     drift = random.multivariate_normal(np.zeros(len(names)), change_covariance(actuator, names, ()))
     moved = {name: actuator.value(name) + float(by) for name, by in zip(names, drift, strict=True)}
+    moved["C_A0"] = abs(moved["C_A0"])  # a leak is not below 0
     bend = np.sin(np.pi * np.linspace(0.0, 1.0, len(actuator.load.theta)))
     change = 1.0 + 0.08 * random.standard_normal() + 0.08 * random.standard_normal() * bend
     theta = {name: float(v * c) for name, v, c in zip(actuator.load.names, actuator.load.theta, change, strict=True)}

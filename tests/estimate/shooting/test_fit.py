@@ -14,6 +14,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
 from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.stiffness import stiffness
+from clutchid.smoother.projection import UNLIMITED
 from clutchid.smoother.search import ShootingSolution
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.change_prior import changeable
@@ -155,6 +156,6 @@ def test_a_search_that_stalls_at_the_same_cost_from_new_states_has_converged(mon
     monkeypatch.setattr(
         module, "search", lambda *_: ShootingSolution(np.zeros(1), (), SimpleNamespace(cost=next(left)), "stalled", 7)
     )
-    found = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), None)
+    found = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), UNLIMITED, None)
     assert (found.at.cost, found.status) == (cost, status)
     assert next(left, None) is None
