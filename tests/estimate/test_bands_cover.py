@@ -1,29 +1,30 @@
 """Bands of loads from position alone cover what they say, on recordings of the model itself."""
 
+import importlib.util
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from clutchid.estimate import fit
-from clutchid.uncertainty.change_prior import change_covariance, changeable
+
+ROOT = Path(__file__).resolve().parents[2]
 
 Y = np.linspace(0.5e-3, 20e-3, 40)
 
 pytestmark = pytest.mark.slow
 
 
-def drifted(actuator, random):
+@pytest.fixture(scope="module")
+def drifted():
     """The actuator later: everything has drifted as the prior says, and the load has changed by some percent."""
-    names = changeable(actuator)
-    drift = random.multivariate_normal(np.zeros(len(names)), change_covariance(actuator, names, ()))
-    moved = {name: actuator.value(name) + float(by) for name, by in zip(names, drift, strict=True)}
-    moved["C_A0"] = abs(moved["C_A0"])  # a leak is not below 0
-    bend = np.sin(np.pi * np.linspace(0.0, 1.0, len(actuator.load.theta)))
-    change = 1.0 + 0.08 * random.standard_normal() + 0.08 * random.standard_normal() * bend
-    theta = {name: float(v * c) for name, v, c in zip(actuator.load.names, actuator.load.theta, change, strict=True)}
-    return actuator.replace({**moved, **theta})
+    spec = importlib.util.spec_from_file_location("own_data", ROOT / "benchmarks" / "own_data.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.used
 
 
-def test_drifted_actuators_lie_within_their_bands(calibrated, recorded_by):
+def test_drifted_actuators_lie_within_their_bands(calibrated, recorded_by, drifted):
     random = np.random.default_rng(3)
     standardised = []
     for k in range(5):

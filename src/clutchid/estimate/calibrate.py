@@ -26,9 +26,14 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
-from clutchid.observe.usual import usual_nis
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.conditions import CONDITIONS, condition_warnings, conditions_of, with_estimated_supply
+from clutchid.uncertainty.conditions import (
+    CONDITIONS,
+    Conditions,
+    condition_warnings,
+    conditions_of,
+    with_estimated_supply,
+)
 from clutchid.uncertainty.consider import calibrated_deviation
 from clutchid.uncertainty.coordinates import Prior
 
@@ -75,8 +80,23 @@ def fit_with_priors(
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
         return _with_condition_warnings(replace(result, calibration=request.calibration), logs, free)
+    return _with_calibration(method, result, logs, actuator, conditions, progress)
+
+
+def _with_calibration(
+    method: SearchMethod[SolutionT],
+    result: Fit,
+    logs: Sequence[Log],
+    actuator: Actuator,
+    conditions: Conditions,
+    progress: Progress | None,
+) -> Fit:
+    """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""
+    from clutchid.observe.usual import usual_nis  # on use: readings do without an observer
+
     kept = calibration_of(result, actuator)
-    conditions = with_estimated_supply(conditions, logs, [result.recordings[log.name].simulated for log in logs])
+    simulated = [result.recordings[log.name].simulated for log in logs]
+    conditions = with_estimated_supply(conditions, logs, simulated)
     # without the conditions, so that the errors hold for readings of recordings that lack them
     errors = position_only_errors(method, logs, result.actuator, kept, progress)
     kept = replace(kept, position_only=errors, conditions=conditions)

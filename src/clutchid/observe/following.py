@@ -165,7 +165,7 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
     at = init(joint, segment, state.theta, state.T) if state.filter is None else state.filter
     given = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
-    found, end = _sound(observer, at, given, (first, m), state.number - first)
+    found, end = _until_diverged(observer, at, given, (first, m), state.number - first)
     if found is None or end < m:
         theta, T = state.sound
         ended = replace(_ended(observer, state), theta=theta, T=T)
@@ -180,7 +180,7 @@ def _followed(observer: Observer, state: ObserverState, new: Tail) -> tuple[Obse
     return state, found, usable[first:], m - first
 
 
-def _sound(
+def _until_diverged(
     observer: Observer, at: JointState, given: JointInputs, span: tuple[int, int], number: int
 ) -> tuple[JointPass | None, int]:
     """Follow samples up to the first at which the filter diverges; what was found, None if nothing, and that sample."""

@@ -16,7 +16,7 @@ from clutchid.observe.observer import Observer
 #: Corrections in motion that the running mean remembers: 10 s of motion at one every 10 ms.
 MEMORY = 1000
 
-#: A running mean beyond so many times the usual one says that the calibration does not hold. Provenance:
+#: The calibration does not hold where the running mean is larger than the usual one by this factor. Provenance:
 #: docs/derivations.md.
 UNLIKE = 2.0
 

@@ -137,14 +137,14 @@ def project(
 
 @dataclass(slots=True, eq=False)
 class _Counter:
-    """Counts the evaluations of a search, and tells each."""
+    """Counts the evaluations of a search, and reports each."""
 
-    tell: Callable[[int], None]
+    report: Callable[[int], None]
     number: int = 0
 
     def __call__(self) -> None:
         self.number += 1
-        self.tell(self.number)
+        self.report(self.number)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

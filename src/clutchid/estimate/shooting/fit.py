@@ -34,10 +34,10 @@ MEMORY = 0.01
 #: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
 MAX_RESTARTS, SAME_COST = 4, 3e-3
 
-#: A search of a reading, or one that goes on from other states, ends after so many evaluations, and the first one,
-#: without a change, after `PATIENCE` if it costs more than `HOPELESS` times what the calibration recordings did: with a
-#: change it goes on better. Of changed trucks none took more than 184, or cost more than 3.2 times as much
-#: (docs/derivations.md, "Changes since the calibration").
+#: Most evaluations of each search of a reading. The search without a change ends after `PATIENCE` if its cost is above
+#: `HOPELESS` times that of the calibration recordings; those with a change go on from there. Of changed trucks none
+#: took more than 184 evaluations, or cost more than 3.2 times as much (docs/derivations.md, "Changes since the
+#: calibration").
 MOST_EVALUATIONS, PATIENCE, HOPELESS = 300, 100, 5.0
 
 _METHOD = "shooting"
