@@ -69,7 +69,7 @@ def pieces(
 
 def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
     """Channels that the map selects from the file, and all problems of the map, also for `required` quantities."""
-    picks, problems = pick(source, channels)
+    picks, problems = pick(source, channels, required)
     missing = [name for name in required if name not in channels.channels and name != "time"]
     if missing:
         problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add [{missing[0]}] to the map.")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
+from clutchid.io.map.ranges import PLAUSIBLE
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.uncertainty.coordinates import Prior
@@ -24,8 +25,8 @@ CONDITIONS: Mapping[str, str] = {"T_0": "temperature_ambient", "P_S": "pressure_
 #: behind the engine, and a pressure sensor of a brake system (0.5 % of 10 bar). Guessed from data sheets.
 ACCURACY: Mapping[str, float] = {"T_0": 2.0, "P_S": 5e3}
 
-#: Air temperatures in K that trucks are built for, with a margin: -60 to 90 degC.
-COLDEST, WARMEST = 213.15, 363.15
+#: Air temperatures in K that can be right.
+COLDEST, WARMEST = PLAUSIBLE["temperature_ambient"]
 
 #: Largest range of the air temperature in a recording: 5 K, and 0.2 K more a second (out of a warm hall).
 SWING, RATE = 5.0, 0.2
