@@ -171,7 +171,7 @@ def assumed_conditions(logs: Sequence[Log], known: Collection[str], actuator: Ac
     `known` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
     """
     found = []
-    for name in [name for name in CONDITIONS if name in changeable(actuator)]:
+    for name in [name for name in ("P_S", "T_0") if name in changeable(actuator)]:
         lacking = [log for log in logs if name not in known and f"{name}@{log.name}" not in known]
         recorded = all(_measured(log, CONDITIONS[name]).size for log in lacking)
         value = actuator.value(name)
