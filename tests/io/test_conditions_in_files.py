@@ -1,7 +1,9 @@
 """Supply pressure and air temperature in files of all formats: proposed, written as a map, and read in Pa and K."""
 
 import numpy as np
+import polars as pl
 import pytest
+from scipy.io import savemat
 
 from clutchid.io import read
 from clutchid.io.columns import REQUIRED
@@ -48,6 +50,19 @@ def test_air_and_weather_beside_the_frames_of_an_actuator_are_proposed_and_read(
         assert supply.size > 0.5 * len(log)
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_conditions_in_tables_and_in_matlab_files_are_read_by_their_names(tmp_path, suffix):
+    channels = {"t_s": TIME, "Kupplungsweg_mm": 20 * TIME, "uSup_pct": 100 * DUTY, "uExh_pct": 90 * DUTY}
+    channels |= {"Vorratsdruck_bar_g": always(8.4), "Aussentemperatur_degC": always(4.0)}
+    if suffix == ".mat":
+        savemat(tmp_path / "run.mat", channels)
+    else:
+        pl.DataFrame(channels).write_csv(tmp_path / "run.csv")
+    log = read(tmp_path / f"run{suffix}", ambient=AMBIENT)
+    assert log["pressure_supply"] == pytest.approx(always(8.4e5 + AMBIENT))
+    assert log["temperature_ambient"] == pytest.approx(always(277.15))
+
+
 def test_a_parameter_of_the_bus_is_known_by_its_place_whatever_its_name(tmp_path):
     file = asc_of(tmp_path)
     text = DBC
@@ -88,7 +103,7 @@ def test_of_several_pressures_the_nearest_to_the_clutch_is_proposed_with_a_reaso
         assert found.channels.channels["pressure_supply"].channel == name
         assert any(f"'{name}' is proposed, because" in note for note in found.notes)
         del pressures[name]
-    # what is left are the brakes, in doubt, and parking, trailer and suspension, which supply no clutch
+    # what is left are the brakes, uncertain, and parking, trailer and suspension, which supply no clutch
     found = proposal_of(source, pressures)
     assert found.channels.channels["pressure_supply"].channel == "ServiceBrakeCircuit1AirPress"
     assert any("'ServiceBrakeCircuit2AirPress' would match as well" in note for note in found.notes)

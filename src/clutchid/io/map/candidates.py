@@ -71,7 +71,7 @@ def _gauge_of_standard(found: Candidate) -> Candidate:
     gauge = f"{found.unit}(g)"
     if gauge not in UNITS or not gauge_by_standard(found.heading):
         return found
-    return replace(found, unit=gauge, guess="", implied="is a gauge pressure by SAE J1939-71")
+    return replace(found, unit=gauge, implied="is a gauge pressure by SAE J1939-71")
 
 
 def gauge_as_well(found: Candidate, chamber: Channel | None) -> Candidate:

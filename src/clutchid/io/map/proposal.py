@@ -40,7 +40,7 @@ class Proposal:
         return not self.open and all(name in self.certain for name in self.channels.channels if name not in PLAUSIBLE)
 
     @property
-    def without_doubtful(self) -> ChannelMap:
+    def without_uncertain(self) -> ChannelMap:
         """The map without conditions that are not certain."""
         kept = {
             name: entry
@@ -107,7 +107,7 @@ def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -
         return given
     proposal = propose(source, required)
     if proposal.complete:
-        return replace(proposal.without_doubtful, comments={"": "\n".join(_identified(source, proposal))})
+        return replace(proposal.without_uncertain, comments={"": "\n".join(_identified(source, proposal))})
     if source.tabular or not source.rasters:
         return None
     save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
@@ -116,7 +116,7 @@ def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -
 
 def _identified(source: Source, proposal: Proposal) -> list[str]:
     """Warnings about channels that were identified by other names than the standard ones."""
-    chosen = proposal.without_doubtful.channels
+    chosen = proposal.without_uncertain.channels
     standard = {heading.text: heading.name for raster in source.rasters for heading in raster.headings}
     if all(standard[entry.channel] == name for name, entry in chosen.items()):
         return list(proposal.notes)
