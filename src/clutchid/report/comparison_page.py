@@ -13,7 +13,7 @@ from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import LoadCurve
 from clutchid.log import FloatArray
-from clutchid.report.changes import since_calibration
+from clutchid.report.changes import assumed_sentences, since_calibration
 from clutchid.report.figures import draw, label, legend, mark_span, new_figure, svg
 from clutchid.report.html import Block, Bullets, Notice, Picture, Section, Text, escape
 from clutchid.report.load_tables import STEP
@@ -55,6 +55,7 @@ def comparison_sections(fit: Fit, single: Mapping[str, Fit]) -> list[Section]:
     if single:
         blocks.append(readings_table(single))
     sentences = since_calibration(fit) or ["Besides the load no change was found."]
+    sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
     return [Section("New against worn", (*blocks, Bullets(tuple(map(escape, sentences)))))]
 
 
