@@ -17,11 +17,17 @@ from clutchid.estimate.result import LoadCurve
 from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import Reading, leak_of, measured
+from clutchid.wear.measurement import Reading, leak_of, measured, unmeasured
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.log import Log
+
+#: What is wrong with a row of a table without a file.
+ABSENT = "the table names it, but its file is not there, or several have its name."
+
+#: Why a recording that was observed gives no measurement.
+_ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
 
 #: No half-load position.
 UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
@@ -78,6 +84,19 @@ def without_result(path: Path, lost: Lost) -> Read:
     return Read(path, Reading(lost.status, lost.message, "none", None), "", checksum_of(path))
 
 
+def without_file(recording: str) -> Read:
+    """A row of a table whose file is not there."""
+    return Read(Path(recording), Reading("bad_input", ABSENT, "none", None))
+
+
+def counted_as(read: Read, other: str) -> Read:
+    """A recording that is the same as another one, and gives no measurement of its own."""
+    sentence = f"the same recording as {other}; it counts once."
+    return read._replace(
+        reading=read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
+    )
+
+
 def checksum_of(path: Path) -> str:
     """SHA-256 of a file, or an empty string where it cannot be read."""
     try:
@@ -95,15 +114,17 @@ def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
     message = fit.message if trust == "good" or not fit.verdict.reasons else fit.verdict.reasons[0]
     status = "warning" if fit.warnings or trust != "good" else "ok"
     # a load that is only uncertain counts in the trend by its band
-    measurement = measured(fit, log) if fit.converged and not fit.verdict.flawed else None
+    reason = unmeasured(fit)
+    measurement = None if reason else measured(fit, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     curves = Curve(curve.position, curve.force, curve.low, curve.high)
-    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit))
+    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit), reason)
     return Read(path, reading, curve=curves, half_load=half, changes=changes)
 
 
 def _observed(log: Log, content: ParameterFile, path: Path) -> Read:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
+    from clutchid.assess.observed import indicators, observed_verdict
     from clutchid.observe.observer import observer
     from clutchid.observe.recording import observe_recording, spacing, too_slow
     from clutchid.report.observe_text import loads, observe_sentence
@@ -116,8 +137,13 @@ def _observed(log: Log, content: ParameterFile, path: Path) -> Read:
     after = loads(run).after
     half = half_load_band(LoadCurve(*after), float(np.nanmax(checked["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"
-    trust = "with care" if status == "warning" else "good"
-    return Read(path, Reading(status, observe_sentence(run), trust, None), curve=Curve(*after), half_load=half)
+    judged = observed_verdict(indicators(run))
+    return Read(
+        path,
+        Reading(status, observe_sentence(run), judged.trust, None, reason=_ONLY_ITS_END),
+        curve=Curve(*after),
+        half_load=half,
+    )
 
 
 @lru_cache(maxsize=64)

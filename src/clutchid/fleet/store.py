@@ -178,7 +178,7 @@ def _content(read: Read) -> dict[str, object]:
     return {
         "trust": one.trust, "measurement": one.measurement and list(one.measurement), "clock": read.clock,
         "half_load": list(read.half_load), "changes": list(read.changes), "leak": one.leak and list(one.leak),
-        "departs": one.departs,
+        "departs": one.departs, "reason": one.reason,
     }  # fmt: skip
 
 
@@ -188,7 +188,7 @@ def _read(
     measured, leak = content["measurement"], content.get("leak")
     reading = Reading(
         status, message, str(content["trust"]), Measurement(*measured) if measured else None,
-        Leak(*leak) if leak else None, bool(content.get("departs")),
+        Leak(*leak) if leak else None, bool(content.get("departs")), str(content.get("reason", "")),
     )  # fmt: skip
     half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
     return Read(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)
