@@ -14,7 +14,7 @@ from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observe.methods import method_for
-from clutchid.observe.prior import LEAK, OnlinePrior, online_prior
+from clutchid.observe.prior import BOUND, LEAK, OnlinePrior, online_prior
 from clutchid.observe.strokes import NO_STROKES, Strokes
 from clutchid.observe.supply import ASSUMED, Supply, load_deviation, supply_of
 from clutchid.observe.tail import EMPTY, Tail, segment_of
@@ -30,9 +30,6 @@ MARGIN = 1.05
 
 #: A leak of so many standard deviations is one. Provenance: docs/derivations.md.
 LEAK_FOUND = 5.0
-
-#: Bounds of the adapting parameters in prior standard deviations.
-BOUND = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

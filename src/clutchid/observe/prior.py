@@ -30,9 +30,12 @@ LEAK = "C_A0"
 #: Provenance: docs/derivations.md.
 GREASE, DELAY, LEAKING = 0.1, 3e-4, 5e-11
 
+#: Bounds of the adapting parameters in prior standard deviations.
+BOUND = 5.0
 
-#: Positions over which modes of the load are chosen; standard deviations of the far stop up to which they reach.
-POSITIONS, REACH = 200, 2.0
+#: Positions over which modes of the load are chosen, and distance in m from which on the load that they leave out may
+#: grow in proportion to the position. Provenance: docs/derivations.md.
+POSITIONS, NEAR = 200, 3e-3
 
 
 class OnlinePrior(NamedTuple):
@@ -92,13 +95,15 @@ def _reduced(whole: OnlinePrior, modes: int) -> OnlinePrior:
 
     The modes are the principal components of the prior of the load over the stroke, so that their multiples are
     independent with a prior of 0 ± 1. The positions are those of Chebyshev, denser at the ends, where a few components
-    are else worst, up to where the far stop may have moved. Provenance: docs/derivations.md.
+    are else worst, up to the bound of the far stop. At small positions, where recordings determine the load best, less
+    may be left out.
     """
     actuator, load = whole.actuator, whole.actuator.load
     root = whole.weights @ whole.root
-    end = actuator.parameters.y_max + REACH * STOP_STD
+    end = actuator.parameters.y_max + BOUND * STOP_STD
     position = 0.5 * end * (1.0 - np.cos(np.linspace(0.0, np.pi, POSITIONS)))
-    components = np.linalg.svd(load.phi(position) @ root)[2][:modes]
+    scaled = load.phi(position) / (NEAR + position)[:, None]
+    components = np.linalg.svd(scaled @ root)[2][:modes]
     shapes = root @ components.T
     shapes *= np.sign(shapes[0])  # a saved state is read with the modes of another machine
     functions = (load.theta, *(tuple(shape) for shape in shapes.T.tolist()))
