@@ -86,35 +86,29 @@ def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = N
         return OnlinePrior(actuator, free, np.zeros((0, 0)), weights)
     inverse = np.linalg.inv(triangular(np.vstack(rows))[: len(free), : len(free)])
     whole = OnlinePrior(actuator, free, np.linalg.cholesky(inverse @ inverse.T), weights)
-    adapting = bool(np.any(weights))
-    return _reduced(whole, modes) if modes is not None and modes < len(weights) and adapting else whole
+    return whole if modes is None or modes >= len(weights) or not np.any(weights) else _reduced(whole, modes)
 
 
 def _reduced(whole: OnlinePrior, modes: int) -> OnlinePrior:
     """The prior with the load's leading modes in place of its weights: the calibrated load plus multiples of them.
 
     The modes are the principal components of the prior of the load over the stroke, so that their multiples are
-    independent with a prior of 0 ± 1. The positions are those of Chebyshev, denser at the ends, where a few components
-    are else worst, up to the bound of the far stop. At small positions, where recordings determine the load best, less
-    may be left out.
+    independent with a prior of 0 ± 1, like the coordinates of the parameters. The positions are those of Chebyshev,
+    denser at the ends, where a few components are else worst, up to the bound of the far stop. At small positions,
+    where recordings determine the load best, less may be left out.
     """
     actuator, load = whole.actuator, whole.actuator.load
-    root = whole.weights @ whole.root
     end = actuator.parameters.y_max + BOUND * STOP_STD
     position = 0.5 * end * (1.0 - np.cos(np.linspace(0.0, np.pi, POSITIONS)))
-    scaled = load.phi(position) / (NEAR + position)[:, None]
-    components = np.linalg.svd(scaled @ root)[2][:modes]
+    root = whole.weights @ whole.root
+    components = np.linalg.svd(load.phi(position) / (NEAR + position)[:, None] @ root)[2][:modes]
     shapes = root @ components.T
     shapes *= np.sign(shapes[0])  # a saved state is read with the modes of another machine
     functions = (load.theta, *(tuple(shape) for shape in shapes.T.tolist()))
     in_modes = replace(actuator, load=replace(load, theta=(1.0, *[0.0] * modes), functions=functions))
     names = in_modes.load.names[1:]
-    kept = [j for j, c in enumerate(whole.free) if c.base not in load.names]
-    free = (
-        *coordinates(in_modes, names, {}, dict.fromkeys(names, Prior(0.0, 1.0))),
-        *(whole.free[j] for j in kept),
-    )
-    others = np.zeros((len(load.theta), len(kept)))
-    covariance = np.eye(len(free))
-    covariance[modes:, modes:] = (whole.root @ whole.root.T)[np.ix_(kept, kept)]
-    return OnlinePrior(in_modes, free, np.linalg.cholesky(covariance), np.column_stack([shapes, others]))
+    of_modes = coordinates(in_modes, names, {}, dict.fromkeys(names, Prior(0.0, 1.0)))
+    free = (*of_modes, *(c for c in whole.free if c.base not in load.names))
+    weights = np.zeros((len(load.theta), len(free)))
+    weights[:, :modes] = shapes
+    return OnlinePrior(in_modes, free, np.eye(len(free)), weights)
