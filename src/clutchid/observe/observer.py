@@ -107,9 +107,8 @@ class Observer:
         load = self.load(state)
         share = self.supply.share if self.supply else ASSUMED
         by_supply = load_deviation(share, self.actuator, load, position)
-        squared = (
-            np.sum((load.phi(position) @ self.prior.weights @ state.T) ** 2, axis=1) + self.missed**2 + by_supply**2
-        )
+        known = load.phi(position) @ self.prior.weights @ state.T
+        squared = np.sum(known**2, axis=1) + self.missed**2 + by_supply**2
         deviation: FloatArray = np.sqrt(max(1.0, state.mismatch) * squared)
         return deviation
 
@@ -146,14 +145,13 @@ def observer(
     measure = ("position",) if supply is None else ("position", "pressure_supply")
     adapting = chosen.adapting(actuator)
     prior = online_prior(actuator, adapting, chosen.modes if modes is None else modes)
-    k = len(prior.free)
     settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
     noise = Noise(
         measured={name: SENSORS[name].noise for name in measure},
         states={name: row.noise for name, row in actuator.state_rows.items()},
         memory=MEMORY,
     )
-    limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), BOUND * np.ones(k)
+    limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), np.full(len(prior.free), BOUND)
     return Observer(
         actuator=actuator,
         method=method,

@@ -34,7 +34,7 @@ GREASE, DELAY, LEAKING = 0.1, 3e-4, 5e-11
 BOUND = 5.0
 
 #: Positions over which modes of the load are chosen, and distance in m from which on the load that they leave out may
-#: grow in proportion to the position. Provenance: docs/derivations.md.
+#: grow in proportion to the position. Other modes need another `state_file.FORMAT`. Provenance: docs/derivations.md.
 POSITIONS, NEAR = 200, 3e-3
 
 
