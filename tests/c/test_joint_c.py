@@ -21,7 +21,7 @@ from clutchid.filter.setup import scratch
 from fixtures.joint_c import JointC, as_written
 
 EXACT = ("-O2", "-ffp-contract=off")
-SIZE = JointSize(states=4, sensors=2, parameters=6, modes=5, drifts=3, weights=3, pieces=4)
+SIZE = JointSize(states=4, sensors=2, parameters=6, drifts=3, weights=3, pieces=4)
 N, M, K, ROWS = 4, 2, 6, 6
 DT = 1e-3
 
@@ -57,9 +57,8 @@ class Drawn:
     @property
     def room(self):
         """JointScratch."""
-        columns = SIZE.modes + SIZE.drifts
         both = scratch(ROWS, N, K + ROWS, M)
-        return both, np.zeros(ROWS + 1), np.zeros(SIZE.modes), np.zeros(K), np.zeros((K, columns))
+        return both, np.zeros(ROWS + 1), np.zeros(K), np.zeros(K), np.zeros((K, K + SIZE.drifts))
 
     @property
     def model(self):
@@ -82,7 +81,7 @@ def drawn(seed):
     numbers[3, [LEAST, MOST]] = -0.5, 0.5
     numbers[2, LOW] = 1.0
     numbers[4, MEAN] = 2.0**-20 if seed % 3 == 0 else 2.0**-10  # below a hundredth of an interval, the lag is a shift
-    T, L = np.tril(single(K, SIZE.modes)) + np.eye(K, SIZE.modes), single(ROWS, ROWS) + 2.0 * np.eye(ROWS)
+    T, L = np.tril(single(K, K)) + np.eye(K), single(ROWS, ROWS) + 2.0 * np.eye(ROWS)
     outlier, speed = 1.5, 0.25
     return Drawn(
         state=(
@@ -234,11 +233,11 @@ FUNCTIONS = {
     "predict": (predicted_in_python, predicted_in_c),
     "project_parameters": (
         lambda a: [a.m.project_parameters(a.T, a.g.h, a.slopes, a.room[2]), *a.room[2]],
-        lambda c: [c.call("project_parameters", c.state, c.h, c.slopes, w := c.zeros(SIZE.modes)), *w],
+        lambda c: [c.call("project_parameters", c.state, c.h, c.slopes, w := c.zeros(K)), *w],
     ),
     "update_parameters": (
         lambda a: filled(
-            a.room[3], a.m.update_parameters, a.T, a.g.h[: SIZE.modes], a.g.step[0], WEIGHTED, PREDICTED, a.room[3]
+            a.room[3], a.m.update_parameters, a.T, a.g.h[:K], a.g.step[0], WEIGHTED, PREDICTED, a.room[3]
         ),
         lambda c: filled(
             step := c.zeros(K), c.call, "update_parameters", c.state, c.h, float(c.g.step[0]), WEIGHTED, PREDICTED, step
@@ -363,7 +362,7 @@ def test_in_float_c_is_its_kernel_up_to_rounding(joint_of, kernels, calls, name)
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_of, plain, real):
-    size = JointSize(N, M, 0, 0, 0, 3, 4)
+    size = JointSize(N, M, 0, 0, 3, 4)
     c, g = joint_of(size, real, EXACT), drawn(1)
     x, S, _, _, waiting, stroke = deepcopy(g.state)
     S, empty = np.ascontiguousarray(S[:, K:]), np.zeros((0, 0))

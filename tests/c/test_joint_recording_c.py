@@ -12,6 +12,7 @@ from clutchid.filter.joint_filter import follow, init, inputs
 from clutchid.filter.joint_setup import JointSettings, joint_filter
 from clutchid.log import Log
 from clutchid.model.compiled import system
+from clutchid.observe.methods import MODES
 from clutchid.observe.prior import online_prior
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.windows import tracks
@@ -34,41 +35,37 @@ class Case(NamedTuple):
     found: object
 
 
-@pytest.fixture(scope="module")
-def case(plant, worn, recorded_by):
+@pytest.fixture(scope="module", params=[None, MODES], ids=["all weights", "modes"])
+def case(request, plant, worn, recorded_by):
     """From the load of the plant, the load of the worn one is followed from position alone."""
     log: Log = recorded_by(worn, seconds=SAMPLES * 1e-3, driven=1)
-    weights, names = plant.load.names, (*FREE, *plant.load.names, "tau_y")
-    free, root = online_prior(plant, (*weights, *FREE, "tau_y"))
-    order = [[c.base for c in free].index(name) for name in names]
+    actuator, free, root, _ = online_prior(plant, (*plant.load.names, *FREE, "tau_y"), request.param)
+    bases = [c.base for c in free]
+    order = [bases.index(name) for name in (*FREE, *(name for name in actuator.load.names if name in bases), "tau_y")]
     T = np.linalg.cholesky((root @ root.T)[np.ix_(order, order)])
-    limits = 5.0 * np.ones(len(names))
+    limits = 5.0 * np.ones(len(free))
     noise = Noise(states={name: row.noise for name, row in plant.state_rows.items()}, memory=0.01)
     made = joint_filter(
-        plant, [free[i] for i in order], (-limits, limits), ("position",), noise, JointSettings(), np.sqrt(DRIFT) * T
+        actuator, [free[i] for i in order], (-limits, limits), ("position",), noise, JointSettings(), np.sqrt(DRIFT) * T
     )
     track = tracks([prepare(log, plant, ("position",))])[0]
-    state, given = init(made, track.segment, np.zeros(len(names)), T), inputs(made, track)
+    state, given = init(made, track.segment, np.zeros(len(free)), T), inputs(made, track)
     found = follow(made, state, given, (0, SAMPLES))
     return Case(made, state, given, np.linalg.norm(T, axis=1), found)
 
 
 @pytest.fixture(scope="module")
-def filter_of(case, build, compiled):
+def model_of(plant, build):
+    """The model in C: model_of(real)."""
+    return cache(lambda real: build(system(plant.model), real, EXACT, FREE))
+
+
+@pytest.fixture(scope="module")
+def filter_of(case, model_of, compiled):
     """The filter of the case in C: filter_of(real)."""
-    made, size = case.made, size_of(case.made, case.state.T.shape[1])
-
-    @cache
-    def libraries(real):
-        return compiled(joint_c99(size, real), "joint", EXACT), build(
-            system(made.mapped.actuator.model), real, EXACT, FREE
-        )
-
-    def make(real):
-        file, model = libraries(real)
-        return FilterC(JointC(file, size, real), model, made)
-
-    return make
+    made, size = case.made, size_of(case.made)
+    library_of = cache(lambda real: compiled(joint_c99(size, real), "joint", EXACT))
+    return lambda real: FilterC(JointC(library_of(real), size, real), model_of(real), made)
 
 
 def plainly_followed(case, c, count):
@@ -88,9 +85,9 @@ def plainly_followed(case, c, count):
     load, none = actuator.load, np.zeros(0, np.int64)
     model = actuator.array(), load.breakpoints, c.load, load.coefficients, *[none] * 5, np.zeros(1)
     rows = actuator.states.index("v"), actuator.states.index("y")
-    (k, m), size, width, n = case.state.T.shape, x.size, S.shape[1], len(actuator.states)
+    k, size, width, n = len(case.state.theta), x.size, S.shape[1], len(actuator.states)
     both = np.zeros((1, 1 + width)), np.zeros((size, size + n)), np.zeros(width)
-    room = both, np.zeros(size + 1), np.zeros(m), np.zeros(k), np.zeros((k, m + made.drifts.shape[1]))
+    room = both, np.zeros(size + 1), np.zeros(k), np.zeros(k), np.zeros((k, k + made.drifts.shape[1]))
     output = np.zeros((count, 1, 2)), np.zeros((count, n)), np.zeros((count, n))
     fixed = settings.every, made.noise.outlier, settings.least_speed, rows
     failed = written.follow_jointly(

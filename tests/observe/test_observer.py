@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid import Actuator, Load
+from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
 from clutchid.observe.following import observe
-from clutchid.observe.methods import MODES
 from clutchid.observe.observer import observer, start
 from clutchid.observe.state_file import read_state, write_state
 from clutchid.observe.supply import ASSUMED, load_deviation
@@ -205,17 +204,3 @@ def test_the_method_of_the_paper_adapts_three_weights_and_takes_no_other_model(p
     assert [c.base for c in one.joint.coordinates] == ["theta_1", "theta_2", "theta_3"]
     with pytest.raises(ParameterError, match="takes the model 'isothermal' with the paper's three splines"):
         observer(replace(Actuator(), model="energy-balance"), "paper")
-
-
-def test_the_reduced_method_keeps_the_leading_modes_of_the_prior(plant):
-    whole, few = observer(on_splines(plant), "joint"), observer(on_splines(plant), "joint-reduced")
-    weights = len(on_splines(plant).load.theta)
-    assert few.root.shape == (whole.root.shape[0], whole.root.shape[1] - weights + MODES)
-    kept, all_of_it = few.root[:weights] @ few.root[:weights].T, whole.root[:weights] @ whole.root[:weights].T
-    missing = np.linalg.eigvalsh(all_of_it - kept)
-    assert missing.min() > -1e-9 * missing.max()
-    assert np.trace(kept) > 0.9 * np.trace(all_of_it)
-
-
-def on_splines(actuator):
-    return replace(actuator, load=Load.on_b_splines(actuator.load))

@@ -59,9 +59,9 @@ def observe(
         States by sample to write (.csv, .parquet, .mf4 or .mat); the load by stroke is written beside it, as
         FILE.load.parquet for FILE.parquet.
     method
-        joint: load, wearing parameters and states adapt (the default). joint-reduced: fewer modes of the load. states:
-        the load stays as calibrated. paper: the paper's three weights. For comparison: adaptive (constant gains) and
-        rls (least squares on the balance of forces).
+        joint: load, wearing parameters and states adapt (the default). joint-reduced: modes of the load in place of its
+        weights. states: the load stays as calibrated. paper: the paper's three weights. For comparison: adaptive
+        (constant gains) and rls (least squares on the balance of forces).
     save
         State after the last sample to write (TOML), for --resume.
     resume

@@ -215,18 +215,18 @@ def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
 
     Parameters
     ----------
-    T : (k, m)
-        Lower trapezoidal.
+    T : (k, k)
+        Lower triangular after it.
     root : (k, d)
-        Lower trapezoidal, of the range of T.
-    W : (k, m + d)
+        Lower trapezoidal.
+    W : (k, k + d)
         Scratch.
     """
-    m = T.shape[1]
-    W[:, :m] = T
-    W[:, m:] = root
+    k = T.shape[0]
+    W[:, :k] = T
+    W[:, k:] = root
     triangularise(W)
-    T[:] = W[:, :m]
+    T[:] = W[:, :k]
 
 
 @kernel

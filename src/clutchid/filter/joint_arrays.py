@@ -21,13 +21,13 @@ FreeArrays = tuple[FloatArray, IntArray, IntArray]
 #: each sensor (sensors, 2), derivatives of the free parameters in SI with respect to theta (k,).
 Derived = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
-#: State of the filter: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, m), see `joint`; the process noise
+#: State of the filter: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k), see `joint`; the process noise
 #: since the last correction (n + sensors,): variances of the states, and the share of a measured state's noise in its
 #: sensor's output; and 1 while a stroke lasts (1,).
 StateArrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray]
 
-#: Scratch arrays: those of `arrays.Scratch`; gain of x and variance of the innovation (size + 1,); vectors (m,)
-#: and (k,); a matrix (k, m + d) for the drift of the parameters.
+#: Scratch arrays: those of `arrays.Scratch`; gain of x and variance of the innovation (size + 1,); two vectors
+#: (k,); a matrix (k, k + d) for the drift of the parameters.
 JointScratch = tuple[Scratch, FloatArray, FloatArray, FloatArray, FloatArray]
 
 #: Settings of the recursion: samples between corrections; standard deviations beyond which an innovation is an outlier;

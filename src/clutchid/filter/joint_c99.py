@@ -19,8 +19,8 @@ class JointSize:
     ----------
     states, sensors
         States of the model, and measured columns, at least 1.
-    parameters, modes, drifts
-        Free parameters (k,), columns of T (k, m), and of the root (k, d) of what theta gains in a stroke.
+    parameters, drifts
+        Free parameters (k,), and columns of the root (k, d) of what theta gains in a stroke.
     weights, pieces
         Weights of the load, free or not, and pieces of its table.
     """
@@ -28,7 +28,6 @@ class JointSize:
     states: int
     sensors: int
     parameters: int
-    modes: int
     drifts: int
     weights: int
     pieces: int
@@ -37,7 +36,7 @@ class JointSize:
     def room(self) -> int:
         """Numbers in the larger of the matrices that are made triangular."""
         size = self.states + self.sensors
-        return max(size * (size + self.states), self.parameters * (self.modes + self.drifts))
+        return max(size * (size + self.states), self.parameters * (self.parameters + self.drifts))
 
 
 def joint_c99(size: JointSize, real: str = "double") -> CSource:

@@ -26,7 +26,7 @@ _KERNELS = "clutchid.filter.joint"
 
 
 class JointState(NamedTuple):
-    """State of the filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, m).
+    """State of the filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k).
 
     x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
     `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction, see `joint_arrays`,
@@ -90,8 +90,8 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     ----------
     theta : (k,)
         Mean of the free parameters.
-    T : (k, m)
-        Square root of their covariance T T', lower trapezoidal.
+    T : (k, k)
+        Square root of their covariance T T'.
     """
     k = theta.size
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
@@ -190,7 +190,7 @@ def _settings(joint: JointFilter) -> SettingsArrays:
 
 def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, JointScratch]:
     """Arrays that the recursion computes from theta, and its scratch arrays."""
-    size, width, (k, m) = state.x.size, state.S.shape[1], state.T.shape
+    size, width, k = state.x.size, state.S.shape[1], state.theta.size
     actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
     model = model_arrays(joint.mapped, joint.which, width)
     own = model[0].copy(), *model[1:]
@@ -205,5 +205,5 @@ def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, 
         np.ones(k),
     )  # fmt: skip
     both = scratch(size, len(actuator.states), width, len(sensors))
-    drifting = np.empty((k, m + joint.drifts.shape[1]))
-    return own, derived, (both, np.empty(size + 1), np.empty(m), np.empty(k), drifting)
+    drifting = np.empty((k, k + joint.drifts.shape[1]))
+    return own, derived, (both, np.empty(size + 1), np.empty(k), np.empty(k), drifting)

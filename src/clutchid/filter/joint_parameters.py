@@ -108,16 +108,16 @@ def move_parameters(x: FloatArray, S: FloatArray, theta: FloatArray, free: FreeA
 
 @kernel
 def state_deviations(S: FloatArray, T: FloatArray, slopes: FloatArray, deviations: FloatArray, w: FloatArray) -> None:
-    """Standard deviations of the first states, as many as `deviations` (n,) has room for, in SI; w (m,) is scratch."""
-    k, m = T.shape
+    """Standard deviations of the first states, as many as `deviations` (n,) has room for, in SI; w (k,) is scratch."""
+    k = T.shape[0]
     for i in range(deviations.size):
         w[:] = 0.0
         for q in range(k):
             by_theta = S[i, q] * slopes[q]
-            for j in range(m):
+            for j in range(k):
                 w[j] += by_theta * T[q, j]
         variance = 0.0
-        for j in range(m):
+        for j in range(k):
             variance += w[j] * w[j]
         for j in range(k, S.shape[1]):
             variance += S[i, j] * S[i, j]

@@ -12,11 +12,11 @@ from clutchid.log import FloatArray
 def triangularise(W: FloatArray) -> None:
     """Make ``[A, B]`` lower triangular in place by Householder reflections of its columns, which keep W W'.
 
-    A has as many rows as columns, or more; B is 0 where the number of the column exceeds that of the row. Slices show
+    A has as many columns as rows; B is 0 where the number of the column exceeds that of the row. Slices show
     the compiler that rows do not overlap: it is three times as fast with them.
     """
     n, width = W.shape
-    for i in range(min(n, width)):
+    for i in range(n):
         end = min(width, n + i + 1)
         pivot = W[i, i:end]
         square = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -25,9 +25,9 @@ MOST_KNOTS = 500
 
 
 @cache
-def _weight_names(count: int) -> tuple[str, ...]:
-    """theta_1, theta_2, ...; made once, as a search asks for them at every step."""
-    return tuple(f"theta_{i + 1}" for i in range(count))
+def _names(prefix: str, first: int, count: int) -> tuple[str, ...]:
+    """PREFIX_1, PREFIX_2, ... from the first; made once, as a search asks for them at every step."""
+    return tuple(f"{prefix}_{first + i}" for i in range(count))
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,9 @@ class Load:
         1 by the paper's stated conditions, 0.001 as published; see `clutchid.model.load.xi_2`. Paper's splines only.
     basis : 'paper' or 'b-spline'
         Eqs. (15)-(17), or `clutchid.model.b_spline`.
+    functions : N/m or N
+        Where the phi_i are combinations of the basis, as in a reduced filter: the weights of each in the basis. Then
+        theta are multiples of them.
 
     Raises
     ------
@@ -66,6 +69,7 @@ class Load:
     knots: tuple[float, ...] = PAPER_KNOTS
     phi2_slope: float = 1.0
     basis: str = "paper"
+    functions: tuple[tuple[float, ...], ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         problems = []
@@ -74,7 +78,7 @@ class Load:
         if len(self.knots) > MOST_KNOTS:
             raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
         paper = self.basis == "paper"
-        count = 3 if paper else len(self.knots) + 2
+        count = len(self.functions) or (3 if paper else len(self.knots) + 2)
         if len(self.theta) != count or not all(math.isfinite(value) for value in self.theta):
             number = "three" if paper else str(count)
             problems.append(f"theta = {self.theta}: {number} finite weights in {self.unit} are needed.")
@@ -94,8 +98,8 @@ class Load:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the weights: theta_1, theta_2, ..."""
-        return _weight_names(len(self.theta))
+        """Names of the weights: theta_1, theta_2, ..., or mode_0, mode_1, ... of combinations."""
+        return _names("mode", 0, len(self.theta)) if self.functions else _names("theta", 1, len(self.theta))
 
     @classmethod
     def on_b_splines(cls, other: Load | None = None, knots: tuple[float, ...] = DEFAULT_KNOTS) -> Load:
@@ -120,7 +124,8 @@ class Load:
     @property
     def unit(self) -> str:
         """Unit of the weights."""
-        return "N/m" if self.basis == "paper" else "N"
+        in_basis = "N/m" if self.basis == "paper" else "N"
+        return "1" if self.functions else in_basis
 
     def curvature(self, y: FloatArray) -> FloatArray:
         """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
@@ -133,7 +138,8 @@ class Load:
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        return _paper_table(self.knots, self.phi2_slope) if self.basis == "paper" else _b_splines(self.knots)
+        table = _paper_table(self.knots, self.phi2_slope) if self.basis == "paper" else _b_splines(self.knots)
+        return _frozen(table[0], np.tensordot(self.functions, table[1], axes=1)) if self.functions else table
 
     @property
     def breakpoints(self) -> FloatArray:

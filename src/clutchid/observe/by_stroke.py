@@ -62,11 +62,15 @@ def curve(observer: Observer, state: ObserverState, position: Sequence[float] | 
 
 def known(observer: Observer, state: ObserverState) -> dict[str, Known]:
     """All load weights, then the parameters that adapt, as they are known in a state; what is fixed has no spread."""
-    found = {name: Known(observer.actuator.value(name), 0.0, *[observer.actuator.value(name)] * 2)
-             for name in observer.actuator.load.names}  # fmt: skip
+    load, deviations = observer.load(state), np.linalg.norm(observer.prior.weights @ state.T, axis=1)
+    found = {
+        name: Known(value, std, value - BAND * std, value + BAND * std)
+        for name, value, std in zip(load.names, load.theta, deviations.tolist(), strict=True)
+    }
     spread = np.linalg.norm(state.T, axis=1)
     for c, x, s in zip(observer.joint.coordinates, state.theta.tolist(), spread.tolist(), strict=True):
-        found[c.base] = Known(c.si(x), s * c.slope(x), c.si(x - BAND * s), c.si(x + BAND * s))
+        if c.base not in observer.prior.actuator.load.names:
+            found[c.base] = Known(c.si(x), s * c.slope(x), c.si(x - BAND * s), c.si(x + BAND * s))
     return found
 
 

@@ -22,9 +22,8 @@ from clutchid.uncertainty.coordinates import Coordinate
 ADAPTING = ("F_C", "V_0A", "y_max", "D_v", "tau_y", LEAK)
 
 
-#: Leading modes of the prior of the load that adapt in 'joint-reduced'.
-MODES = 10
-
+#: Modes of the load that adapt in 'joint-reduced' in place of its weights. Provenance: docs/derivations.md.
+MODES = 12
 
 #: Samples from one correction to the next at 1 kHz. Provenance: docs/derivations.md.
 EVERY = 10
@@ -38,9 +37,10 @@ def by_covariance(_actuator: Actuator, _free: Sequence[Coordinate], _root: Float
 class Method(NamedTuple):
     """Which parameters adapt, and how.
 
-    `modes` is how many leading modes of the prior of the load adapt, None for all; `refused` says in a sentence why a
-    method does not take an actuator; `every` are samples from one correction to the next at 1 kHz; `rule` makes the
-    rule of correction for an actuator, its free coordinates, a root of their prior, and the time between samples in s.
+    `modes` is how many modes of the load adapt in place of its weights, None for the weights; `refused` says in a
+    sentence why a method does not take an actuator; `every` are samples from one correction to the next at 1 kHz;
+    `rule` makes the rule of correction for an actuator, its free coordinates, a root of their prior, and the time
+    between samples in s.
     """
 
     adapting: Callable[[Actuator], tuple[str, ...]]

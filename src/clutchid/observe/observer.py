@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observe.methods import method_for
-from clutchid.observe.prior import LEAK, online_prior
+from clutchid.observe.prior import BOUND, LEAK, OnlinePrior, online_prior
 from clutchid.observe.rest import NOTHING, RestWatch
 from clutchid.observe.strokes import NO_STROKES, Strokes
 from clutchid.observe.supply import ASSUMED, Supply, load_deviation, supply_of
@@ -33,15 +33,12 @@ MARGIN = 1.05
 #: A leak of so many standard deviations is one. Provenance: docs/derivations.md.
 LEAK_FOUND = 5.0
 
-#: Bounds of the adapting parameters in prior standard deviations.
-BOUND = 5.0
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObserverState:
     """What an observer knows between two samples.
 
-    `theta` (k,) and `T` (k, m), a root of their covariance, are what is known of the parameters that adapt; `filter` is
+    `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt; `filter` is
     None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.
     `number` counts the samples of the stretch. `sound` are theta and T at the end of the last stroke, to which the
     observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`;
@@ -67,15 +64,17 @@ class ObserverState:
 class Observer:
     """An observer of a calibrated actuator, as `observer` makes it.
 
-    `missed` is how far off in N a load from position alone was on the calibration recordings, rms over the stroke;
-    `supply` is None where the recorded supply pressure is not used; `zero` says whether a vented rest that has moved is
-    subtracted from the position.
+    `prior` is what is known of the parameters that adapt before the first sample, and `adapting` their names: load
+    weights as calibrated, also where modes of the load adapt in their place. `missed` is how far off in N a load from
+    position alone was on the calibration recordings, rms over the stroke; `supply` is None where the recorded supply
+    pressure is not used; `zero` says whether a vented rest that has moved is subtracted from the position.
     """
 
     actuator: Actuator
     method: str
     joint: JointFilter
-    root: FloatArray
+    prior: OnlinePrior
+    adapting: tuple[str, ...]
     spacing: float
     missed: float
     supply: Supply | None = None
@@ -100,8 +99,9 @@ class Observer:
         return bool(state.theta[at] > LEAK_FOUND * np.linalg.norm(state.T[at]))
 
     def load(self, state: ObserverState) -> Load:
-        """The load as it is known in a state."""
-        return self.joint.actuator(state.theta).load
+        """The load as it is known in a state, in the basis of the calibration."""
+        weights = np.asarray(self.actuator.load.theta) + self.prior.weights @ state.theta
+        return replace(self.actuator.load, theta=tuple(weights.tolist()))
 
     def load_deviation(self, state: ObserverState, position: FloatArray) -> FloatArray:
         """Standard deviation in N of that load at positions in m, shape (n,).
@@ -110,14 +110,11 @@ class Observer:
         supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
         its variance is as much larger.
         """
-        load, basis = self.load(state), np.zeros((position.size, len(self.joint.coordinates)))
-        functions = load.phi(position)
-        for j, c in enumerate(self.joint.coordinates):
-            if c.base in load.names:
-                basis[:, j] = functions[:, load.names.index(c.base)] * c.slope(float(state.theta[j]))
+        load = self.load(state)
         share = self.supply.share if self.supply else ASSUMED
         by_supply = load_deviation(share, self.actuator, load, position)
-        squared = np.sum((basis @ state.T) ** 2, axis=1) + self.missed**2 + by_supply**2
+        known = load.phi(position) @ self.prior.weights @ state.T
+        squared = np.sum(known**2, axis=1) + self.missed**2 + by_supply**2
         deviation: FloatArray = np.sqrt(max(1.0, state.mismatch) * squared)
         return deviation
 
@@ -128,6 +125,7 @@ def observer(
     spacing: float = 1e-3,
     calibration: Calibration | None = None,
     zero: Zero = "subtract",
+    modes: int | None = None,
 ) -> Observer:
     """An observer of a calibrated actuator.
 
@@ -143,6 +141,8 @@ def observer(
         Its errors from position alone are part of every band; its vented rest is what travel is counted from.
     zero : 'subtract' or 'keep'
         Whether the position counts from the vented rest where that has moved since the calibration.
+    modes
+        How many modes of the load adapt in place of its weights, at least 1; by default those of the method.
 
     Raises
     ------
@@ -152,30 +152,31 @@ def observer(
     chosen = method_for(method, actuator)
     supply = supply_of(actuator, calibration) if chosen.corrects_supply else None
     measure = ("position",) if supply is None else ("position", "pressure_supply")
-    free, root = online_prior(actuator, chosen.adapting(actuator), chosen.modes)
-    k = len(free)
+    adapting = chosen.adapting(actuator)
+    prior = online_prior(actuator, adapting, chosen.modes if modes is None else modes)
     settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
     noise = Noise(
         measured={name: SENSORS[name].noise for name in measure},
         states={name: row.noise for name, row in actuator.state_rows.items()},
         memory=MEMORY,
     )
-    limits = np.array([0.0 if c.base == LEAK else -BOUND for c in free]), BOUND * np.ones(k)
+    limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), np.full(len(prior.free), BOUND)
     return Observer(
         actuator=actuator,
         method=method,
         joint=joint_filter(
-            actuator,
-            free,
+            prior.actuator,
+            prior.free,
             limits,
             measure,
             noise,
             settings,
-            np.sqrt(DRIFT) * root,
+            np.sqrt(DRIFT) * prior.root,
             pace(actuator, MARGIN),
-            chosen.rule(actuator, free, root, spacing),
+            chosen.rule(actuator, prior.free, prior.root, spacing),
         ),
-        root=root,
+        prior=prior,
+        adapting=adapting,
         spacing=spacing,
         missed=_missed(actuator, calibration),
         supply=supply,
@@ -195,7 +196,7 @@ def _missed(actuator: Actuator, calibration: Calibration | None) -> float:
 
 def start(observer: Observer) -> ObserverState:
     """The state before the first sample."""
-    theta, T = np.zeros(len(observer.root)), observer.root.copy()
+    theta, T = np.zeros(len(observer.prior.free)), observer.prior.root.copy()
     return ObserverState(None, theta, T, EMPTY, unknown(observer), (theta, T))
 
 
@@ -203,7 +204,7 @@ def blank(observer: Observer) -> JointState:
     """A state of the filter with the shapes that all of its states have."""
     at_rest = Tail(np.zeros(1), np.zeros((1, 2)), np.zeros(1), np.zeros(1))
     segment = segment_of(at_rest, observer.joint.mapped.actuator)
-    return init(observer.joint, segment, np.zeros(len(observer.root)), observer.root)
+    return init(observer.joint, segment, np.zeros(len(observer.prior.free)), observer.prior.root)
 
 
 def unknown(observer: Observer) -> FloatArray:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from clutchid.numerics.least_squares import triangular
 from clutchid.uncertainty.change_prior import drift
 from clutchid.uncertainty.coordinates import (
     CURVATURE,
+    STOP_STD,
     WIDTHS,
     Coordinate,
     Prior,
@@ -27,11 +30,30 @@ LEAK = "C_A0"
 #: Provenance: docs/derivations.md.
 GREASE, DELAY, LEAKING = 0.1, 3e-4, 5e-11
 
+#: Bounds of the adapting parameters in prior standard deviations.
+BOUND = 5.0
 
-def online_prior(
-    actuator: Actuator, names: Sequence[str], modes: int | None = None
-) -> tuple[tuple[Coordinate, ...], FloatArray]:
-    """Coordinates of the parameters that adapt, and a root T (k, m) of their covariance T T'; their mean is 0.
+#: Positions over which modes of the load are chosen, and distance in m from which on the load that they leave out may
+#: grow in proportion to the position. Other modes need another `state_file.FORMAT`. Provenance: docs/derivations.md.
+POSITIONS, NEAR = 200, 3e-3
+
+
+class OnlinePrior(NamedTuple):
+    """The parameters that adapt and their prior, of mean 0 in their coordinates.
+
+    `actuator` is the calibrated one with the functions of the load that adapt, `root` (k, k) a lower triangular root of
+    the covariance of the coordinates `free`, and `weights` (weights, k) the derivatives of the calibrated load's
+    weights with respect to them.
+    """
+
+    actuator: Actuator
+    free: tuple[Coordinate, ...]
+    root: FloatArray
+    weights: FloatArray
+
+
+def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = None) -> OnlinePrior:
+    """Prior of the parameters that adapt.
 
     The load is that of the calibrated actuator, and may move as smoothly as a clutch wears; everything else drifts as
     between two recordings, see `clutchid.uncertainty.change_prior`.
@@ -43,7 +65,8 @@ def online_prior(
     names
         Load weights and parameters.
     modes
-        How many leading modes of the load are kept: directions in which the weights may move most. By default all.
+        How many modes of the load adapt in place of its weights; by default, and if there are no more weights than
+        that, the weights.
     """
     known = {name: Prior(actuator.value(name), std) for name in names if (std := drift(actuator, name)) > 0.0} | {
         "D_v": Prior(actuator.value("D_v"), GREASE * actuator.value("D_v")),
@@ -58,18 +81,34 @@ def online_prior(
         smooth = smoothness(actuator, names, actuator.load.theta, CURVATURE)
         smooth[:, :-1] *= [c.slope(0.0) for c in free]
         rows.append(smooth)
+    weights = np.array([[c.width * (c.base == name) for c in free] for name in actuator.load.names])
     if not free:
-        return free, np.zeros((0, 0))
+        return OnlinePrior(actuator, free, np.zeros((0, 0)), weights)
     inverse = np.linalg.inv(triangular(np.vstack(rows))[: len(free), : len(free)])
-    return free, _root(inverse @ inverse.T, sum(c.base in actuator.load.names for c in free), modes)
+    whole = OnlinePrior(actuator, free, np.linalg.cholesky(inverse @ inverse.T), weights)
+    return whole if modes is None or modes >= len(weights) or not np.any(weights) else _reduced(whole, modes)
 
 
-def _root(covariance: FloatArray, weights: int, modes: int | None) -> FloatArray:
-    """Lower trapezoidal root of a covariance, whose first rows are `weights` load weights, reduced to their modes."""
-    modes = weights if modes is None else min(modes, weights)
-    variance, directions = np.linalg.eigh(covariance[:weights, :weights])
-    root = np.zeros((len(covariance), len(covariance) - weights + modes))
-    root[:weights, :modes] = (directions * np.sqrt(variance))[:, weights - modes :]
-    root[weights:, modes:] = np.linalg.cholesky(covariance[weights:, weights:])
-    lower: FloatArray = np.linalg.qr(root.T)[1].T
-    return lower
+def _reduced(whole: OnlinePrior, modes: int) -> OnlinePrior:
+    """The prior with the load's leading modes in place of its weights: the calibrated load plus multiples of them.
+
+    The modes are the principal components of the prior of the load over the stroke, so that their multiples are
+    independent with a prior of 0 ± 1, like the coordinates of the parameters. The positions are those of Chebyshev,
+    denser at the ends, where a few components are else worst, up to the bound of the far stop. At small positions,
+    where recordings determine the load best, less may be left out.
+    """
+    actuator, load = whole.actuator, whole.actuator.load
+    end = actuator.parameters.y_max + BOUND * STOP_STD
+    position = 0.5 * end * (1.0 - np.cos(np.linspace(0.0, np.pi, POSITIONS)))
+    root = whole.weights @ whole.root
+    components = np.linalg.svd(load.phi(position) / (NEAR + position)[:, None] @ root)[2][:modes]
+    shapes = root @ components.T
+    shapes *= np.sign(shapes[0])  # a saved state is read with the modes of another machine
+    functions = (load.theta, *(tuple(shape) for shape in shapes.T.tolist()))
+    in_modes = replace(actuator, load=replace(load, theta=(1.0, *[0.0] * modes), functions=functions))
+    names = in_modes.load.names[1:]
+    of_modes = coordinates(in_modes, names, {}, dict.fromkeys(names, Prior(0.0, 1.0)))
+    free = (*of_modes, *(c for c in whole.free if c.base not in load.names))
+    weights = np.zeros((len(load.theta), len(free)))
+    weights[:, :modes] = shapes
+    return OnlinePrior(in_modes, free, np.eye(len(free)), weights)

@@ -63,9 +63,15 @@ def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
     DataError
         If there is no readable file.
     ParameterError
-        If it is damaged, or of another calibration or method.
+        If it is damaged, of another calibration or method, or of the former 'joint-reduced'.
     """
     content, head = _content(path)
+    match content:
+        case {"parameters": {"root": [[*first], *others]}} if len(first) <= len(others):
+            raise ParameterError(
+                f"{path}: the state of the method 'joint-reduced' before it was mended, in which standard deviations "
+                "are much too small; start without it."
+            )
     if head.get("method") != observer.method or head.get("fingerprint") != fingerprint(observer):
         raise ParameterError(
             f"{path}: the state of the method '{head.get('method')}' of another calibration or method; give the "

@@ -15,8 +15,7 @@ from clutchid.uncertainty.calibration import Origin
 
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     """The JSON object of an observed recording: that of a fit for the load at its end, and its health."""
-    names = {c.base for c in run.observer.joint.coordinates}
-    values = {name: one for name, one in known(run.observer, run.after).items() if name in names}
+    values = {name: one for name, one in known(run.observer, run.after).items() if name in run.observer.adapting}
     calibrated, _, after = loads(run)
     errors = errors_json(errors_over([(run.travel, run.estimates())]))
     warnings = list(run.log.warnings)

@@ -103,7 +103,7 @@ def _by_stroke(run: ObservedRecording) -> tuple[Block, ...]:
 
 def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
     """Parameters and load weights that adapt, before and after; none if the load stays as calibrated."""
-    names, weights = [c.base for c in run.observer.joint.coordinates], run.observer.actuator.load.names
+    names, weights = run.observer.adapting, run.observer.actuator.load.names
     if not names:
         return (Text("Nothing adapts: load and parameters stay as calibrated."),)
     parameters = [name for name in names if name not in weights]
