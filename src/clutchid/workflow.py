@@ -115,15 +115,13 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
         As `start_file`.
     """
     from clutchid.estimate.automatic import AUTOMATIC
+    from clutchid.estimate.parameter_file import started
     from clutchid.model.actuator import Actuator
 
     if path is None:
         return Actuator(model=model or (AUTOMATIC if request.automatic else "isothermal")), request
     content = start_file(path, model)
-    if request.partition is not None or request.method == "simulation":
-        return content.actuator, request
-    calibration = None if request.automatic else content.calibration
-    return content.actuator, replace(request, calibration=calibration, continues=content.continuation)
+    return content.actuator, started(content, request)
 
 
 def fit_recordings(

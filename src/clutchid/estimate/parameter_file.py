@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from importlib.metadata import version
@@ -21,6 +21,7 @@ from clutchid.estimate.load_section import load_in
 from clutchid.estimate.model_section import duty_entries, duty_period_in, model_entries, model_in
 from clutchid.estimate.older_lags import with_lags
 from clutchid.estimate.recording_sections import Starts, own_values, starts_in
+from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_section import search_in, search_section
 from clutchid.estimate.search_state import Continuation
@@ -97,6 +98,20 @@ class ParameterFile:
         known = data.get(log.name) if isinstance(data, Mapping) else None
         same = isinstance(known, str) and known == log.metadata.get("sha256")
         return (self.starts.get(log.name) or None) if same else None
+
+
+def started(content: ParameterFile, request: FitRequest) -> FitRequest:
+    """The request with calibration and search of its start file, if it supports them.
+
+    Raises
+    ------
+    ParameterError
+        If the calibration or the search in the file cannot be understood.
+    """
+    if request.partition is not None or request.method == "simulation":
+        return request
+    calibration = None if request.automatic else content.calibration
+    return replace(request, calibration=calibration, continues=content.continuation)
 
 
 def parameter_file(fitted: Fit) -> ParameterFile:
