@@ -95,6 +95,14 @@ def test_a_result_is_saved_in_several_files(call, recordings, tmp_path):
     assert all(f"written: {tmp_path / name}" in out for name in ("fit.toml", "fit.mat", "fit_m.m"))
 
 
+def test_values_of_the_paper_that_come_from_a_start_file_are_no_missing_option(call, recordings, tmp_path):
+    (tmp_path / "start.toml").write_text("[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.004, 0.01, 0.025]\n")
+    code, out, _ = call("fit", recordings[1], "--start", "start.toml")
+    assert code == 0
+    assert "assumed  what is not fitted is that of the truck in the paper: no calibration" in out
+    assert "no --start" not in out
+
+
 def test_two_files_of_the_same_name_are_bad_input(call, recordings, tmp_path):
     code, _, err = call("fit", recordings[1], "--save", "fit.toml", "--save", "./fit.toml")
     assert (code, "is the file of --save too; name another file" in err) == (2, True)

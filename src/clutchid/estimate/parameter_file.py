@@ -190,9 +190,11 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 
 
 def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) -> ParameterFile:
-    """Read a parameter file; missing entries have their defaults, except knots and weights of B-splines.
+    """Read a parameter file; missing entries have their defaults.
 
-    A negative lag of a sensor, from an earlier version, is read as 0 with a UserWarning.
+    B-splines have all weights or none. Without any, the load is the one that a search starts from, on B-splines; an
+    actuator of another drawing needs them. A negative lag of a sensor, from an earlier version, is read as 0 with a
+    UserWarning.
 
     Parameters
     ----------
@@ -230,7 +232,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     equipment, problems = equipment_in(document)
     problems += model_problems
     section, values, gravity_problems = with_gravity(document)
-    load, load_problems = load_in(section, values)
+    load, load_problems = load_in(section, values, defaults="actuator" not in document)
     own, own_problems = _own(values, model)
     parameters, parameter_problems = _parameters(values | equipment.fixed, load, tuple(own))
     starts, start_problems = starts_in(document.get("recording", {}), (*Parameters.names(), *own))
