@@ -87,7 +87,7 @@ def checksum_of(path: Path) -> str:
 
 
 def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
-    """The load as `clutchid fit --start` reads it."""
+    """The load as `clutchid estimate` reads it."""
     fit = workflow.fit_recordings([log], content.actuator, FitRequest(calibration=content.calibration)).fit
     curve = fit.load_curve
     half = fit.comparison.half_now if fit.comparison else UNKNOWN
