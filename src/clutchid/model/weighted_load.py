@@ -35,7 +35,19 @@ def _weight_names(count: int) -> tuple[str, ...]:
 
 
 def in_metres(knots: Sequence[float], stroke: float = 0.0) -> str:
-    """What was probably meant where knots in m lie far beyond the `stroke` in m; else nothing.
+    """What was probably meant by knots that are far beyond the stroke, because they are in mm.
+
+    Parameters
+    ----------
+    knots : m
+        Positions as they were given.
+    stroke : m
+        Stroke of the piston; 0 where it is not known.
+
+    Returns
+    -------
+    sentence : str
+        Empty where the knots can be meant.
 
     Examples
     --------
