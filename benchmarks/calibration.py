@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 from clutchid import Actuator, Fit, fit
@@ -46,19 +47,21 @@ def main() -> None:
 
     rows = {"plain fit": plain, "calibration, splines": few, "calibration, auto": automatic, "adaptation": adaptation}
     unit = 0.0
-    print(f"{'fit':<28}{'free':>6}{'evaluations':>13}{'median [s]':>12}{'range [s]':>16}{'ratio':>8}")
+    print(f"{'fit':<28}{'free':>6}{'evaluations':>13}{'median [s]':>12}{'processor [s]':>15}{'ratio':>8}")
     for name, work in rows.items():
-        times, processor = [], []
         result = work()
-        for _ in range(repeat):
-            begin, used = time.perf_counter(), time.process_time()
-            result = work()
-            times.append(time.perf_counter() - begin)
-            processor.append(time.process_time() - used)
-        unit = unit or statistics.median(processor)
-        spread, ratio = f"{min(times):.2f} to {max(times):.2f}", statistics.median(processor) / unit
-        row = f"{name:<28}{len(result.parameters):>6}{result.evaluations:>13}{statistics.median(times):>12.2f}"
-        print(f"{row}{spread:>16}{ratio:>8.3g}", flush=True)
+        times = [_timed(work) for _ in range(repeat)]
+        elapsed, processor = (statistics.median(each) for each in zip(*times, strict=True))
+        unit = unit or processor
+        row = f"{name:<28}{len(result.parameters):>6}{result.evaluations:>13}{elapsed:>12.2f}{processor:>15.2f}"
+        print(f"{row}{processor / unit:>8.3g}", flush=True)
+
+
+def _timed(work: Callable[[], Fit]) -> tuple[float, float]:
+    """Time of a fit on the clock and of the processor, in s."""
+    begin, used = time.perf_counter(), time.process_time()
+    work()
+    return time.perf_counter() - begin, time.process_time() - used
 
 
 if __name__ == "__main__":
