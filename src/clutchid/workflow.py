@@ -132,16 +132,13 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
         As `start_file`.
     """
     from clutchid.estimate.automatic import AUTOMATIC
+    from clutchid.estimate.parameter_file import started
     from clutchid.model.actuator import Actuator
 
     if path is None:
         return Actuator(model=model or (AUTOMATIC if request.automatic else "isothermal")), request
     content = start_file(path, model)
-    calibration = None if request.automatic else content.calibration
-    request = replace(request, rest=calibration.rest if calibration else None)
-    if request.partition is not None or request.method == "simulation":
-        return content.actuator, request
-    return content.actuator, replace(request, calibration=calibration, continues=content.continuation)
+    return content.actuator, started(content, request)
 
 
 def fit_recordings(

@@ -88,8 +88,7 @@ def truck(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = drive_log(1)
     write(made, folder / "my cal.csv")
     write(drive_log(2).without("pressure_a"), folder / "my worn.csv")
-    measure = ("--measure", "position,pressure_a", "--free", "auto")
-    done = call("fit", "my cal.csv", *measure, "--save", "my CAL.toml", cwd=folder)
+    done = call("calibrate", "my cal.csv", "--save", "my CAL.toml", cwd=folder)
     assert done.returncode == 0, done.stderr
     (folder / "calibrated.txt").write_text(done.stdout, encoding="utf-8")
     return folder
@@ -218,7 +217,7 @@ def test_each_next_command_runs_as_it_is_printed(truck):
     assert max(map(len, rows(calibrated))) <= 80
     assert len(rows(calibrated)) <= 14
     words = shlex.split(calibrated.splitlines()[-1])
-    assert words == ["clutchid", "fit", "WORN.csv", "--start", "my CAL.toml", "--free", "load"]
+    assert words == ["clutchid", "estimate", "WORN.csv", "--start", "my CAL.toml"]
     read = call(*words[1:2], "my worn.csv", *words[3:], "--save=my worn.toml", "--report=my worn.html", cwd=truck)
     assert read.returncode == 0, read.stderr
     assert "half-load position" in read.stdout

@@ -167,6 +167,14 @@ def test_a_bus_that_is_not_there_is_one_sentence(folder, tmp_path, monkeypatch, 
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_dbc_that_is_not_there_is_one_sentence(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert observed(folder, "can:virtual:truck", "--dbc", "missing.dbc", "--out", "est.parquet") == 2
+    errors = " ".join(capsys.readouterr().err.split())
+    assert errors == "clutchid: missing.dbc: there is no such file; check its name."
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_without_a_dbc_or_with_another_one_there_is_one_sentence(call, folder, tmp_path, messages, capsys):
     before = set(threading.enumerate())  # other tests of this process may have left some
     with pytest.raises(SystemExit) as ended:

@@ -205,7 +205,7 @@ def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive
     sentence = "log: no pressure_a; 'auto' needs a recording with pressure"
     with pytest.raises(DataError, match=sentence) as caught:
         automatic([drive_log.without("pressure_a")], plant)
-    assert "--start CALIBRATION.toml --free load" in str(caught.value)
+    assert "clutchid estimate LOG --start CAL.toml" in str(caught.value)
     nothing = drive_log.with_columns(pressure_a=np.full(len(drive_log), np.nan))
     with pytest.raises(DataError, match=sentence):
         automatic([nothing], plant)

@@ -11,11 +11,13 @@ from clutchid.errors import ParameterError
 from clutchid.estimate.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
+from clutchid.model.b_spline import DEFAULT_KNOTS
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 
-#: A load on two knots, and the four weights that it needs.
+#: A load on two knots, the four weights that it needs, and an actuator of another drawing without them.
 SPLINE = "[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.02]\n"
+CYLINDER = "[actuator]\nchamber_b = false\n[parameters]\nA_A = 0.002\nV_0A = 1e-5\nM = 1.0\ny_max = 0.05\n"
 WEIGHTS = "[parameters]\ntheta_1 = 1.0\ntheta_2 = 2.0\ntheta_3 = 3.0\ntheta_4 = 4.0\n"
 
 STARTS = {"worn 1": ((0.0, 109500.0), (0.004, 2.5e5))}
@@ -78,6 +80,13 @@ def test_every_variant_with_every_load_is_read_exactly_as_it_was_written(variant
     assert ("phi2_slope" in model) == (load.basis == "paper")
 
 
+@pytest.mark.parametrize("knots", [None, (0.0, 0.004, 0.01, 0.025)], ids=["usual knots", "own knots"])
+def test_b_splines_without_weights_are_those_that_a_search_starts_from(knots, tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(f"[model]\nload_basis = 'b-spline'\n{f'knots = {[*knots]}' if knots else ''}\n")
+    assert read_parameters(path).actuator.load == Load.on_b_splines(knots=knots or DEFAULT_KNOTS)
+
+
 def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
     path = tmp_path / "start.toml"
     path.write_text(f"[model]\nload_basis = 'b-spline'\n{WEIGHTS}theta_9 = 1.0\nC_sv = 1e-8\n")
@@ -107,10 +116,14 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
         ("[model]\nload_basis = ['paper']\n", ["no load basis", "Known are paper, b-spline"]),
         ("[model]\nload_basis = 'b-splines'\n", ["did you mean 'b-spline'"]),
         ("[model]\nvariant = 'energy'\n", ["did you mean 'energy-balance'"]),
-        ("[model]\nload_basis = 'b-spline'\n", ["[model] knots", "two or more positions in m"]),
+        (f"[model]\nload_basis = 'b-spline'\n{WEIGHTS}", ["[model] knots", "two or more positions in m"]),
         ("[model]\nload_basis = 'b-spline'\nknots = 5\n", ["[model] knots", "two or more positions in m"]),
         (f"{SPLINE}[parameters]\ntheta_1 = 1.0\ntheta_3 = 1.0\n", ["theta_2, theta_4:", "theta_1 to theta_4 in N"]),
-        (f"{SPLINE}[parameters]\nP_S = 8e5\n", ["theta_1, theta_2, theta_3, theta_4:", "2 knots", "the 4 weights"]),
+        (f"{CYLINDER}{SPLINE}", ["theta_1, theta_2, theta_3, theta_4:", "2 knots", "the 4 weights"]),
+        (f"{SPLINE.replace('0.0,', '0.03,')}", ["knots = (0.03, 0.02) m", "strictly increasing"]),
+        ("[model]\nknots = [2, 8.5, 11.5]\n", ["positions in m", "(0.002, 0.0085, 0.0115) was probably meant"]),
+        ("[model]\nknots = [0, 2, 8.5, 11.5]\n", ["y_max = 0.025 m", "(0, 0.002, 0.0085, 0.0115) was probably meant"]),
+        (f"{SPLINE.replace('0.02', '25')}{WEIGHTS}", ["y_max = 0.025 m", "Knots are in m", "(0, 0.025)"]),
         (f"{SPLINE}phi2_slope = 1.0\n{WEIGHTS}", ["phi2_slope belongs to load_basis = 'paper'"]),
         (f"{SPLINE}{WEIGHTS}theta_5 = 5.0\n", ["no parameter 'theta_5'", "theta_4"]),
         (f"{SPLINE}{WEIGHTS}theta_0 = 5.0\n", ["no parameter 'theta_0'"]),

@@ -283,17 +283,17 @@ def test_formats_are_told_by_content(logged, tmp_path):
 
 
 @pytest.mark.parametrize(("suffix", "module"), [("blf", "can"), ("asc", "can"), ("blf", "cantools.database")])
-def test_a_missing_library_is_told_with_the_extra_that_brings_it(logged, dbc, monkeypatch, suffix, module):
+def test_a_missing_library_is_named_with_the_command_that_installs_it(logged, dbc, monkeypatch, suffix, module):
     path = logged(suffix, mixture(3))
     whole = builtins.__import__
 
-    def without(name, *rest):
+    def without(name, *rest, **named):
         if name == module:
             raise ImportError(name)
-        return whole(name, *rest)
+        return whole(name, *rest, **named)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(MissingExtra, match=r"clutchid\[can\]"):
+    with pytest.raises(MissingExtra, match=r"which is not installed; .*\"python-can>="):
         open_file(path, [dbc])
 
 

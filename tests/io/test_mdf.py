@@ -19,7 +19,7 @@ from clutchid.io.formats.mdf.numbers import formula
 from clutchid.io.source import BLOCK
 from clutchid.log import COLUMNS, Log
 
-pytest.importorskip("asammdf", reason="reading MDF needs asammdf: pip install 'clutchid[mdf]'")
+pytest.importorskip("asammdf", reason="reading MDF needs asammdf: pip install '.[mdf]'")
 
 
 class Bytes:
@@ -162,7 +162,9 @@ def test_a_log_without_a_column_is_not_written(tmp_path):
 
 def test_without_asammdf_the_way_to_install_it_is_told(small, monkeypatch):
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(MissingExtra, match=r"pip install 'clutchid\[mdf\]'"):
+    with pytest.raises(
+        MissingExtra, match=r"needs asammdf, which is not installed.* -m pip install \"asammdf<9,>=8.8\""
+    ):
         open_file(small)
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import clutchid.io as cio
 from clutchid.errors import DataError
+from clutchid.extras import install_command
 from clutchid.io.formats.parquet import file as parquet_file
 from clutchid.io.formats.parquet.pages import damage
 
@@ -270,7 +271,7 @@ def test_without_pyarrow_what_polars_refuses_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     (problem,) = parquet_file.open_file(path).problems
-    assert "PyArrow may read it: pip install 'clutchid[parquet]'" in problem
+    assert f"PyArrow may read it: {install_command('parquet')}" in problem
 
 
 def test_a_panic_of_polars_reaches_neither_the_sentence_nor_the_standard_error(monkeypatch, capfd):

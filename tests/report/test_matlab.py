@@ -14,11 +14,13 @@ from sympy import symbols
 
 from clutchid.errors import ExportError, ParameterError
 from clutchid.estimate import Fit
+from clutchid.estimate.changes import Change
 from clutchid.estimate.parameter_file import read_parameters
 from clutchid.estimate.result import Estimate
 from clutchid.model import Actuator, Load, OwnModel, OwnParameter
 from clutchid.model.equipment import Equipment
 from clutchid.report.matlab import check_name, write_matlab
+from fixtures.baselines import with_baseline
 from fixtures.matlab_text import struct_in
 
 
@@ -74,7 +76,42 @@ def test_recordings_have_their_hash_initial_states_and_own_parameters(odd: Fit, 
     assert other["parameters"]["F_C"]["high"] == np.inf
 
 
-def test_both_files_have_the_same_struct(odd: Fit, tmp_path: Path) -> None:
+@pytest.fixture
+def compared(fitted: Fit) -> Fit:
+    """A fit as if it had started from a calibration, with two changes, and not to be trusted without care."""
+    values = {"D_v": (2100.0, 2570.0, 35.0, "N·s/m"), "T_0": (293.0, 277.3, 0.9, "K")}
+    changes = tuple(Change("first", name, *each, 0.993, "temperature") for name, each in values.items())
+    return with_baseline(replace(fitted, converged=False, changes=changes))
+
+
+def test_a_result_carries_its_verdict_the_calibrated_load_and_what_has_changed(compared: Fit, tmp_path: Path) -> None:
+    write_matlab(compared, tmp_path / "worn.mat")
+    found = loaded(tmp_path / "worn.mat")
+    assert found["trust"] == compared.verdict.trust == "with care"
+    assert [*np.atleast_1d(found["reasons"])] == [*compared.verdict.reasons]
+    assert found["calibration"]["name"] == "CAL.toml"
+    calibrated = compared.comparison.calibrated
+    assert np.array_equal(found["calibrated_load_curve"]["force_N"], calibrated.force)
+    assert np.array_equal(found["load_change"]["difference_N"], compared.load_curve.force - calibrated.force)
+    assert found["load_change"]["half_load"]["shift"]["position_m"] == compared.comparison.shift.position
+    assert [change["name"] for change in found["changes"]] == ["D_v", "T_0"]
+    assert {**found["changes"][0]} == {
+        "recording": "first", "name": "D_v", "before": 2100.0, "after": 2570.0, "std": 35.0, "unit": "N*s/m",
+        "probability": 0.993,
+    }  # fmt: skip
+    assert [*found["covariance"]["names"]] == [*compared.parameters]
+    assert np.array_equal(found["covariance"]["matrix"], compared.covariance)
+
+
+def test_without_a_calibration_nothing_is_compared(fitted: Fit, tmp_path: Path) -> None:
+    write_matlab(fitted, tmp_path / "fit.m")
+    found = struct_in((tmp_path / "fit.m").read_text(encoding="ascii"))
+    assert found["changes"] == []
+    assert not {"calibration", "calibrated_load_curve", "load_change"} & found.keys()
+
+
+def test_both_files_have_the_same_struct(odd: Fit, compared: Fit, tmp_path: Path) -> None:
+    odd = replace(compared, message=odd.message, parameters=odd.parameters, recordings=odd.recordings)
     for name in ("odd.m", "odd.mat"):
         write_matlab(odd, tmp_path / name)
     assert loaded(tmp_path / "odd.mat")["message"] == "it's 90 % done; end"
@@ -158,7 +195,11 @@ def test_a_file_for_matlab_cannot_start_a_fit_and_the_sentence_says_what_can(tmp
         read_parameters(tmp_path / name)
 
 
-def test_octave_reads_the_same_struct_from_both_files(odd: Fit, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["odd", "compared"])
+def test_octave_reads_the_same_struct_from_both_files(
+    request: pytest.FixtureRequest, tmp_path: Path, name: str
+) -> None:
+    odd = request.getfixturevalue(name)
     octave = shutil.which("octave-cli")
     if octave is None:
         pytest.skip("no octave-cli on this machine")

@@ -16,7 +16,8 @@ LIMIT = SearchState("limit", 200, ("theta_1",), {})
 def command(line, **files):
     """A command as its line would give it; a file of an option is named as well."""
     words = tuple(shlex.split(line))
-    return Command(words, (Path(words[1]),), **{name: Path(path) for name, path in files.items()})
+    others = tuple(map(Path, files.pop("others", ())))
+    return Command(words, (Path(words[1]),), **{name: Path(path) for name, path in files.items()}, others=others)
 
 
 def following(fit, line, **files):
@@ -32,9 +33,10 @@ def calibrated(fitted):
     return replace(fitted, calibration=calibration_like(fitted))
 
 
-@pytest.fixture
-def unconverged(fitted):
-    return replace(fitted, converged=False, search=LIMIT)
+@pytest.fixture(params=[LIMIT, None], ids=["with priors", "by simulation"])
+def unconverged(request, fitted):
+    """A search that ended early: only one with priors has a state that a later search goes on from."""
+    return replace(fitted, converged=False, search=request.param)
 
 
 @pytest.mark.parametrize("option", ["--save CAL.toml", "--save=CAL.toml"])
@@ -62,14 +64,12 @@ def test_options_stand_behind_those_that_take_several_values(fitted):
 
 def test_a_recording_with_pressure_is_calibrated_and_one_without_is_recorded_again(fitted):
     words = following(fitted, "fit 'my log.csv'")
-    assert words == [
-        "fit", "my log.csv", "--measure", "position,pressure_a", "--free", "auto", "--save", "CAL.toml"
-    ]  # fmt: skip
+    assert words == ["calibrate", "my log.csv", "--save", "CAL.toml"]
     (one,) = fitted.recordings.values()
     without = replace(fitted, recordings={"first": replace(one, measured=one.measured.without("pressure_a"))})
     why, _ = next_step(without, command("fit 'my log.csv'"))
     assert why == "record once with pressure, and calibrate"
-    assert following(without, "fit 'my log.csv'")[:2] == ["fit", "CAL.csv"]
+    assert following(without, "fit 'my log.csv'")[:2] == ["calibrate", "CAL.csv"]
 
 
 def test_the_actuator_of_the_start_file_stays_unless_it_is_that_of_the_paper(fitted):
@@ -82,9 +82,9 @@ def test_the_actuator_of_the_start_file_stays_unless_it_is_that_of_the_paper(fit
 def test_how_recordings_are_read_stays_and_force_only_for_the_same_recordings(fitted, calibrated):
     given = replace(command("fit a.csv", save="F.toml"), reading=("--map", "M.toml"), forced=True)
     words = shlex.split(next_step(fitted, given)[1])
-    assert words[:6] == ["clutchid", "fit", "a.csv", "--map", "M.toml", "--force"]
+    assert words[:6] == ["clutchid", "calibrate", "a.csv", "--map", "M.toml", "--force"]
     words = shlex.split(next_step(calibrated, given)[1])
-    assert words == ["clutchid", "fit", "WORN.csv", "--map", "M.toml", "--start", "F.toml", "--free", "load"]
+    assert words == ["clutchid", "estimate", "WORN.csv", "--map", "M.toml", "--start", "F.toml"]
     read = replace(given, report=Path("a.html"))
     words = shlex.split(next_step(with_baseline(fitted), read)[1])
     assert words[:6] == ["clutchid", "simulate", "a.csv", "--map", "M.toml", "--force"]
@@ -93,10 +93,11 @@ def test_how_recordings_are_read_stays_and_force_only_for_the_same_recordings(fi
 
 def test_a_calibration_is_kept_and_then_a_worn_clutch_is_read(calibrated):
     assert following(calibrated, "fit a.csv")[-2:] == ["--save", "CAL.toml"]
-    # what is saved for MATLAB is not read back
-    assert following(calibrated, "fit a.csv --save F.mat", save="F.mat") == ["fit", "a.csv", "--save", "CAL.toml"]
+    # what is saved for MATLAB is not read back, and is saved all the same
+    words = following(calibrated, "fit a.csv --save F.mat", others=["F.mat"])
+    assert words == ["fit", "a.csv", "--save", "F.mat", "--save", "CAL.toml"]
     words = following(calibrated, "fit a.csv --save 'my cal.toml'", save="my cal.toml")
-    assert words == ["fit", "WORN.csv", "--start", "my cal.toml", "--free", "load"]
+    assert words == ["estimate", "WORN.csv", "--start", "my cal.toml"]
 
 
 def test_a_calibration_that_is_not_to_be_trusted_is_repeated(calibrated):
@@ -132,7 +133,12 @@ def test_no_file_of_the_command_is_overwritten_by_the_next(fitted, calibrated):
     ("line", "files", "added"),
     [
         ("fit a.csv", {}, ["fit", "a.csv", "--save", "FIT.toml"]),
-        ("fit a.csv --save F.mat", {"save": "F.mat"}, ["fit", "a.csv", "--save", "FIT.toml"]),
+        ("fit a.csv --save F.mat", {"others": ["F.mat"]}, ["fit", "a.csv", "--save", "F.mat", "--save", "FIT.toml"]),
+        (
+            "fit a.csv --save F.toml --save F.mat",
+            {"save": "F.toml", "others": ["F.mat"]},
+            ["fit", "a.csv", "--start", "F.toml", "--save", "F-continued.toml"],
+        ),
         (
             "fit a.csv --save 'my cal.toml' --free auto --report p.html",
             {"save": "my cal.toml", "report": "p.html"},
@@ -151,6 +157,6 @@ def test_a_search_that_did_not_converge_is_saved_and_continued(unconverged, line
 
 def test_a_name_that_begins_with_a_dash_is_no_option(fitted):
     given = Command(("fit", "--", "-a.csv"), (Path("-a.csv"),))
-    assert shlex.split(next_step(fitted, given)[1])[:3] == ["clutchid", "fit", "./-a.csv"]
+    assert shlex.split(next_step(fitted, given)[1])[:3] == ["clutchid", "calibrate", "./-a.csv"]
     read = next_step(with_baseline(fitted), given)[1]
     assert shlex.split(read) == ["clutchid", "fit", "--report", "./-a.html", "--", "-a.csv"]

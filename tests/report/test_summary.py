@@ -151,7 +151,7 @@ def test_a_calibration_of_an_older_file_says_that_its_load_is_not_there(fitted):
 
 
 def test_without_a_calibration_the_truck_of_the_paper_is_said_to_be_assumed(fitted):
-    assert rows_of(fitted, "assumed") == ["what is not fitted is that of the truck in the paper: no --start"]
+    assert rows_of(fitted, "assumed") == ["what is not fitted is that of the truck in the paper: no calibration"]
     other = replace(fitted, actuator=fitted.actuator.replace({"P_S": 8e5}))
     assert rows_of(other, "assumed") == []
     assert rows_of(replace(fitted, calibration=calibration_like(fitted)), "assumed") == []

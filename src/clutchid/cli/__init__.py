@@ -13,10 +13,12 @@ from io import TextIOWrapper
 from cyclopts import App
 from cyclopts.exceptions import CycloptsError
 
+from clutchid.cli.calibrate import calibrate
 from clutchid.cli.common import DONE, FAILED, complain
 from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
+from clutchid.cli.estimate import estimate
 from clutchid.cli.fit import fit
 from clutchid.cli.fleet import fleet
 from clutchid.cli.friction import friction
@@ -37,7 +39,21 @@ def app() -> App:
         version=version("clutchid"),
         result_action="return_value",
     )
-    for command in (fit, simulate, observe, track, fleet, paper, look, cut, friction, drive, prove):
+    for command in (
+        calibrate,
+        estimate,
+        fit,
+        simulate,
+        observe,
+        track,
+        fleet,
+        paper,
+        look,
+        cut,
+        friction,
+        drive,
+        prove,
+    ):
         application.command(command)
     register_completion(application)
     return application

@@ -198,22 +198,29 @@ def partition_of(
     return Partition(every=every, parts=parts, carry=carry or "p", take=take or "all")
 
 
-def check_outputs(outputs: Mapping[str, Path | None], inputs: Sequence[tuple[str, Path | None]]) -> None:
+def check_outputs(
+    outputs: Mapping[str, Path | Sequence[Path] | None], inputs: Sequence[tuple[str, Path | None]]
+) -> None:
     """Check, before any work, that `outputs` can be written, and overwrite neither an input nor each other.
 
-    `outputs` are paths by option, `inputs` are (description, path).
+    `outputs` are a path, or several, by option; `inputs` are (description, path).
     """
     from clutchid.io.files import check_writable
 
     taken = [(what, path) for what, path in inputs if path is not None]
-    for option, path in outputs.items():
-        if path is None:
-            continue
+    for option, path in _each(outputs):
         for what, other in taken:
             if _same(path, other):
                 raise ParameterError(f"{option} {path}: is {what}; name another file.")
         check_writable(path)
         taken.append((f"the file of {option} too", path))
+
+
+def _each(outputs: Mapping[str, Path | Sequence[Path] | None]) -> Iterator[tuple[str, Path]]:
+    """Every path with its option."""
+    for option, paths in outputs.items():
+        for path in (paths,) if isinstance(paths, Path) else paths or ():
+            yield option, path
 
 
 def _same(one: Path, other: Path) -> bool:

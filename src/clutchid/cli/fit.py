@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -32,47 +32,13 @@ if TYPE_CHECKING:
     from clutchid.workflow import Outcome
 
 
-def fit(
-    *logs: Path,
-    measure: str = "position",
-    free: str = "load",
-    bounds_: Annotated[list[str] | None, Parameter(name="--bounds", consume_multiple=True)] = None,
-    every: int | None = None,
-    parts: int | None = None,
-    carry: Literal["p", "q"] | None = None,
-    take: Literal["all", "position"] | None = None,
-    model: str | None = None,
-    method: Literal["simulation", "shooting", "prediction-error"] | None = None,
-    prior: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None,
-    profile: str = "",
-    bootstrap: int = 0,
-    start: Path | None = None,
-    verify: Annotated[list[Path] | None, Parameter(name="--verify", consume_multiple=True)] = None,
-    save: Path | None = None,
-    report: Path | None = None,
-    ambient: str | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
-    zero: Literal["subtract", "keep"] = "subtract",
-    force: Annotated[bool, Parameter(negative="")] = False,
-    verbose: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
-) -> int:
-    """Estimate the clutch load, and other parameters, from recordings.
-
-    Without options: position only, ballistic, theta_1 to theta_3 free, everything else from Appendix A of the paper.
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitOptions:
+    """Options that `fit`, `calibrate` and `estimate` share.
 
     Parameters
     ----------
-    logs
-        Recordings with columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or in any format
-        with a --map. Put them before --verify, --bounds and --dbc, which take all arguments that follow.
-    measure
-        Measured columns to compare: position, or position,pressure_a; pressure_a alone with the position as input.
-    free
-        Free parameters, comma-separated; `load` means all load weights, `auto` all parameters that a recording with
-        pressure can determine, `NAME@EACH` a parameter of its own for every recording.
     bounds_
         Bounds in SI units, NAME=LOW:HIGH; several may follow each other; a side may be empty.
     every
@@ -98,12 +64,11 @@ def fit(
         Free parameters with intervals by profile likelihood, comma-separated; seconds each.
     bootstrap
         Draws of a bootstrap over strokes, which checks the intervals, for example 200; 0 for none.
-    start
-        Parameter file with model and start values; after a calibration only the load needs to be free.
     verify
         Recordings to simulate with the result, but not to fit.
     save
-        Write the result: .toml (for --start and simulate), or .mat or .m for MATLAB, Octave and Simulink.
+        Write the result: .toml (for --start and simulate), or .mat or .m for MATLAB, Octave and Simulink. May be given
+        several times.
     report
         Write a self-contained HTML page.
     ambient
@@ -125,86 +90,139 @@ def fit(
         Show the traceback of an error.
     """
 
-    def request() -> FitRequest:
+    bounds_: Annotated[list[str] | None, Parameter(name="--bounds", consume_multiple=True)] = None
+    every: int | None = None
+    parts: int | None = None
+    carry: Literal["p", "q"] | None = None
+    take: Literal["all", "position"] | None = None
+    model: str | None = None
+    method: Literal["simulation", "shooting", "prediction-error"] | None = None
+    prior: Annotated[list[str] | None, Parameter(consume_multiple=True)] = None
+    profile: str = ""
+    bootstrap: int = 0
+    verify: Annotated[list[Path] | None, Parameter(name="--verify", consume_multiple=True)] = None
+    save: Annotated[list[Path] | None, Parameter(negative="")] = None
+    report: Path | None = None
+    ambient: str | None = None
+    map_: Annotated[Path | None, Parameter(name="--map")] = None
+    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None
+    zero: Literal["subtract", "keep"] = "subtract"
+    force: Annotated[bool, Parameter(negative="")] = False
+    verbose: Annotated[bool, Parameter(negative="")] = False
+    json: Annotated[bool, Parameter(negative="")] = False
+    debug: Annotated[bool, Parameter(negative="")] = False
+
+    def request(self, measure: str, free: str) -> FitRequest:
+        """The request of a fit with these options.
+
+        Raises
+        ------
+        ParameterError
+            If an option cannot be understood.
+        """
         from clutchid.estimate.request import FitRequest
 
-        partition, limits = partition_of(every, parts, carry, take), bounds(bounds_ or ())
-        known, checked = priors(prior or ()), listed_names(profile)
         return FitRequest(
-            listed_names(measure), listed_names(free), limits, partition, method, known, None, checked, bootstrap,
-            zero=zero,
-        )  # fmt: skip
-
-    files = _Files(logs, tuple(verify or ()), start, save, report)
-    how = _How(ambient, map_, tuple(dbc or ()), force, verbose)
-    return guarded(lambda: _work(files, request, model, how, json), as_json=json, debug=debug)
-
-
-@dataclass(frozen=True, slots=True)
-class _Files:
-    """Paths that a fit reads and writes."""
-
-    logs: tuple[Path, ...]
-    verify: tuple[Path, ...]
-    start: Path | None
-    save: Path | None
-    report: Path | None
-
-
-@dataclass(frozen=True, slots=True)
-class _How:
-    """How recordings are read, whether bad ones are fitted, and how much is printed."""
-
-    ambient: str | None
-    channel_map: Path | None
-    dbc: tuple[Path, ...]
-    force: bool
-    verbose: bool
+            listed_names(measure),
+            listed_names(free),
+            bounds(self.bounds_ or ()),
+            partition_of(self.every, self.parts, self.carry, self.take),
+            self.method,
+            priors(self.prior or ()),
+            None,
+            listed_names(self.profile),
+            self.bootstrap,
+            zero=self.zero,
+        )
 
     @property
-    def options(self) -> tuple[str, ...]:
+    def reading(self) -> tuple[str, ...]:
         """The options of reading as arguments."""
         ambient = () if self.ambient is None else ("--ambient", self.ambient)
-        channels = () if self.channel_map is None else ("--map", str(self.channel_map))
-        return (*ambient, *channels, *(word for path in self.dbc for word in ("--dbc", str(path))))
+        channels = () if self.map_ is None else ("--map", str(self.map_))
+        return (*ambient, *channels, *(word for path in self.dbc or () for word in ("--dbc", str(path))))
+
+    @property
+    def own_model(self) -> tuple[str, ...]:
+        """The option --model of a model of the user's own, which every command needs again."""
+        return ("--model", self.model) if self.model and ".py:" in self.model else ()
 
 
-def _work(
-    files: _Files,
-    asked: Callable[[], FitRequest],
-    model: str | None,
-    how: _How,
-    json: bool,
+#: The options where none is given.
+DEFAULTS = FitOptions()
+
+
+def fit(
+    *logs: Path,
+    measure: str = "position",
+    free: str = "load",
+    start: Path | None = None,
+    options: FitOptions = DEFAULTS,
 ) -> int:
-    if not files.logs:
-        raise ParameterError(
-            "no recording given; clutchid fit LOG.csv. Options that take several values (--verify, --bounds, --prior, "
-            "--dbc) take all that follows them: put the recordings first."
-        )
+    """Estimate the clutch load, and other parameters, from recordings.
+
+    The general verb; `calibrate` and `estimate` are for every day. Without options: position only, ballistic, theta_1
+    to theta_3 free, everything else from Appendix A of the paper.
+
+    Parameters
+    ----------
+    logs
+        Recordings with columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or in any format
+        with a --map. Put them before --verify, --bounds and --dbc, which take all arguments that follow.
+    measure
+        Measured columns to compare: position, or position,pressure_a; pressure_a alone with the position as input.
+    free
+        Free parameters, comma-separated; `load` means all load weights, `auto` all parameters that a recording with
+        pressure can determine, `NAME@EACH` a parameter of its own for every recording.
+    start
+        Parameter file with model and start values; after a calibration only the load needs to be free.
+    """
+    return fitted("fit", logs, measure, free, start, options)
+
+
+def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path | None, options: FitOptions) -> int:
+    """Fit as `verb` was asked to, print and write the result; the exit code."""
+
+    def work() -> int:
+        if not logs:
+            raise ParameterError(
+                f"no recording given; clutchid {verb} LOG.csv. Options that take several values (--verify, --bounds, "
+                "--prior, --dbc) take all that follows them: put the recordings first."
+            )
+        return _work(tuple(logs), start, options.request(measure, free), options)
+
+    return guarded(work, as_json=options.json, debug=options.debug)
+
+
+def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, options: FitOptions) -> int:
     from clutchid.report.next_step import Command
 
-    check_outputs({"--save": files.save, "--report": files.report}, _inputs(files))
-    if files.save is not None:
-        workflow.check_save(files.save)
-    actuator, request = workflow.start_of(files.start, model_of(model), asked())
-    reading = workflow.Reading(pressure(how.ambient, actuator.parameters.P_0), how.channel_map, how.dbc)
-    read = workflow.read_recordings(files.logs, reading, actuator.equipment, measured=request.measure)
-    verify = workflow.read_recordings(files.verify, reading, actuator.equipment)
-    outcome = _fitted(read, actuator, request, verify, how.force)
-    reading_options = (*how.options, *_own_model(model))
+    saves, verify = tuple(options.save or ()), tuple(options.verify or ())
+    check_outputs({"--save": saves, "--report": options.report}, _inputs(logs, verify, start))
+    for path in saves:
+        workflow.check_save(path)
+    actuator, request = workflow.start_of(start, model_of(options.model), request)
+    ambient = pressure(options.ambient, actuator.parameters.P_0)
+    reading = workflow.Reading(ambient, options.map_, tuple(options.dbc or ()))
+    read = workflow.read_recordings(logs, reading, actuator.equipment, measured=request.measure)
+    checked = workflow.read_recordings(verify, reading, actuator.equipment)
+    outcome = _fitted(read, actuator, request, checked, options.force)
+    kept = next((path for path in saves if path.suffix.lower() in ("", ".toml")), None)
     command = Command(
-        tuple(sys.argv[1:]), files.logs, files.start, files.save, files.report, reading_options, how.force
+        tuple(sys.argv[1:]),
+        logs,
+        start,
+        kept,
+        options.report,
+        (*options.reading, *options.own_model),
+        options.force,
+        tuple(path for path in saves if path != kept),
     )
     writers: Writers = {
-        files.save: lambda path: workflow.save(outcome, path),
-        files.report: lambda path: workflow.report(outcome, command.with_options(), path),
+        **dict.fromkeys(saves, lambda path: workflow.save(outcome, path)),
+        options.report: lambda path: workflow.report(outcome, command.with_options(), path),
     }
-    return answer_json(outcome, writers) if json else answer(outcome, writers, command, how.verbose)
-
-
-def _own_model(model: str | None) -> tuple[str, ...]:
-    """The option --model of a model of the user's own, which every command needs again."""
-    return ("--model", model) if model and ".py:" in model else ()
+    return answer_json(outcome, writers) if options.json else answer(outcome, writers, command, options.verbose)
 
 
 def _fitted(
@@ -218,7 +236,7 @@ def _fitted(
         return workflow.fit_recordings(logs, actuator, request, verify, shown, force=force)
 
 
-def _inputs(files: _Files) -> list[tuple[str, Path | None]]:
-    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in files.logs]
-    inputs += [("a recording to verify with", path) for path in files.verify]
-    return [*inputs, ("the start file itself", files.start)]
+def _inputs(logs: Sequence[Path], verify: Sequence[Path], start: Path | None) -> list[tuple[str, Path | None]]:
+    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
+    inputs += [("a recording to verify with", path) for path in verify]
+    return [*inputs, ("the start file itself", start)]

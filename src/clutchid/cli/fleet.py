@@ -95,7 +95,7 @@ def fleet(
     out
         Folder of the results, new or that of a run to go on with.
     verb
-        fit: the load of each recording, as `clutchid fit --start`. observe: as `clutchid observe`, at its end. track:
+        fit: the load of each recording, as `clutchid estimate`. observe: as `clutchid observe`, at its end. track:
         as fit, and the wear of each vehicle.
     limit
         With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls; by

@@ -54,7 +54,7 @@ def observe(
         Recording in any format that `clutchid look` reads; `-` follows CSV or JSON lines on standard input while they
         arrive, until they end or Ctrl-C; `can:CHANNEL` follows a bus.
     start
-        Calibration (TOML), as written by `clutchid fit --save`.
+        Calibration (TOML), as written by `clutchid calibrate --save`.
     out
         States by sample to write (.csv, .parquet, .mf4 or .mat); the load by stroke is written beside it, as
         FILE.load.parquet for FILE.parquet.

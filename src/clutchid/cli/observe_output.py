@@ -81,7 +81,7 @@ def calibration_file(path: Path) -> ParameterFile:
     if not set(read_toml(path, "parameter file").get("parameters", {})) & set(content.actuator.load.names):
         raise ParameterError(
             f"{path}: has no load weights (theta_1, ...) in [parameters], and an observer starts from a load; "
-            "calibrate with pressure first: clutchid fit LOG --measure position,pressure_a --free auto --save CAL.toml."
+            "calibrate with pressure first: clutchid calibrate LOG --save CAL.toml."
         )
     return content
 

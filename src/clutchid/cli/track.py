@@ -38,7 +38,7 @@ def track(
 ) -> int:
     """Follow the wear of one clutch through its recordings: trend with bands, replaced clutches, what is left.
 
-    Every recording is read from position alone, as `clutchid fit --start` does. One that cannot be read is a row with
+    Every recording is read from position alone, as `clutchid estimate` does. One that cannot be read is a row with
     its reason.
 
     Parameters
@@ -46,7 +46,7 @@ def track(
     logs
         Recordings of one vehicle, or a folder with them.
     start
-        Calibration (TOML) of its type, as written by `clutchid fit --save`.
+        Calibration (TOML) of its type, as written by `clutchid calibrate --save`.
     out
         A row a recording, FILE.parquet; the loads are written beside it, as FILE.load.parquet.
     table

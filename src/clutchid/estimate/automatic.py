@@ -13,6 +13,7 @@ from clutchid.measured import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.preparation.carrier import centred, find_carrier
+from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.signals.runs import runs
@@ -97,10 +98,7 @@ def _check(logs: Sequence[Log], actuator: Actuator) -> None:
     problems = []
     for log in logs:
         if "pressure_a" not in log or not np.isfinite(log["pressure_a"]).any():
-            problems.append(
-                f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. From position alone, estimate the "
-                "load: --start CALIBRATION.toml --free load."
-            )
+            problems.append(f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. {FROM_POSITION_ALONE}")
         elif not AMBIENT[0] < _vented_pressure(log) < min(AMBIENT[1] + VENTED, actuator.parameters.P_S):
             problems.append(
                 f"{log.name}: the chamber never vents, its lowest pressure is {_vented_pressure(log) / 1e5:.2f} bar; a "

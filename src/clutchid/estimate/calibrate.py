@@ -26,6 +26,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
+from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.smoother.problem import FitProblem
 from clutchid.strokes.vented_rest import merged, vented_rest
 from clutchid.uncertainty.calibration import Calibration
@@ -160,8 +161,7 @@ def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest
     if request.automatic:
         if "pressure_a" not in request.measure:
             raise DataError(
-                "'auto' needs a recording with pressure, and --measure position,pressure_a. From position alone, "
-                "estimate the load: --start CALIBRATION.toml --free load."
+                f"'auto' needs a recording with pressure, and --measure position,pressure_a. {FROM_POSITION_ALONE}"
             )
         actuator, automatically, result = automatic(logs, actuator)
         free = tuple(name for item in free for name in (automatically if item == "auto" else (item,)))

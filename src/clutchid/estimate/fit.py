@@ -122,6 +122,24 @@ def fit(
         bootstrap,
         zero=zero,
     )
+    return fit_any(logs, actuator, request, verify, on_failure, progress)
+
+
+def fit_any(
+    logs: LogOrPath | Sequence[LogOrPath],
+    actuator: Actuator | None,
+    request: FitRequest,
+    verify: LogOrPath | Sequence[LogOrPath],
+    on_failure: Literal["raise", "return"],
+    progress: Progress | None,
+) -> Fit:
+    """Fit `request` to recordings, of which paths are read; the arguments are those of `fit`.
+
+    Raises
+    ------
+    DataError, ParameterError, SolveError
+        As `fit`.
+    """
     fitted, others = _several(logs), _several(verify)
     recordings = _read([*fitted, *others], actuator or Actuator())
     done = fit_request(recordings[: len(fitted)], actuator, request, recordings[len(fitted) :], progress)

@@ -6,6 +6,7 @@ from typing import Any
 
 from clutchid.errors import ParameterError
 from clutchid.estimate.model_section import MODEL_KEYS
+from clutchid.model.b_spline import DEFAULT_KNOTS
 from clutchid.model.weighted_load import BASES, MOST_KNOTS, Load
 from clutchid.names import unknown_name, unknown_names
 from clutchid.parameters import is_number
@@ -13,14 +14,21 @@ from clutchid.parameters import is_number
 _LOAD_KEYS = ("load_basis", "knots", "phi2_slope")
 
 
-def load_in(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None, list[str]]:
-    """The load of a section ``[model]`` with the weights among `values`, or None, and the problems of both."""
+def load_in(model: dict[str, Any], values: dict[str, Any], *, defaults: bool = True) -> tuple[Load | None, list[str]]:
+    """The load of a section ``[model]`` with the weights among `values`, or None, and the problems of both.
+
+    With `defaults`, a file without any weight has the load of the paper's start, on B-splines as near as they come to
+    it.
+    """
     known = (*MODEL_KEYS, *_LOAD_KEYS)
     problems = unknown_names(model, known, "entry of [model]")
     basis = model.get("load_basis", "paper")
     if basis not in BASES:
         return None, [*problems, unknown_name(str(basis), BASES, "load basis")]
-    numbers, lacking = _paper_numbers(model, values) if basis == "paper" else _spline_numbers(model, values)
+    begins = defaults and basis == "b-spline" and not any(name.startswith("theta_") for name in values)
+    if begins:
+        model = {"knots": list(DEFAULT_KNOTS), **model}
+    numbers, lacking = _paper_numbers(model, values) if basis == "paper" else _spline_numbers(model, values, begins)
     problems += lacking
     for name, value in numbers.items():
         if not isinstance(value, list) or not all(is_number(v) for v in value):
@@ -29,6 +37,8 @@ def load_in(model: dict[str, Any], values: dict[str, Any]) -> tuple[Load | None,
         return None, problems
     try:
         theta, knots = tuple(numbers["theta"]), tuple(numbers["knots"])
+        if begins:
+            return Load.on_b_splines(knots=knots), []
         return Load(theta, knots, float(numbers["phi2_slope"][0]), basis), []
     except ParameterError as error:
         return None, str(error).splitlines()
@@ -42,8 +52,8 @@ def _paper_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[
     return {"knots": knots, "phi2_slope": [slope], "theta": theta}, []
 
 
-def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Weights and knots of B-splines; all are required, because they have no defaults."""
+def _spline_numbers(model: dict[str, Any], values: dict[str, Any], begins: bool) -> tuple[dict[str, Any], list[str]]:
+    """Weights and knots of B-splines; all are required, unless a search `begins` without weights."""
     problems = []
     if "phi2_slope" in model:
         problems.append("[model] phi2_slope belongs to load_basis = 'paper'; take it out for 'b-spline'.")
@@ -56,7 +66,7 @@ def _spline_numbers(model: dict[str, Any], values: dict[str, Any]) -> tuple[dict
         return {}, problems
     names = [f"theta_{i + 1}" for i in range(len(knots) + 2)]
     missing = [name for name in names if name not in values]
-    if missing:
+    if missing and not begins:
         shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
         problems.append(
             f"[parameters] {shown}: missing; {len(knots)} knots of load_basis = 'b-spline' need the "

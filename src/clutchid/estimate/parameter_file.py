@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from importlib.metadata import version
@@ -21,6 +21,7 @@ from clutchid.estimate.load_section import load_in
 from clutchid.estimate.model_section import duty_entries, duty_period_in, model_entries, model_in
 from clutchid.estimate.older_lags import with_lags
 from clutchid.estimate.recording_sections import REST, Starts, own_values, starts_in
+from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_section import search_in, search_section
 from clutchid.estimate.search_state import Continuation
@@ -115,6 +116,21 @@ class ParameterFile:
         return isinstance(known, str) and known == log.metadata.get("sha256")
 
 
+def started(content: ParameterFile, request: FitRequest) -> FitRequest:
+    """The request with calibration and search of its start file, if it supports them.
+
+    Raises
+    ------
+    ParameterError
+        If the calibration or the search in the file cannot be understood.
+    """
+    calibration = None if request.automatic else content.calibration
+    request = replace(request, rest=calibration.rest if calibration else None)
+    if request.partition is not None or request.method == "simulation":
+        return request
+    return replace(request, calibration=calibration, continues=content.continuation)
+
+
 def parameter_file(fitted: Fit) -> ParameterFile:
     """Contents of a parameter file for a fit."""
     covariance = np.where(np.isfinite(fitted.covariance), fitted.covariance, np.inf)
@@ -194,9 +210,11 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 
 
 def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) -> ParameterFile:
-    """Read a parameter file; missing entries have their defaults, except knots and weights of B-splines.
+    """Read a parameter file; missing entries have their defaults.
 
-    A negative lag of a sensor, from an earlier version, is read as 0 with a UserWarning.
+    B-splines have all weights or none. Without any, the load is the one that a search starts from, on B-splines; an
+    actuator of another drawing needs them. A negative lag of a sensor, from an earlier version, is read as 0 with a
+    UserWarning.
 
     Parameters
     ----------
@@ -234,7 +252,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     equipment, problems = equipment_in(document)
     problems += model_problems
     section, values, gravity_problems = with_gravity(document)
-    load, load_problems = load_in(section, values)
+    load, load_problems = load_in(section, values, defaults="actuator" not in document)
     own, own_problems = _own(values, model)
     parameters, parameter_problems = _parameters(values | equipment.fixed, load, tuple(own))
     starts, start_problems = starts_in(document.get("recording", {}), (*Parameters.names(), *own))

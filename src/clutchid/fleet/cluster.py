@@ -15,7 +15,8 @@ from importlib.util import find_spec
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from clutchid.errors import MissingExtra, ParameterError, SolveError
+from clutchid.errors import ParameterError, SolveError
+from clutchid.extras import missing
 from clutchid.fleet import pool
 from clutchid.fleet.alone import Limits, Lost, alone
 from clutchid.fleet.pool import THREADS, check_workers
@@ -91,7 +92,7 @@ def cluster(place: Place) -> Iterator[Cluster]:
         import dask
         import distributed  # noqa: F401
     except ImportError as error:
-        raise MissingExtra("many workers need Dask; install it with pip install 'clutchid[fleet]'.") from error
+        raise missing("sharing the work between workers", "Dask", "fleet") from error
     with _quiet(), dask.config.set(_settings(place)), _client(place) as client:
         dashboard = client.dashboard_link if find_spec("bokeh") or place.scheduler else ""
         if place.scheduler:

@@ -129,7 +129,9 @@ def _calibrations(start: Path) -> dict[str, Path] | None:
         return None
     found = {path.stem: path for path in sorted(start.glob("*.toml"))}
     if not found:
-        raise ParameterError(f"--start {start}: has no calibrations (TYPE.toml); `clutchid fit --save` writes them.")
+        raise ParameterError(
+            f"--start {start}: has no calibrations (TYPE.toml); `clutchid calibrate --save` writes them."
+        )
     return found
 
 

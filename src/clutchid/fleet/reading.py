@@ -109,7 +109,7 @@ def checksum_of(path: Path) -> str:
 
 
 def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
-    """The load as `clutchid fit --start` reads it."""
+    """The load as `clutchid estimate` reads it."""
     request = FitRequest(calibration=content.calibration, zero=zero)
     fit = workflow.fit_recordings([log], content.actuator, request).fit
     curve = fit.load_curve

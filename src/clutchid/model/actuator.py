@@ -12,7 +12,7 @@ from clutchid.log import FloatArray
 from clutchid.model.compiled import Model, check_model, kernels, parameter_names, state_rows
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter
-from clutchid.model.weighted_load import Load
+from clutchid.model.weighted_load import Load, in_metres
 from clutchid.names import unknown_name
 from clutchid.parameters import Parameters, Row
 from clutchid.states import State
@@ -37,7 +37,8 @@ class Actuator:
     Raises
     ------
     ParameterError
-        If there is no such variant, or values of own parameters are missing or outside their range.
+        If there is no such variant, values of own parameters are missing or outside their range, or the knots of the
+        load lie far beyond the stroke.
 
     Examples
     --------
@@ -56,6 +57,10 @@ class Actuator:
         check_model(self.model)
         if self.duty_period is not None and not 0.0 <= self.duty_period < np.inf:
             raise ParameterError(f"duty_period = {self.duty_period} s: a period is at least 0 s and finite.")
+        if meant := in_metres(self.load.knots, self.parameters.y_max):
+            raise ParameterError(
+                f"knots = {self.load.knots} m: far beyond the stroke, y_max = {self.parameters.y_max:g} m.{meant}"
+            )
         object.__setattr__(self, "parameters", self.equipment.fitted(self.parameters))
         rows = self._own_rows
         values = tuple(map(float, self.own)) or tuple(float(row.default) for row in rows.values())

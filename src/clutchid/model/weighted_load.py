@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 
@@ -20,6 +21,9 @@ PAPER_KNOTS = (0.0, 2e-3, 8.5e-3, 11.5e-3)
 #: Bases of the load by name.
 BASES = ("paper", "b-spline")
 
+#: A knot beyond both, a position in m and so many strokes, cannot be meant: a knot in mm is a thousand times too far.
+FAR, FAR_STROKES = 0.5, 20.0
+
 #: Knots that a load may have: more of them make a fit slow and no better.
 MOST_KNOTS = 500
 
@@ -28,6 +32,35 @@ MOST_KNOTS = 500
 def _names(prefix: str, first: int, count: int) -> tuple[str, ...]:
     """PREFIX_1, PREFIX_2, ... from the first; made once, as a search asks for them at every step."""
     return tuple(f"{prefix}_{first + i}" for i in range(count))
+
+
+def in_metres(knots: Sequence[float], stroke: float = 0.0) -> str:
+    """What was probably meant by knots that are far beyond the stroke, because they are in mm.
+
+    Parameters
+    ----------
+    knots : m
+        Positions as they were given.
+    stroke : m
+        Stroke of the piston; 0 where it is not known.
+
+    Returns
+    -------
+    sentence : str
+        Empty where the knots can be meant.
+
+    Examples
+    --------
+    >>> in_metres((2.0, 8.5, 11.5))
+    ' Knots are in m, and these look like mm: (0.002, 0.0085, 0.0115) was probably meant.'
+    >>> in_metres(PAPER_KNOTS)
+    ''
+    """
+    far = max(FAR, FAR_STROKES * stroke)
+    if not any(far < knot < math.inf for knot in knots):
+        return ""
+    meant = ", ".join(f"{knot / 1e3:g}" for knot in knots)
+    return f" Knots are in m, and these look like mm: ({meant}) was probably meant."
 
 
 @dataclass(frozen=True)
@@ -86,8 +119,8 @@ class Load:
         enough = len(self.knots) == 4 if paper else len(self.knots) >= 2
         if not enough or not increasing or not all(math.isfinite(knot) for knot in self.knots):
             problems.append(
-                f"knots = {self.knots} m: {'four' if paper else 'two or more'} strictly increasing positions are "
-                f"needed, all of them finite; the paper has {PAPER_KNOTS}."
+                f"knots = {self.knots} m: {'four' if paper else 'two or more'} strictly increasing positions in m are "
+                f"needed, all of them finite; the paper has {PAPER_KNOTS}.{in_metres(self.knots)}"
             )
         if not math.isfinite(self.phi2_slope):
             problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")

@@ -132,7 +132,7 @@ def too_slow(log: Log, actuator: Actuator) -> str:
     return (
         f"{log.name}: a sample every {spacing(log) * 1e3:.3g} ms does not show every change of the duty cycles, and an "
         "observer cannot wait for the next sample to interpolate: the load would have errors of tens of percent. "
-        "Record at 1 kHz, or read the load off line: clutchid fit LOG --start CAL.toml --free load."
+        "Record at 1 kHz, or read the load off line: clutchid estimate LOG --start CAL.toml."
     )
 
 

@@ -32,6 +32,12 @@ STROKE_PARTS, SPEED_CLASSES = 4, (0.05, 0.15, TOP_SPEED)
 POSITION_MARGIN, SPEED_MARGIN, SPEED_WINDOW = 3e-4, 0.03, 8e-3
 
 
+#: What to do with a recording without pressure.
+FROM_POSITION_ALONE = (
+    "From position alone, estimate the load with a calibration: clutchid estimate LOG --start CAL.toml."
+)
+
+
 def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequence[str], y_max: float) -> None:
     """Refuse, before any work, recordings that lack a column; only the fitted `logs` need all of `measure`.
 
@@ -49,7 +55,11 @@ def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequen
         empty = [name for name in compared if name in log and not np.isfinite(log[name]).any()]
         sentences, alien = outside_stroke(log, y_max)
         problems += sentences if alien else []
-        problems += [f"{log.name}: no column '{name}'; it has {', '.join(log.columns)}." for name in absent]
+        problems += [
+            f"{log.name}: no column '{name}'; it has {', '.join(log.columns)}."
+            f"{f' {FROM_POSITION_ALONE}' if name == 'pressure_a' else ''}"
+            for name in absent
+        ]
         problems += [f"{log.name}: column '{name}' has no finite sample; nothing can be compared." for name in empty]
     if problems:
         raise DataError("\n".join(problems))

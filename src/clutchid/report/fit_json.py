@@ -18,6 +18,8 @@ from clutchid.report.rest import rests_json
 from clutchid.signals.residual_colour import CrossCorrelation
 from clutchid.uncertainty.calibration import Origin
 
+_UNCOMPARED = {"calibrated_load_curve": None, "load_change": None}
+
 
 def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> dict[str, Any]:
     """The JSON object of a fit, and of its recordings read one by one, docs/formats.md."""
@@ -41,13 +43,13 @@ def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> d
         "warnings": list(result.warnings),
         "method": result.method,
         "notes": notes_of(result),
-        "changes": [_change_json(change) for change in result.changes],
+        "changes": [change_json(change) for change in result.changes],
         "load_per_supply": supply_worth(result),
         "verdict": verdict_json(result),
         "trust": result.verdict.trust,
         "reasons": list(result.verdict.reasons),
-        "calibration": _origin_json(result),
-        **_comparison_json(result.comparison),
+        "calibration": origin_json(result),
+        **(_UNCOMPARED if result.comparison is None else comparison_json(result.comparison)),
         "readings": {name: _reading_json(one) for name, one in single.items()},
     }
 
@@ -62,16 +64,15 @@ def curve_json(curve: LoadCurve) -> dict[str, list[float]]:
     }
 
 
-def _origin_json(result: Fit) -> dict[str, str] | None:
+def origin_json(result: Fit) -> dict[str, str] | None:
     """The calibration that a fit started from; empty text where it is not from a file."""
     if result.baseline is None:
         return None
     return (result.baseline.origin or Origin())._asdict()
 
 
-def _comparison_json(found: Comparison | None) -> dict[str, Any]:
-    if found is None:
-        return {"calibrated_load_curve": None, "load_change": None}
+def comparison_json(found: Comparison) -> dict[str, Any]:
+    """The load of the calibration, and the difference of both loads."""
     at = found.difference
     change = {
         "position_m": found.present.position.tolist(),
@@ -90,12 +91,13 @@ def _reading_json(one: Fit) -> dict[str, Any]:
     return {
         "trust": one.verdict.trust,
         "load_curve": curve_json(one.load_curve),
-        "load_change": _comparison_json(one.comparison)["load_change"],
-        "changes": [_change_json(change) for change in one.changes],
+        "load_change": comparison_json(one.comparison)["load_change"] if one.comparison else None,
+        "changes": [change_json(change) for change in one.changes],
     }
 
 
-def _change_json(change: Change) -> dict[str, Any]:
+def change_json(change: Change) -> dict[str, Any]:
+    """A change since the calibration as a JSON object."""
     return {
         name: getattr(change, name) for name in ("recording", "name", "before", "after", "std", "unit", "probability")
     }

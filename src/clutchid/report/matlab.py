@@ -20,6 +20,7 @@ from clutchid.estimate.parameter_file import MATLAB_SUFFIXES
 from clutchid.estimate.result import Estimate, Fit
 from clutchid.io.files import atomic_write
 from clutchid.names import ParameterName
+from clutchid.report.fit_json import change_json, comparison_json, curve_json, origin_json
 from clutchid.report.parameter_page import meaning
 
 _VARIABLE = "clutchid"
@@ -34,9 +35,13 @@ _KEYWORDS = frozenset((
 ))  # fmt: skip
 
 # what a function file itself uses
-_USED = frozenset((_VARIABLE, "load_force", "struct", "interp1", "true", "false", "Inf", "NaN"))
+_USED = frozenset((_VARIABLE, "load_force", "struct", "interp1", "reshape", "cell", "true", "false", "Inf", "NaN"))
 
 _SECTIONS = {
+    "trust": "Whether the result can be trusted (good, with care, none), and why not",
+    "covariance": "Covariance of the free parameters in SI, in the order of the names",
+    "changes": "What has changed since the calibration: value before, value after with its standard error, probability",
+    "calibration": "The calibration that the fit started from, its load, and the load above less that one",
     "load": "Load on the piston over its position with a pointwise 95 % interval, and the basis that it was fitted on",
     "parameters": "Value in SI, standard error and 95 % interval (NaN: fixed, or fitted by recording), unit, meaning",
     "model": "Variant of the model",
@@ -99,7 +104,7 @@ def write_matlab(fit: Fit, path: str | PathLike[str]) -> None:
         else:
             from scipy.io import savemat
 
-            variables = {_VARIABLE: {**content, "recordings": _struct_array(content["recordings"])}}
+            variables = {_VARIABLE: _variable(content)}
             savemat(temporary, variables, appendmat=False, long_field_names=True, oned_as="column")
 
 
@@ -122,21 +127,38 @@ def _content(fit: Fit) -> dict[str, Any]:
         "message": fit.message,
         "method": fit.method,
         "load": {
-            "position_m": curve.position,
-            "force_N": curve.force,
-            "low_N": curve.low,
-            "high_N": curve.high,
+            **_arrays(curve_json(curve)),
             "basis": load.basis,
             "knots_m": np.array(load.knots),
             "weights": np.array(load.theta),
             "weights_unit": load.unit,
             **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
         },
+        "trust": fit.verdict.trust,
+        "reasons": fit.verdict.reasons,
         "parameters": {name: _parameter(fit, name, actuator.value(name), fit.parameters.get(name)) for name in names},
+        "covariance": {"names": tuple(fit.parameters), "matrix": fit.covariance},
+        "changes": [change_json(change) for change in fit.changes],
+        **_comparison(fit),
         "model": model_entries(actuator.model),
         "actuator": asdict(actuator.equipment),
         "recordings": [_recording(fit, stem) for stem in fit.recordings],
     }
+
+
+def _comparison(fit: Fit) -> dict[str, Any]:
+    """The calibration that the fit started from, and its load, where there is one; as in the JSON object."""
+    if fit.baseline is None:
+        return {}
+    compared = {} if fit.comparison is None else comparison_json(fit.comparison)
+    return {"calibration": origin_json(fit), **{key: _arrays(value) for key, value in compared.items()}}
+
+
+def _arrays(value: Any) -> Any:
+    """`value` with arrays for lists of numbers, which elsewhere are struct arrays."""
+    if isinstance(value, dict):
+        return {key: _arrays(entry) for key, entry in value.items()}
+    return np.array(value) if isinstance(value, list) else value
 
 
 def _in_ascii(value: Any) -> Any:
@@ -149,8 +171,8 @@ def _in_ascii(value: Any) -> Any:
     """
     if isinstance(value, dict):
         return {key: _in_ascii(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_in_ascii(entry) for entry in value]
+    if isinstance(value, (list, tuple)):
+        return type(value)(_in_ascii(entry) for entry in value)
     if not isinstance(value, str):
         return value
     text = _SUPERSCRIPT.sub(r"^\g<0>", value).replace("·", "*").replace("µ", "u")
@@ -188,9 +210,22 @@ def _recording(fit: Fit, stem: str) -> dict[str, Any]:
     }
 
 
+def _variable(value: Any) -> Any:
+    """`value` as SciPy writes it: a list of dictionaries is a struct array, a tuple of texts a cell array."""
+    if isinstance(value, dict):
+        return {key: _variable(entry) for key, entry in value.items()}
+    if isinstance(value, tuple):
+        cells = np.empty((len(value), 1), dtype=object)
+        cells[:, 0] = value
+        return cells
+    return _struct_array(value) if isinstance(value, list) else value
+
+
 def _struct_array(entries: list[dict[str, Any]]) -> np.ndarray[Any, np.dtype[Any]]:
-    """Dictionaries with the same keys as SciPy writes a struct array, shape (1, n)."""
-    result = np.empty((1, len(entries)), dtype=[(key, object) for key in (entries[0] if entries else ())])
+    """Dictionaries with the same keys as SciPy writes a struct array, shape (1, n); no entries have no fields."""
+    if not entries:
+        return np.empty((0, 0))
+    result = np.empty((1, len(entries)), dtype=[(key, object) for key in entries[0]])
     for i, entry in enumerate(entries):
         result[0, i] = tuple(entry.values())
     return result
@@ -223,14 +258,18 @@ def _function(content: Mapping[str, Any], name: str) -> str:
 def _statements(target: str, value: Any) -> Iterator[str]:
     """Assignments of `value` to `target`."""
     if isinstance(value, list):
+        yield from () if value else (f"{target} = [];",)
         for i, entry in enumerate(value, 1):
             yield from _statements(f"{target}({i})", entry)
-    elif isinstance(value, dict) and any(isinstance(entry, (dict, np.ndarray)) for entry in value.values()):
+    elif isinstance(value, dict) and any(isinstance(entry, (dict, tuple, np.ndarray)) for entry in value.values()):
         for key, entry in value.items():
             yield from _statements(f"{target}.{key}", entry)
     elif isinstance(value, np.ndarray):
-        numbers = "; ".join(_literal(number) for number in value.tolist())
-        yield fill(f"{target} = [{numbers}];", 118, subsequent_indent="    ", break_on_hyphens=False)
+        numbers = "; ".join(_literal(number) for number in value.ravel(order="F").tolist())
+        shaped = f"[{numbers}]" if value.ndim == 1 else f"reshape([{numbers}], [{'; '.join(map(str, value.shape))}])"
+        yield fill(f"{target} = {shaped};", 118, subsequent_indent="    ", break_on_hyphens=False)
+    elif isinstance(value, tuple):
+        yield f"{target} = {{{'; '.join(map(_literal, value))}}};" if value else f"{target} = cell(0, 1);"
     else:
         yield f"{target} = {_literal(value)};"
 

@@ -17,8 +17,9 @@ from clutchid.report.summary import of_the_paper
 class Command:
     """The command of a fit: its arguments behind ``clutchid``, the recordings, and the files of its options.
 
-    `reading` are the arguments that say how any recording is read, `forced` that these recordings are fitted although
-    a check of them is bad.
+    `save` is the parameter file, `others` are further files that are saved, such as those for MATLAB. `reading` are the
+    arguments that say how any recording is read, `forced` that these recordings are fitted although a check of them is
+    bad.
     """
 
     arguments: tuple[str, ...]
@@ -28,6 +29,7 @@ class Command:
     report: Path | None = None
     reading: tuple[str, ...] = ()
     forced: bool = False
+    others: tuple[Path, ...] = ()
 
     def with_options(self, *options: str, without: Sequence[str] = ()) -> str:
         """The command with `options` added, and `without` options that have one value."""
@@ -54,7 +56,8 @@ class Command:
     def new_file(self, name: str) -> str:
         """`name`, with a number if the command reads or writes a file of that name."""
         path = Path(name)
-        taken = {one.absolute() for one in (*self.logs, self.start, self.save, self.report) if one is not None}
+        files = (*self.logs, self.start, self.save, *self.others, self.report)
+        taken = {one.absolute() for one in files if one is not None}
         numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
         return _argument(next(one for one in chain([path], numbered) if one.absolute() not in taken))
 
@@ -70,7 +73,7 @@ def next_step(fit: Fit, command: Command) -> tuple[str, str]:
         The one that made it.
     """
     saved = command.save if command.save and command.save.suffix.lower() in ("", ".toml") else None
-    if fit.search is not None and not fit.converged:
+    if not fit.converged:
         return _continue(command, saved)
     if fit.baseline is not None:
         return _after_reading(command, saved)
@@ -79,15 +82,14 @@ def next_step(fit: Fit, command: Command) -> tuple[str, str]:
     measured = any("pressure_a" in recording.measured for recording in fit.recordings.values())
     logs = [*command.names, *command.again] if measured else ["CAL.csv", *command.reading]
     own = command.start is not None and not (of_the_paper(fit) and fit.actuator.equipment == Actuator().equipment)
-    words = ["clutchid", "fit", *logs, *(("--start", _argument(command.start)) if own and command.start else ())]
+    words = ["clutchid", "calibrate", *logs, *(("--start", _argument(command.start)) if own and command.start else ())]
     why = "calibrate, because this recording has pressure" if measured else "record once with pressure, and calibrate"
-    words += ["--measure", "position,pressure_a", "--free", "auto", "--save", command.new_file("CAL.toml")]
-    return why, shlex.join(words)
+    return why, shlex.join([*words, "--save", command.new_file("CAL.toml")])
 
 
 def _continue(command: Command, saved: Path | None) -> tuple[str, str]:
     if saved is None:
-        kept = command.with_options("--save", command.new_file("FIT.toml"), without=("--save",))
+        kept = command.with_options("--save", command.new_file("FIT.toml"))
         return "save the result, to continue the search from it", kept
     further = saved.with_name(f"{saved.stem}-continued{saved.suffix}")
     options = ("--start", _argument(saved), "--save", _argument(further))
@@ -98,8 +100,8 @@ def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> tuple[
     if fit.verdict.trust == "none":
         return "correct what the reasons say, and calibrate again", command.with_options()
     if saved is None:
-        return "keep the calibration", command.with_options("--save", command.new_file("CAL.toml"), without=("--save",))
-    words = ["clutchid", "fit", "WORN.csv", *command.reading, "--start", _argument(saved), "--free", "load"]
+        return "keep the calibration", command.with_options("--save", command.new_file("CAL.toml"))
+    words = ["clutchid", "estimate", "WORN.csv", *command.reading, "--start", _argument(saved)]
     return "read a worn clutch, from position alone", shlex.join(words)
 
 
@@ -108,8 +110,7 @@ def _after_reading(command: Command, saved: Path | None) -> tuple[str, str]:
     if command.report is None:
         return "see both loads on a page", command.with_options("--report", command.new_file(f"{log.stem}.html"))
     if saved is None:
-        options = ("--save", command.new_file(f"{log.stem}.toml"))
-        return "keep the result", command.with_options(*options, without=("--save",))
+        return "keep the result", command.with_options("--save", command.new_file(f"{log.stem}.toml"))
     words = ["clutchid", "simulate", command.names[0], *command.again, "--parameters", _argument(saved)]
     return "the pressure over time", shlex.join([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
 

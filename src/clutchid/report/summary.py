@@ -135,7 +135,7 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
     if fit.baseline is None:
         if fit.calibration is not None:
             return []
-        assumed = "what is not fitted is that of the truck in the paper: no --start" if of_the_paper(fit) else ""
+        assumed = "what is not fitted is that of the truck in the paper: no calibration" if of_the_paper(fit) else ""
         return [Row("assumed", assumed)] if assumed else []
     parts = []
     if compared and isfinite(compared.shift.position):

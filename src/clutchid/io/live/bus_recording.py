@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.errors import DataError
+from clutchid.io.files import plain_file
 from clutchid.io.formats.can import warnings as can_warnings
 from clutchid.io.formats.can.dbc import Message, read_dbc
 from clutchid.io.formats.can.frames import Frames, Rows
@@ -72,14 +73,14 @@ def bus_blocks(
     Raises
     ------
     DataError
-        If there is no DBC, a DBC cannot be read, the signals do not come, there is no sample, or the time goes back for
-        good.
+        If there is no DBC, a DBC is missing or cannot be read, the signals do not come, there is no sample, or the time
+        goes back for good.
     MissingExtra
         If cantools is not installed.
     """
     if not dbc:
         raise DataError(f"{name}: a bus has raw frames; give the DBC of it with --dbc FILE.")
-    messages = tuple(message for file in dbc for message in read_dbc(file))
+    messages = tuple(message for file in dbc for message in read_dbc(plain_file(file, "DBC file")))
     first, found = _learnt(frames, name, messages, channels, required)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
     pieces = (_piece(each, found, ambient) for each in chain(first, frames))

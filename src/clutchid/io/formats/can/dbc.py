@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clutchid.errors import DataError, MissingExtra
+from clutchid.errors import DataError
+from clutchid.extras import missing
 from clutchid.io.columns import shortened
 from clutchid.io.formats.can.frames import quiet
 from clutchid.io.formats.can.j1939 import first_code
@@ -92,7 +93,7 @@ def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
     try:
         from cantools.database import load_string
     except ImportError as error:
-        raise MissingExtra("reading a DBC needs cantools; install it with pip install 'clutchid[can]'.") from error
+        raise missing("reading a DBC", "cantools", "can") from error
     kind = _kind(text)
     if problem := _selectors(text) if kind == "DBC" else _entities(text):
         raise DataError(f"{source}: {problem}")

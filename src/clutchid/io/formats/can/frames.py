@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.errors import MissingExtra
+from clutchid.extras import missing
 from clutchid.log import FloatArray
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def check_python_can(what: str) -> None:
     try:
         import can  # noqa: F401
     except ImportError as error:
-        raise MissingExtra(f"reading {what} needs python-can; install it with pip install 'clutchid[can]'.") from error
+        raise missing(f"reading {what}", "python-can", "can") from error
 
 
 def in_blocks(messages: Iterable[can.Message], left_out: Counter[str], size: int = FRAMES) -> Iterator[Frames]:

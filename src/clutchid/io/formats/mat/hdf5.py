@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clutchid.errors import MissingExtra
+from clutchid.extras import missing
 from clutchid.io.formats.mat.arrays import samples
 from clutchid.io.formats.mat.tree import (
     BEST_RATIO,
@@ -123,8 +123,7 @@ def _h5py() -> ModuleType:
     try:
         return import_module("h5py")
     except ImportError as error:
-        text = "reading MATLAB 7.3 files needs h5py; install it with pip install 'clutchid[mat]', or save with '-v7'."
-        raise MissingExtra(text) from error
+        raise missing("reading MATLAB 7.3 files (those saved with '-v7' do without)", "h5py", "mat") from error
 
 
 def _member(walk: _Walk, group: h5py.Group, name: str) -> Node:

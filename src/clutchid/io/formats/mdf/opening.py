@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from clutchid.errors import MissingExtra
+from clutchid.extras import missing
 from clutchid.io.columns import shortened
 from clutchid.io.formats.mdf.numbers import convertible
 
@@ -86,7 +86,7 @@ def asammdf() -> Any:
     try:
         import asammdf as library
     except ImportError as error:
-        raise MissingExtra("reading MDF needs asammdf; install it with pip install 'clutchid[mdf]'") from error
+        raise missing("reading MDF", "asammdf", "mdf") from error
     return library
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from clutchid.extras import install_command
 from clutchid.io.columns import Heading, headings, shortened
 from clutchid.io.formats.parquet.pages import EncryptedParquet, damage
 from clutchid.io.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
@@ -118,7 +119,7 @@ def _opened(path: Path) -> _Opened:
     try:
         other = _with(path, with_arrow)
     except ImportError:
-        reason += "; PyArrow may read it: pip install 'clutchid[parquet]'"
+        reason += f"; PyArrow may read it: {install_command('parquet')}"
     except UnreadParquet:
         pass
     else:

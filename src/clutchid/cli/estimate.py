@@ -1,0 +1,46 @@
+"""``clutchid estimate``: the load of a worn clutch from position alone, with a calibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from clutchid.cli.common import guarded
+from clutchid.cli.fit import DEFAULTS, FitOptions, fitted
+from clutchid.errors import ParameterError
+
+
+def estimate(
+    *logs: Path,
+    start: Path | None = None,
+    measure: str = "position",
+    free: str = "load",
+    options: FitOptions = DEFAULTS,
+) -> int:
+    """Estimate the load of a clutch from position alone, and what has changed since its calibration.
+
+    The calibration is made once with pressure: `clutchid calibrate CAL.csv --save CAL.toml`. It is `clutchid fit
+    --start CAL.toml --free load`.
+
+    Parameters
+    ----------
+    logs
+        Recordings with position and duty cycles, in any format with a --map. Put them before --verify, --bounds and
+        --dbc, which take all arguments that follow.
+    start
+        Calibration (TOML) of this truck, as written by `clutchid calibrate --save`; it is needed.
+    measure
+        Measured columns to compare.
+    free
+        Free parameters, comma-separated; `load` means all load weights.
+    """
+    if start is None:
+        return guarded(_without_start, as_json=options.json, debug=options.debug)
+    return fitted("estimate", logs, measure, free, start, options)
+
+
+def _without_start() -> int:
+    raise ParameterError(
+        "no --start: a load is estimated from position alone with a calibration, clutchid estimate WORN.csv --start "
+        "CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save CAL.toml. "
+        "Without one, clutchid fit WORN.csv assumes the truck of the paper."
+    )
