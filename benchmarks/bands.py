@@ -30,6 +30,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.smoother.problem import FitProblem
 from clutchid.truck import GRID
 from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.interval import QUANTILE
 
 #: Columns that the recordings lack.
 CONDITIONS = ("temperature_ambient", "pressure_supply")
@@ -50,8 +51,8 @@ CASES = (
     "5 K warmer", LATE,
 )  # fmt: skip
 
-#: Quantile of the 95 % bands, error in % that counts as bad, and least density, so that one truck does not decide.
-QUANTILE, BAD, FLOOR = 1.96, 2.0, 1e-2
+#: Error in % that counts as bad, and least density, so that one truck does not decide.
+BAD, FLOOR = 2.0, 1e-2
 
 
 class Reading(NamedTuple):

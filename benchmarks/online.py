@@ -32,6 +32,7 @@ from clutchid.observe.observer import observer, start
 from clutchid.observe.strokes import NO_STROKES, count_strokes
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
+from clutchid.uncertainty.interval import QUANTILE
 
 #: Wear of the facing in m.
 WEAR = 1.5e-3
@@ -42,8 +43,6 @@ AFTER, SETTLED = (2, 10, 50), 5
 #: What a calibration with the paper's model and load frees.
 PAPER = ("load", "C_vs", "C_ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "C_r", "y_max")
 
-#: Quantile of the 95 % bands.
-QUANTILE = 1.96
 
 TITLES = (
     "2 strokes [%]", "10 strokes [%]", "50 strokes [%]", "end [%]", "worse [%]", "p_A [kPa]", "covered [%]",

@@ -28,8 +28,9 @@ from clutchid.report.style import Line
 from clutchid.study.paper.pressure import measured_motion
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import drive, truck
+from clutchid.uncertainty.interval import QUANTILE
 
-SECONDS, QUANTILE = 30.0, 1.96
+SECONDS = 30.0
 
 #: Slower than this in m/s the piston is held, beyond this position in m.
 HELD, OFF_REST = 5e-3, 5e-4

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis
+from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach
 from clutchid.assess.reading import reading_reasons
 from clutchid.assess.reason import Reason
@@ -17,9 +18,6 @@ from clutchid.uncertainty.identifiability import collinear, listed
 from clutchid.uncertainty.information import spectrum
 
 Trust = Literal["good", "with care", "none"]
-
-#: Positions in m at which the clutch engages, where the load matters most, Section 3.1.
-ENGAGING = (5e-3, 8e-3)
 
 #: Fits in %: below the first a tenth of the motion is not reproduced, below the second half of it.
 GOOD_FIT, POOR_FIT = 90.0, 50.0

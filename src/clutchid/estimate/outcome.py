@@ -15,9 +15,7 @@ from clutchid.names import base_of
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
 from clutchid.uncertainty.calibration import Calibration
-
-#: Standard deviations of a 95 % interval.
-QUANTILE = 1.96
+from clutchid.uncertainty.interval import QUANTILE
 
 #: Points of a load curve, from 0 to the full stroke.
 POINTS = 101

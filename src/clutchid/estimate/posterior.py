@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimate.outcome import QUANTILE, Compared, load_curve, plan_warnings
+from clutchid.estimate.outcome import Compared, load_curve, plan_warnings
 from clutchid.estimate.result import Estimate, Fit, errors_over
 from clutchid.estimate.search_result import SearchResult, SolutionT
 from clutchid.estimate.search_state import SearchState, ended
@@ -18,6 +18,7 @@ from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.consider import DEVIATION_FACTOR
 from clutchid.uncertainty.coordinates import Prior
 from clutchid.uncertainty.identifiability import listed
+from clutchid.uncertainty.interval import QUANTILE
 
 #: A parameter is not identifiable if its standard deviation exceeds this fraction of that of its prior.
 PRIOR_DOMINATES = 0.9

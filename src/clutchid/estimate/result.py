@@ -33,13 +33,30 @@ _NAMED, _SHOWN = 3, 6
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it."""
+    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it.
+
+    Examples
+    --------
+    As text it has the 95 % interval, not the standard error:
+
+    >>> print(Estimate(8.9e5, "Pa", 1e3, 8.8804e5, 8.9196e5))
+    8.9e+05 ± 2e+03 Pa
+    """
 
     value: float
     unit: str
     std: float
     low: float
     high: float
+
+    @property
+    def half(self) -> float:
+        """Half width of the 95 % interval; the wider side of one that ends at a bound."""
+        return max(self.high - self.value, self.value - self.low)
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.value:.4g} ± {self.half:.2g}{unit}" if np.isfinite(self.half) else "not determined"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +145,7 @@ class Fit:
         more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
         lines = [f"Fit of {', '.join(names[:_NAMED])}{more}: {self.status}, {self.message}"]
         for name, e in [*self.parameters.items()][:_SHOWN]:
-            lines.append(f"  {name} = {e.value:.4g} ± {e.std:.2g} {'' if e.unit == '1' else e.unit}".rstrip())
+            lines.append(f"  {name} = {e}")
         if len(self.parameters) > _SHOWN:
             lines.append(f"  and {len(self.parameters) - _SHOWN} more in .to_frame()")
         counts = {"warning": len(self.warnings), "change": len(self.changes)}

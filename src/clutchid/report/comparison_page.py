@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.assess.comparison import Comparison
 from clutchid.assess.half_load import HalfLoad
-from clutchid.assess.verdict import ENGAGING
+from clutchid.assess.engaging import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import LoadCurve
 from clutchid.log import FloatArray

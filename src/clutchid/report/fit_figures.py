@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import half_load_band
-from clutchid.assess.verdict import ENGAGING
+from clutchid.assess.engaging import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Recording
 from clutchid.log import FloatArray, Log

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from clutchid.assess.evidence import Evidence, as_recorded, reach
 from clutchid.assess.half_load import half_load_band
-from clutchid.assess.verdict import ENGAGING
+from clutchid.assess.engaging import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Errors, Recording
 from clutchid.report.comparison_page import comparison_sections

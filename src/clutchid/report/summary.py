@@ -14,7 +14,6 @@ from clutchid.assess.comparison import Comparison
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.estimate import Fit
-from clutchid.estimate.result import Estimate
 from clutchid.report.changes import short_changes
 from clutchid.report.fit_text import errors_text, errors_words
 from clutchid.report.style import MM
@@ -202,12 +201,7 @@ def _others(fit: Fit) -> list[Row]:
         return []
     if len(own) > MOST_OTHERS:
         return [Row("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report")]
-    return [Row("also", ", ".join(f"{name} = {_estimate(e)}" for name, e in own.items()))]
-
-
-def _estimate(e: Estimate) -> str:
-    unit = "" if e.unit == "1" else f" {e.unit}"
-    return f"{e.value:.4g} ± {(e.high - e.low) / 2:.2g}{unit}" if isfinite(e.high - e.low) else "not determined"
+    return [Row("also", ", ".join(f"{name} = {e}" for name, e in own.items()))]
 
 
 def _errors(fit: Fit) -> str:

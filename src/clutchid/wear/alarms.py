@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import NamedTuple
 
+from clutchid.uncertainty.interval import QUANTILE
 from clutchid.wear.history import Dated
 from clutchid.wear.measurement import Leak, Reading
 from clutchid.wear.settings import AGED, AS_NEW, DEPARTED, LEAKING, LEAKS
-from clutchid.wear.trend import QUANTILE, Band, Step
+from clutchid.wear.trend import Band, Step
 
 
 class Alarm(NamedTuple):

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.uncertainty.interval import QUANTILE
 from clutchid.wear.alarms import Alarm, alarms
 from clutchid.wear.forecast import Remaining, remaining
 from clutchid.wear.history import Axis, Dated, History
 from clutchid.wear.measurement import Reading
 from clutchid.wear.settings import LIFE
-from clutchid.wear.trend import QUANTILE, Band, Function, TrendModel, WearTable, follow, smoothed, trend_model
+from clutchid.wear.trend import Band, Function, TrendModel, WearTable, follow, smoothed, trend_model
 
 
 class Curve(NamedTuple):

@@ -6,12 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.assess.verdict import ENGAGING
+from clutchid.assess.engaging import ENGAGING
 from clutchid.estimate.result import Fit
 from clutchid.log import Log
+from clutchid.uncertainty.interval import QUANTILE
 
 #: Width of a 95 % interval in standard deviations.
-WIDTH = 2 * 1.959964
+WIDTH = 2 * QUANTILE
 
 
 class Measurement(NamedTuple):

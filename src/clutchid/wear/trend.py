@@ -14,25 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from clutchid.assess.engaging import SHARES, WORTH
 from clutchid.log import FloatArray
 from clutchid.wear.measurement import Measurement
-from clutchid.wear.settings import (
-    FALSE_ALARMS,
-    GROWTH,
-    REFERENCE,
-    SCATTER,
-    SHARES,
-    WORTH,
-)
+from clutchid.wear.settings import FALSE_ALARMS, GROWTH, REFERENCE, SCATTER
 
 Function = Callable[[FloatArray], FloatArray]
 
 #: The channels of a measurement, with the state that their constant error takes first.
 CHANNELS = ("shift", "load")
-
-
-#: 95 % quantile of the normal distribution.
-QUANTILE = 1.959964
 
 
 class Band(NamedTuple):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.estimate.outcome import QUANTILE, Compared, compare, position_and_pressure
+from clutchid.estimate.outcome import Compared, compare, position_and_pressure
 from clutchid.estimate.posterior import posterior
 from clutchid.estimate.prediction_error.innovations import innovations
 from clutchid.estimate.prediction_error.problem import FilterSolution, predict_errors
@@ -19,6 +19,7 @@ from clutchid.numerics.least_squares import triangular
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.consider import DEVIATION_FACTOR, consider_parameters
+from clutchid.uncertainty.interval import QUANTILE
 
 
 @dataclass(frozen=True, slots=True, eq=False)

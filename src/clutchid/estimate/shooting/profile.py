@@ -13,11 +13,11 @@ from functools import partial
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.outcome import QUANTILE
 from clutchid.estimate.shooting.uncertainty import ParameterUncertainty
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem, condense
 from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution, project
+from clutchid.uncertainty.interval import QUANTILE
 
 #: Most evaluations per side, relative tolerance of the root to `QUANTILE`, and greatest distance of an end in half
 #: widths of the interval from the covariance.

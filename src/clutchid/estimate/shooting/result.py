@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.estimate.outcome import QUANTILE, Compared, compare, position_and_pressure
+from clutchid.estimate.outcome import Compared, compare, position_and_pressure
 from clutchid.estimate.posterior import posterior
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_result import SearchResult
@@ -15,6 +15,7 @@ from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.projection import ShootingSolution
 from clutchid.smoother.trajectory import sensor_outputs, trajectory
 from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.interval import QUANTILE
 
 
 def result(search_result: SearchResult[ShootingSolution], calibration: Calibration | None) -> Fit | Failure:
