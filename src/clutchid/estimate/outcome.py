@@ -109,6 +109,14 @@ def calibrated_curve(actuator: Actuator, calibration: Calibration) -> LoadCurve 
     return load_curve(calibrated, load.names, calibration.theta_covariance, QUANTILE)
 
 
+def physical_limits(actuator: Actuator, name: str) -> tuple[float, ...]:
+    """The ends of a parameter's physical range in SI; none of a load weight."""
+    if name in actuator.load.names:
+        return ()
+    row = actuator.row(name)
+    return row.low, row.high
+
+
 def failed_fit(
     actuator: Actuator,
     bounds: Mapping[str, tuple[float, float]],

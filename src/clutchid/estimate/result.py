@@ -115,7 +115,8 @@ class Fit:
     parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
     `converged` says that the search ended within its limits, `search` how, with what a later search needs to continue
     it. `baseline` is the calibration that the fit started from, `changes` are what has changed, or may have, since,
-    and `departure` says how far a load from position alone departs from it.
+    and `departure` says how far a load from position alone departs from it. `readings` are several recordings read one
+    by one from the calibration, by name.
     """
 
     status: Status
@@ -139,6 +140,7 @@ class Fit:
     baseline: Calibration | None = None
     search: SearchState | None = None
     departure: Departure | None = None
+    readings: Mapping[str, Fit] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         names = [repr(name) for name in self.recordings]
@@ -151,6 +153,12 @@ class Fit:
         counts = {"warning": len(self.warnings), "change": len(self.changes)}
         lines += [f"  {n} {what}{'s' if n > 1 else ''} in .{what}s" for what, n in counts.items() if n]
         return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """What `repr` has, with the verdict behind its first line."""
+        first, *rest = repr(self).splitlines()
+        trust = [f"  trust: {self.verdict.trust}", *(f"    {reason}" for reason in self.verdict.reasons)]
+        return "\n".join([first, *trust, *rest])
 
     def _repr_html_(self) -> str:
         from clutchid.report.notebook import fit_html

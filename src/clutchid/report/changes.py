@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
+from clutchid.assess.states import states_of_wear
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Fit
+from clutchid.uncertainty.identifiability import listed
 
 #: Most groups of changes that a summary shows with their values, and most parameters of a group.
 MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
@@ -16,13 +18,22 @@ LIKELY = 0.5
 
 
 def notes_of(fit: Fit) -> list[str]:
-    """Notes on a result: changes since the calibration, then what the data determine."""
-    return [*change_sentences(fit.changes), *fit.notes]
+    """Notes on a result: those of the verdict, changes since the calibration, and what the data determine."""
+    return [*fit.verdict.notes, *change_sentences(fit), *fit.notes]
 
 
-def change_sentences(changes: Sequence[Change]) -> list[str]:
-    """A sentence for each group of parameters that has changed, or may have changed, in each recording."""
-    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(changes)]
+def change_sentences(fit: Fit) -> list[str]:
+    """A sentence for each group of parameters that has changed, or may have changed, in each recording.
+
+    One load for several states of wear leaves a difference that changes only seem to explain.
+    """
+    if fit.changes and states_of_wear(fit) is not None:
+        groups = listed(list(dict.fromkeys(change.group for change in fit.changes)))
+        return [
+            f"with one load for several states of wear the difference between them was explained by {groups}: that is "
+            "no change; those of the readings one by one are."
+        ]
+    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(fit.changes)]
 
 
 def short_changes(changes: Sequence[Change]) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import islice
 from math import isfinite
-from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from clutchid.assess.comparison import Comparison
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
+from clutchid.assess.states import states_of_wear
 from clutchid.estimate import Fit
 from clutchid.report.changes import short_changes
 from clutchid.report.fit_text import errors_text, errors_words
@@ -38,14 +38,14 @@ class Row(NamedTuple):
     fixed: bool = False
 
 
-def summary(fit: Fit, single: Mapping[str, Fit] = MappingProxyType({}), *, in_full: bool = False) -> list[Row]:
+def summary(fit: Fit, *, in_full: bool = False) -> list[Row]:
     """The rows of a summary of `fit`, and of its recordings read one by one.
 
     `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
     """
     compared = fit.comparison
     rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
-    rows += [Row("alone" if i == 0 else "", line) for i, line in enumerate(_readings(single))]
+    rows += [Row("alone" if i == 0 else "", line) for i, line in enumerate(_readings(fit.readings))]
     return rows if in_full else [*rows, *_others(fit), Row("errors", _errors(fit))]
 
 
@@ -134,6 +134,8 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
             return []
         assumed = "what is not fitted is that of the truck in the paper: no --start" if of_the_paper(fit) else ""
         return [Row("assumed", assumed)] if assumed else []
+    if states_of_wear(fit) is not None:
+        return [Row("since", f"{baseline_name(fit.baseline)}: see the recordings alone")]
     parts = []
     if compared and isfinite(compared.shift.position):
         at = compared.shift
