@@ -27,6 +27,7 @@ from clutchid.estimate.mixture import BAND, Band, Mixture, mixture
 from clutchid.estimate.shooting.fit import SHOOTING
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.numerics.interval import QUANTILE
 from clutchid.smoother.problem import FitProblem
 from clutchid.truck import GRID
 from clutchid.uncertainty.calibration import Calibration
@@ -50,8 +51,8 @@ CASES = (
     "5 K warmer", LATE,
 )  # fmt: skip
 
-#: Quantile of the 95 % bands, error in % that counts as bad, and least density, so that one truck does not decide.
-QUANTILE, BAD, FLOOR = 1.96, 2.0, 1e-2
+#: Error in % that counts as bad, and least density, so that one truck does not decide.
+BAD, FLOOR = 2.0, 1e-2
 
 
 class Reading(NamedTuple):

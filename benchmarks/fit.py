@@ -108,7 +108,7 @@ def main() -> None:
         f"ratio {statistics.median(ratios):.0f} (from {ratios[0]:.0f} to {ratios[-1]:.0f} over {chosen.rounds} rounds)"
     )
     print(f"the peer's simulation was timed on {chosen.part:g} s of {chosen.seconds:g} s; its search needs {count}")
-    estimates = ", ".join(f"{n} {e.value:.0f} ± {e.std:.0f}" for n, e in result.parameters.items())
+    estimates = ", ".join(f"{n} {e}" for n, e in result.parameters.items())
     print(f"clutchid: {result.evaluations} evaluations, {estimates}; true {THETA} in N/m")
 
 

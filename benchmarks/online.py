@@ -26,6 +26,7 @@ import clutchid
 from clutchid import fit
 from clutchid.estimate.parameter_file import ParameterFile
 from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.numerics.interval import QUANTILE
 from clutchid.observe.following import observe
 from clutchid.observe.methods import METHODS
 from clutchid.observe.observer import observer, start
@@ -42,8 +43,6 @@ AFTER, SETTLED = (2, 10, 50), 5
 #: What a calibration with the paper's model and load frees.
 PAPER = ("load", "C_vs", "C_ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "C_r", "y_max")
 
-#: Quantile of the 95 % bands.
-QUANTILE = 1.96
 
 TITLES = (
     "2 strokes [%]", "10 strokes [%]", "50 strokes [%]", "end [%]", "worse [%]", "p_A [kPa]", "covered [%]",

@@ -19,6 +19,7 @@ import numpy as np
 from clutchid import fit
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
+from clutchid.numerics.interval import QUANTILE
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
@@ -33,9 +34,6 @@ FREE = ("load", *DRAWN, "tau_y", "tau_p", "c_F", "h_A")
 
 #: Noise of the sensors in m and Pa, and their lags in s.
 POSITION, PRESSURE, LAGS = 3e-5, 2e3, (1e-3, 1.5e-3)
-
-#: Quantile of the 95 % bands.
-QUANTILE = 1.96
 
 
 class Covered(NamedTuple):
@@ -121,7 +119,8 @@ def main() -> None:
     standardised = np.array([[reading.standardised for reading in truck] for truck in trucks])
     spread = shares.mean(axis=1).std(ddof=1) / np.sqrt(len(trucks)) if len(trucks) > 1 else np.nan
     print(
-        f"{shares.size} recordings of {len(trucks)} trucks: covered {100 * shares.mean():.1f} ± {100 * spread:.1f} %, "
+        f"{shares.size} recordings of {len(trucks)} trucks: covered {100 * shares.mean():.1f} % "
+        f"(standard error {100 * spread:.1f} %), "
         f"error {np.median(errors):.2f} / {errors.max():.2f} % of the peak, "
         f"{np.sqrt(np.mean(standardised**2)):.2f} standard deviations rms"
     )

@@ -22,6 +22,7 @@ from online import WEAR, calibrated
 from clutchid import Actuator
 from clutchid.log import FloatArray, Log
 from clutchid.model.compiled import kernels
+from clutchid.numerics.interval import QUANTILE
 from clutchid.observe import ObservedRecording, observe, observe_recording, observer, start
 from clutchid.report.figures import draw, fill, label, legend, new_figure
 from clutchid.report.style import Line
@@ -29,7 +30,7 @@ from clutchid.study.paper.pressure import measured_motion
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import drive, truck
 
-SECONDS, QUANTILE = 30.0, 1.96
+SECONDS = 30.0
 
 #: Slower than this in m/s the piston is held, beyond this position in m.
 HELD, OFF_REST = 5e-3, 5e-4

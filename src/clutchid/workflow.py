@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,10 +34,9 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """A fit, and the readings of its recordings one by one, if there are several that started from a calibration."""
+    """What a command has fitted."""
 
     fit: Fit
-    single: Mapping[str, Fit] = field(default_factory=dict)
 
 
 def read_recordings(
@@ -152,9 +150,7 @@ def fit_recordings(
 ) -> Outcome:
     """Inspect recordings, and fit them as requested.
 
-    With `force` a recording that a check finds bad is fitted as well. Several recordings whose load is read from a
-    calibration are also read one by one, because a load that they share is meant for one state of wear; one that cannot
-    be read alone is left out.
+    With `force` a recording that a check finds bad is fitted as well.
 
     Raises
     ------
@@ -164,14 +160,7 @@ def fit_recordings(
     from clutchid.estimate.fit import fit_request
 
     checked = inspected([*logs, *verify], actuator, force=force, rest=request.counted_from, zero=request.zero)
-    fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
-    if len(logs) < 2 or fit.comparison is None:
-        return Outcome(fit)
-    single = {}
-    for log in checked[: len(logs)]:
-        with suppress(DataError):  # too short to be read alone
-            single[log.name] = fit_request([log], actuator, request.alone(log.name), (), progress)
-    return Outcome(fit, {name: one for name, one in single.items() if one.status != "failed"})
+    return Outcome(fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised())
 
 
 def check_save(path: Path) -> None:
@@ -223,4 +212,4 @@ def report(outcome: Outcome, command: str, path: Path) -> None:
     """
     from clutchid.report.fit_page import fit_page
 
-    fit_page(outcome.fit, printable(command), path, single=outcome.single)
+    fit_page(outcome.fit, printable(command), path)

@@ -17,9 +17,11 @@ import numpy as np
 import pytest
 
 from clutchid import write
+from clutchid.assess.states import States, states_of_wear
 from clutchid.cli.fit_output import MOST_WARNINGS, answer, answer_json
 from clutchid.errors import ExportError
-from clutchid.estimate import fit
+from clutchid.estimate import Fit, fit
+from clutchid.estimate.parameter_file import read_parameters
 from clutchid.report.next_step import Command
 from clutchid.truck import Truck, drive
 from clutchid.uncertainty.calibration import Origin
@@ -98,9 +100,9 @@ def drive_log(seed: int):
     return drive(Truck(), seconds=10.0, seed=seed).log
 
 
-def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None, single=None):
+def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None):
     """Exit code, and what is printed on standard output and standard error."""
-    code = answer(Outcome(fitted, single or {}), writers or {}, command, verbose)
+    code = answer(Outcome(fitted), writers or {}, command, verbose)
     return code, *capsys.readouterr()
 
 
@@ -128,7 +130,7 @@ def test_long_names_and_sentences_are_wrapped_and_their_marks_are_text(fitted, c
         verification={name: one},
         notes=(f"{name} has a note",),
     )
-    _, out, err = shown(named, capsys, verbose=verbose, single={name: named})
+    _, out, err = shown(replace(named, readings={name: named}), capsys, verbose=verbose)
     assert ESCAPE not in out + err
     assert "[red]a[/red] :smile: ?[31m" in out.replace("\n", " ")
     assert max(map(len, rows(out))) <= 80
@@ -230,6 +232,26 @@ def test_each_next_command_runs_as_it_is_printed(truck):
     assert (truck / "my worn-pressure.csv").exists()
 
 
+def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truck):
+    calibrated = read_parameters(truck / "my CAL.toml")
+
+    def read(wear: float, seed: int, change: str = "") -> Fit:
+        """Another manoeuvre, noise and air supply by the seed, after something has changed."""
+        made = drive(Truck(), seconds=10.0, seed=seed, wear=wear, pressure=False, change=change or ())
+        log = replace(made.log, name=f"{1e3 * wear:g} mm, {seed}")
+        return fit(log, calibrated.actuator, free="load", calibration=calibrated.calibration)
+
+    def states(*readings: Fit) -> States | None:
+        return states_of_wear(replace(readings[0], readings={next(iter(one.recordings)): one for one in readings}))
+
+    slight = read(0.5e-3, 11), read(0.5e-3, 12), read(0.5e-3, 13, "supply")
+    worn = read(2.5e-3, 21), read(2.5e-3, 22)
+    assert states(*slight) is None
+    assert states(*worn) is None
+    assert all(states(one, other) is not None for one in slight for other in worn)
+    assert [len(group) for group in states(*slight, *worn).groups] == [3, 2]
+
+
 def test_recordings_read_together_are_read_alone_too_without_parameters_of_the_others(truck):
     (truck / "other.csv").write_bytes((truck / "my worn.csv").read_bytes())
     own = ("--free", "load,P_S@other", "--prior", "P_S@other=9e5±1e4")
@@ -241,3 +263,4 @@ def test_recordings_read_together_are_read_alone_too_without_parameters_of_the_o
     assert found["calibration"]["name"] == "my CAL.toml"
     assert len(found["calibration"]["sha256"]) == 64
     assert np.isfinite(found["load_change"]["difference_N"]).all()
+    assert found["states_of_wear"] is None

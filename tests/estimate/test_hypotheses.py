@@ -119,7 +119,7 @@ def test_the_changes_of_a_fit_are_those_of_its_hypotheses(reread, known_of, cali
     grease = {change.name: change.after for change in fit.changes if change.group == "temperature and grease"}
     assert grease["D_v"] == pytest.approx(trucks["cold"].value("D_v"), rel=0.05)
     assert grease["T_0"] == pytest.approx(trucks["cold"].value("T_0"), abs=10.0)
-    assert change_sentences(fit.changes)[-1].startswith("cold: temperature and grease changed since the calibration")
+    assert change_sentences(fit)[-1].startswith("cold: temperature and grease changed since the calibration")
 
 
 def test_the_load_of_a_changed_truck_lies_in_its_band(reread, logs, trucks):

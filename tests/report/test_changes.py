@@ -1,5 +1,7 @@
 """Changes since a calibration in words."""
 
+from dataclasses import replace
+
 from clutchid.estimate.changes import Change
 from clutchid.report.changes import change_sentences, short_changes
 
@@ -8,7 +10,7 @@ def change(name, group, probability, before=2.0, after=3.0, unit="N", recording=
     return Change(recording, name, before, after, 0.1, unit, probability, group)
 
 
-def test_each_group_of_each_recording_has_a_sentence_with_its_probability_and_its_values():
+def test_each_group_of_each_recording_has_a_sentence_with_its_probability_and_its_values(fitted):
     changes = (
         change("P_S", "supply pressure", 0.98, 9e5, 8.5e5, "Pa"),
         change("C_vs", "valves", 0.98),
@@ -16,7 +18,7 @@ def test_each_group_of_each_recording_has_a_sentence_with_its_probability_and_it
         change("C_vs", "valves", 0.98, recording="cold"),
     )
     allowed = "; the load and its interval allow for it."
-    assert change_sentences(changes) == [
+    assert change_sentences(replace(fitted, changes=changes)) == [
         f"worn: supply pressure changed since the calibration (98 %): P_S 9e+05 -> 8.5e+05 Pa{allowed}",
         f"worn: valves changed since the calibration (98 %): C_vs 2 -> 3 N, R_0vs 0.06 -> 0.07{allowed}",
         f"cold: valves changed since the calibration (98 %): C_vs 2 -> 3 N{allowed}",

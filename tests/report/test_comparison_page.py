@@ -19,8 +19,8 @@ from fixtures.baselines import ORIGIN, calibration_like, with_baseline
 HOSTILE = "<script>alert('x')</script>[red]\x1b[31m"
 
 
-def html_of(fit, single=None):
-    return render(Page("t", "s", tuple(comparison_sections(fit, single or {}))))
+def html_of(fit):
+    return render(Page("t", "s", tuple(comparison_sections(fit))))
 
 
 def reaching(fit, share):
@@ -77,14 +77,14 @@ def test_a_recording_that_stays_below_5_mm_is_shown_up_to_there(fitted):
 def test_the_recordings_one_by_one_have_a_row_each(fitted):
     change = Change("a", "C_vs", 1.0, 2.0, 0.1, "1", 0.9, "valves")
     same = with_baseline(fitted, share=1.0)
-    single = {"a": replace(with_baseline(fitted), changes=(change, change)), "b": same, "unread": fitted}
-    table = readings_table(single)
+    first = replace(with_baseline(fitted), changes=(change, change))
+    table = readings_table({"a": first, "b": same, "unread": fitted})
     assert table.column("recording") == ("a", "b")
     assert table.column("trust") == ("good", "good")
     assert table.column("others") == ("valves", "none found")
     assert table.column("share_6") == pytest.approx((0.25, 0.0))
     assert table.column("change_6")[1] == pytest.approx(0.0, abs=1e-6)
-    assert ">valves<" in html_of(single["a"], single)
+    assert ">valves<" in html_of(replace(same, readings={"a": first, "b": same}))
 
 
 @pytest.mark.parametrize("end", [np.inf, np.nan])
@@ -114,15 +114,15 @@ def test_a_load_that_cannot_be_compared_has_a_sentence(fitted):
 
 def test_without_a_calibration_the_paper_is_assumed_and_said_to_be(fitted):
     assert "the truck of the paper" in html_of(fitted)
-    assert comparison_sections(replace(fitted, actuator=fitted.actuator.replace({"P_S": 8e5})), {}) == []
-    assert comparison_sections(replace(fitted, calibration=calibration_like(fitted)), {}) == []
-    assert comparison_sections(replace(fitted, status="failed"), {}) == []
+    assert comparison_sections(replace(fitted, actuator=fitted.actuator.replace({"P_S": 8e5}))) == []
+    assert comparison_sections(replace(fitted, calibration=calibration_like(fitted))) == []
+    assert comparison_sections(replace(fitted, status="failed")) == []
 
 
 def test_foreign_names_do_nothing_on_the_page(fitted, loads_nothing):
     change = Change(HOSTILE, "C_vs", 1.0, 2.0, 0.1, HOSTILE, 0.9, HOSTILE)
     known = replace(with_baseline(fitted, origin=Origin(*[HOSTILE] * 4), converged=False), changes=(change,))
-    html = render(page_of(known, "clutchid fit", {HOSTILE: known}))
+    html = render(page_of(replace(known, readings={HOSTILE: known}), "clutchid fit"))
     assert "<script" not in html
     assert "&lt;script&gt;" in html
     assert loads_nothing(html)

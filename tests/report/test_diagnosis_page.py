@@ -26,7 +26,7 @@ def diagnosis(fitted):
 
 @pytest.mark.parametrize(
     ("trust", "kind", "words"),
-    [("good", "ok", "can be trusted"), ("with care", "warning", "with care"), ("none", "failed", "do not use")],
+    [("good", "ok", "Trust: good"), ("with care", "warning", "with care"), ("none", "failed", "do not use")],
 )
 def test_a_verdict_has_the_colour_of_its_trust(trust, kind, words):
     (notice,) = verdict_blocks(Verdict(trust, ()))

@@ -18,8 +18,8 @@ from fixtures.baselines import ORIGIN, with_baseline
 def written(capsys):
     """What is printed for a fit, read again by a parser that admits neither NaN nor Infinity."""
 
-    def write(fit, single=None):
-        print_json(fit_json(fit, single or {}))
+    def write(fit):
+        print_json(fit_json(fit))
         return json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
 
     return write
@@ -74,7 +74,7 @@ def test_what_is_not_finite_is_null(fitted, written, end):
 def test_recordings_read_alone_are_there_by_name(fitted, written):
     change = Change("first", "C_vs", 1.0, 2.0, 0.1, "1", 0.75, "valves")
     one = replace(with_baseline(fitted), changes=(change,))
-    reading = written(one, {'[red]"a\n': one})["readings"]['[red]"a\n']
+    reading = written(replace(one, readings={'[red]"a\n': one}))["readings"]['[red]"a\n']
     assert reading["trust"] == "good"
     assert reading["changes"][0]["after"] == 2.0
     assert reading["changes"][0]["probability"] == 0.75

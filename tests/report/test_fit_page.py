@@ -122,7 +122,7 @@ def test_a_recording_with_missing_samples_is_drawn(fitted):
 
 
 def test_the_verdict_stands_above_everything_else(fitted, html):
-    assert html.index("Verdict: ") < html.index("The search converged") < html.index("<img ")
+    assert html.index("Trust: ") < html.index("The search converged") < html.index("<img ")
     bad = replace(fitted, converged=False)
     assert "<li>The search did not converge; continue from its result, or free fewer parameters.</li>" in render(
         page_of(bad, COMMAND)

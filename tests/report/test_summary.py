@@ -159,8 +159,8 @@ def test_without_a_calibration_the_truck_of_the_paper_is_said_to_be_assumed(fitt
 
 def test_recordings_read_alone_have_a_line_each(fitted):
     known = with_baseline(fitted)
-    single = {"[red]day 1": known, "day 2": with_baseline(fitted, share=1.0), "unread": fitted}
-    lines = rows_of(known, "alone", single=single)
+    readings = {"[red]day 1": known, "day 2": with_baseline(fitted, share=1.0), "unread": fitted}
+    lines = rows_of(replace(known, readings=readings), "alone")
     assert len(lines) == 2
     assert re.fullmatch(r"\[red\]day 1: \+\d+ N \(\+25 %\) at 6 mm, half-load \+0\.00 mm, trust good", lines[0])
     assert lines[1].startswith("day 2: +0 N (+0 %) at 6 mm")
@@ -168,7 +168,7 @@ def test_recordings_read_alone_have_a_line_each(fitted):
 
 def test_a_recording_that_stays_below_6_mm_is_read_alone_without_the_change_there(fitted):
     low = reaching(with_baseline(fitted), 0.3)
-    (line,) = rows_of(low, "alone", single={"low": low})
+    (line,) = rows_of(replace(low, readings={"low": low}), "alone")
     assert line.startswith("low: no load at 6 mm, ")
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from clutchid.assess.engaging import SHARES
 from clutchid.wear.measurement import Measurement
-from clutchid.wear.settings import FALSE_ALARMS, GROWTH, LIFE, REFERENCE, SHARES
+from clutchid.wear.settings import FALSE_ALARMS, GROWTH, LIFE, REFERENCE
 from clutchid.wear.trend import WearTable, follow, smoothed, trend_model
 
 STRIDE, STD = 7000.0, (0.03e-3, 0.012)

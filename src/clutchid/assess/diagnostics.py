@@ -248,7 +248,8 @@ def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
             how = f"follows {name} after {lag:.0f} ms" if lag > 0 else f"correlates with {name}"
             if lag < 0:
                 how = f"precedes {name} by {-lag:.0f} ms"
-            what = "the position controller reacts to it" if lag < 0 else "the model does not fully describe this valve"
+            what = "an error of the model at this valve, which the verdict weighs"
+            what = "the position controller reacts to it" if lag < 0 else what
             sentences.append(
                 f"{who} {how} (correlation {found.strongest:+.2f}, 99 % bound {found.strongest_bound:.2f}): {what}."
             )

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.reason import Reason
 from clutchid.assess.rest import kept_rest
-from clutchid.assess.verdict import ENGAGING, WIDE, Trust, Verdict
+from clutchid.assess.verdict import WIDE, Trust, Verdict
 from clutchid.observe.by_stroke import Curve, curve
 from clutchid.observe.health import FLAGS
 from clutchid.observe.mismatch import UNLIKE

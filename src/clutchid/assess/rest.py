@@ -10,7 +10,8 @@ from clutchid.assess.comparison import Comparison
 from clutchid.assess.reason import Reason
 from clutchid.estimate.result import Fit
 from clutchid.names import ParameterName
-from clutchid.strokes.vented_rest import QUANTILE, RestShift
+from clutchid.numerics.interval import QUANTILE
+from clutchid.strokes.vented_rest import RestShift
 
 Cause = Literal["sensor", "wear", "unknown"]
 

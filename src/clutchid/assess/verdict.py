@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis
+from clutchid.assess.bounds import bound_notes, bound_reasons
+from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach
 from clutchid.assess.reading import reading_reasons
 from clutchid.assess.reason import Reason
 from clutchid.assess.rest import rest_reasons
+from clutchid.assess.states import states_reasons
+from clutchid.assess.valve_residuals import valve_notes, valve_reasons
 from clutchid.estimate.result import Fit
-from clutchid.names import base_of
 from clutchid.uncertainty.identifiability import collinear, listed
 from clutchid.uncertainty.information import spectrum
 
 Trust = Literal["good", "with care", "none"]
-
-#: Positions in m at which the clutch engages, where the load matters most, Section 3.1.
-ENGAGING = (5e-3, 8e-3)
 
 #: Fits in %: below the first a tenth of the motion is not reproduced, below the second half of it.
 GOOD_FIT, POOR_FIT = 90.0, 50.0
@@ -30,17 +30,32 @@ GOOD_FIT, POOR_FIT = 90.0, 50.0
 WIDE, WIDE_SHARE = 0.1, 0.1
 
 
+#: What each trust means.
+MEANING: Mapping[Trust, str] = {
+    "good": "no reason against the results was found; use them within their intervals.",
+    "with care": "the load or its interval may be wrong, for these reasons.",
+    "none": "do not use these results.",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """`trust` in a fit, the `reasons` that lower it, and the limits of the verdict (`unseen`); one sentence each.
 
-    `flawed` says that a reason takes the trust that the interval of the load does not contain.
+    `flawed` says that a reason takes the trust that the interval of the load does not contain. `notes` are what looks
+    like a reason and is none.
     """
 
     trust: Trust
     reasons: tuple[str, ...]
     unseen: tuple[str, ...] = ()
     flawed: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def meaning(self) -> str:
+        """What the trust means, in a sentence."""
+        return MEANING[self.trust]
 
 
 def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
@@ -81,13 +96,14 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     found = evidence(fit) if found is None else found
     reads = fit.departure is not None
     reasons = [
-        *reading_reasons(fit), *rest_reasons(fit), *_not_converged(fit), *_poor_baseline(fit),
-        *([] if reads else _at_bounds(fit)), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
-        *([] if reads else [*_motion_fit(found), *_autocorrelated(fit, found)]), *_wide_interval(fit), *_reach(fit),
+        *states_reasons(fit), *reading_reasons(fit), *rest_reasons(fit), *_not_converged(fit), *_poor_baseline(fit),
+        *bound_reasons(fit), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
+        *([] if reads else [*_motion_fit(found), *valve_reasons(fit, found)]), *_wide_interval(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"
     flawed = any(reason.grave and not reason.banded for reason in reasons)
-    return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit), flawed)
+    notes = (*bound_notes(fit), *valve_notes(fit, found))
+    return Verdict(trust, tuple(reason.text for reason in reasons), _unseen(fit), flawed, notes)
 
 
 def _not_converged(fit: Fit) -> list[Reason]:
@@ -114,30 +130,6 @@ def _poor_baseline(fit: Fit) -> list[Reason]:
         )
         reasons.append(Reason(text))
     return reasons
-
-
-def _at_bounds(fit: Fit) -> list[Reason]:
-    """Estimates at their bounds; with priors a physical limit is none, as of a delay that is not negative."""
-    at_bounds = []
-    for name, estimate in fit.parameters.items():
-        ends = zip(("lower", "upper"), fit.bounds.get(name, ()), strict=False)
-        limits = _limits(fit, base_of(name)) if fit.follows else ()
-        finite = [(word, bound) for word, bound in ends if np.isfinite(bound) and bound not in limits]
-        at_bounds += [f"{name} ({word})" for word, bound in finite if abs(estimate.value - bound) <= 1e-9 * abs(bound)]
-    if not at_bounds:
-        return []
-    lies, their = ("lies", "its bound") if len(at_bounds) == 1 else ("lie", "their bounds")
-    return [
-        Reason(f"{listed(at_bounds)} {lies} at {their}: the data favour a value beyond, or the model is incomplete.")
-    ]
-
-
-def _limits(fit: Fit, name: str) -> tuple[float, ...]:
-    """Physical limits of a parameter; none of a load weight."""
-    if name in fit.actuator.load.names:
-        return ()
-    row = fit.actuator.row(name)
-    return row.low, row.high
 
 
 def _rounding(fit: Fit) -> list[Reason]:
@@ -196,36 +188,6 @@ def _motion_fit(found: Evidence) -> list[Reason]:
         for name, share in found.predictions.items()
         if share < GOOD_FIT
     ]
-
-
-def _autocorrelated(fit: Fit, found: Evidence) -> list[Reason]:
-    """Residuals that are autocorrelated, correlate with a valve, and correspond to a load larger than the interval."""
-    curve = fit.load_curve
-    inside = np.isfinite(curve.high - curve.low) & (curve.position <= reach(fit))
-    if inside.sum() < 2 or not fit.load_is_fitted:
-        return []
-    width = float(np.median((curve.high - curve.low)[inside]))
-    slope = float(np.median(np.abs(np.gradient(curve.force, curve.position)[inside])))
-    force = {"position": 0.0 if fit.follows else slope, "pressure_a": fit.actuator.parameters.A_A}
-    reasons = []
-    for name, diagnosis in found.diagnoses.items():
-        for column, residual in diagnosis.columns.items():
-            load = force[column] * residual.rms * float(np.sqrt(max(np.nan_to_num(residual.fast.first), 0.0)))
-            if load > width and _correlates_with_valve(residual):
-                reasons.append(
-                    Reason(
-                        f"{name}: the residual of {column} is autocorrelated, correlates with a valve and corresponds "
-                        f"to a load of {load:.0f} N, more than the width of the interval, {width:.0f} N: the interval "
-                        "is too narrow."
-                    )
-                )
-    return reasons
-
-
-def _correlates_with_valve(residual: ColumnDiagnosis) -> bool:
-    autocorrelated = max(np.nan_to_num(rate.share_outside) for rate in (residual.fast, residual.slow)) > MOST_OUTSIDE
-    correlations = [c for rate in (residual.fast, residual.slow) for c in rate.inputs.values()]
-    return autocorrelated and any(abs(c.strongest) > BEYOND * c.strongest_bound for c in correlations)
 
 
 def _wide_interval(fit: Fit) -> list[Reason]:

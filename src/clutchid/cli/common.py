@@ -169,7 +169,8 @@ def priors(items: Sequence[str]) -> dict[str, Prior]:
             result[name] = Prior(math.nan, math.nan)
         if not (math.isfinite(result[name].mean) and 0.0 < result[name].std < math.inf):
             raise ParameterError(
-                f"--prior {item}: write NAME=VALUE±STD in SI units, the STD above 0, for example P_S=8.5e5±5e3."
+                f"--prior {item}: write NAME=VALUE±STD in SI units, STD a standard deviation above 0, "
+                "for example P_S=8.5e5±5e3."
             )
     return result
 

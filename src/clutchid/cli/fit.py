@@ -59,7 +59,7 @@ class FitOptions:
         that predicts every sample). By default that of the calibration in --start, if there is one; else shooting if
         the request needs it, as a calibration does; else simulation.
     prior
-        Priors NAME=VALUE±STD in SI units (or NAME=VALUE+-STD); several may follow each other.
+        Priors NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), STD a standard deviation; several may follow each other.
     profile
         Free parameters with intervals by profile likelihood, comma-separated; seconds each.
     bootstrap

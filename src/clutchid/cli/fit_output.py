@@ -29,7 +29,7 @@ def answer_json(outcome: Outcome, writers: Writers) -> int:
 
     _, failures = _write(writers)
     lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
-    print_json({**EMPTY, **fit_json(outcome.fit, outcome.single), **lost})
+    print_json({**EMPTY, **fit_json(outcome.fit), **lost})
     return FAILED if failures else DONE
 
 
@@ -61,7 +61,7 @@ def _print_result(outcome: Outcome, verbose: bool) -> None:
     from clutchid.report.fit_text import fit_text
     from clutchid.report.summary import summary
 
-    print_rows(summary(outcome.fit, outcome.single, in_full=verbose))
+    print_rows(summary(outcome.fit, in_full=verbose))
     if verbose:
         print(f"\n{printable_lines(fit_text(outcome.fit, WIDTH))}")
     sys.stdout.flush()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from os import PathLike
 from typing import Literal
 
+from clutchid.errors import DataError
 from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.methods import method_of
 from clutchid.estimate.request import FitRequest
@@ -167,7 +170,8 @@ def fit_request(
 ) -> Fit:
     """Fit `request` to recordings, and simulate the recordings `verify` with the result.
 
-    Status "failed" if the start values cannot be simulated.
+    Several recordings whose load is read from a calibration are also read one by one, because a load that they share is
+    meant for one state of wear. Status "failed" if the start values cannot be simulated.
 
     Raises
     ------
@@ -175,12 +179,28 @@ def fit_request(
         As `fit`.
     """
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
+    ready = driven(logs, start.equipment)
     rested, checked = (
-        [from_rest(log, request.counted_from, request.zero) for log in driven(several, start.equipment)]
-        for several in (logs, verify)
+        [from_rest(log, request.counted_from, request.zero) for log in several]
+        for several in (ready, driven(verify, start.equipment))
     )
     recordings, others = [one.log for one in rested], [one.log for one in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start)
     done = method.fit(recordings, start, request, progress)
-    return done if done.status == "failed" else with_rests(verified(done, others, request), [*rested, *checked])
+    if done.status == "failed":
+        return done
+    known = done.baseline is not None and len(done.baseline.theta) > 0 and done.load_is_fitted
+    readings = _one_by_one(ready, start, request, progress) if len(recordings) > 1 and known else {}
+    return with_rests(verified(replace(done, readings=readings), others, request), [*rested, *checked])
+
+
+def _one_by_one(
+    recordings: Sequence[Log], start: Actuator, request: FitRequest, progress: Progress | None
+) -> dict[str, Fit]:
+    """The recordings read alone, by name, without those that cannot be."""
+    readings = {}
+    for log in recordings:
+        with suppress(DataError):  # too short to be read alone
+            readings[log.name] = fit_request([log], start, request.alone(log.name), (), progress)
+    return {name: one for name, one in readings.items() if one.status != "failed"}

@@ -12,12 +12,10 @@ from clutchid.estimate.result import Estimate, Fit, LoadCurve, Recording, errors
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import base_of
+from clutchid.numerics.interval import QUANTILE
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
 from clutchid.uncertainty.calibration import Calibration
-
-#: Standard deviations of a 95 % interval.
-QUANTILE = 1.96
 
 #: Points of a load curve, from 0 to the full stroke.
 POINTS = 101
@@ -109,6 +107,14 @@ def calibrated_curve(actuator: Actuator, calibration: Calibration) -> LoadCurve 
         return None
     calibrated = replace(actuator, load=replace(load, theta=calibration.theta))
     return load_curve(calibrated, load.names, calibration.theta_covariance, QUANTILE)
+
+
+def physical_limits(actuator: Actuator, name: str) -> tuple[float, ...]:
+    """The ends of a parameter's physical range in SI; none of a load weight."""
+    if name in actuator.load.names:
+        return ()
+    row = actuator.row(name)
+    return row.low, row.high
 
 
 def failed_fit(

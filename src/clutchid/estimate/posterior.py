@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimate.outcome import QUANTILE, Compared, load_curve, plan_warnings
+from clutchid.estimate.outcome import Compared, load_curve, physical_limits, plan_warnings
 from clutchid.estimate.result import Estimate, Fit, errors_over
 from clutchid.estimate.search_result import SearchResult, SolutionT
 from clutchid.estimate.search_state import SearchState, ended
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
+from clutchid.numerics.interval import QUANTILE
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.consider import DEVIATION_FACTOR
@@ -81,12 +82,13 @@ def _estimates(problem: FitProblem, x: FloatArray, matrix: FloatArray, fitted: A
 
 
 def _at_bounds(problem: FitProblem, x: FloatArray) -> list[str]:
-    """Free parameters at a bound, as sentences."""
+    """Free parameters at a bound that is no physical limit, as sentences."""
     low, high = problem.bounds()
     warnings = []
     for i, c in enumerate(problem.coordinates):
-        for bound, word in ((low[i], "lower"), (high[i], "upper")):
-            if np.isfinite(bound) and abs(x[i] - bound) < 1e-9:
+        limits = physical_limits(problem.actuator, c.base)
+        for bound, end, word in ((low[i], c.low, "lower"), (high[i], c.high, "upper")):
+            if np.isfinite(bound) and end not in limits and abs(x[i] - bound) < 1e-9:
                 shown = f"{c.si(float(x[i])):g}{problem.actuator.unit_behind(c.base)}"
                 warnings.append(f"{c.name} lies at its {word} bound {shown}.")
     return warnings

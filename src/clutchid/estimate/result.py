@@ -35,13 +35,30 @@ _NAMED, _SHOWN = 3, 6
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it."""
+    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it.
+
+    Examples
+    --------
+    As text it has the 95 % interval, not the standard error:
+
+    >>> print(Estimate(8.9e5, "Pa", 1e3, 8.8804e5, 8.9196e5))
+    8.9e+05 ± 2e+03 Pa
+    """
 
     value: float
     unit: str
     std: float
     low: float
     high: float
+
+    @property
+    def half(self) -> float:
+        """Half width of the 95 % interval; the wider side of one that ends at a bound."""
+        return max(self.high - self.value, self.value - self.low)
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.value:.4g} ± {self.half:.2g}{unit}" if np.isfinite(self.half) else "not determined"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +124,8 @@ class Fit:
     `converged` says that the search ended within its limits, `search` how, with what a later search needs to continue
     it. `baseline` is the calibration that the fit started from, `changes` are what has changed, or may have, since,
     and `departure` says how far a load from position alone departs from it. `assumed` are the conditions of the
-    recordings that are not known.
+    recordings that are not known. `readings` are several recordings read
+    one by one from the calibration, by name.
     """
 
     status: Status
@@ -132,18 +150,25 @@ class Fit:
     search: SearchState | None = None
     departure: Departure | None = None
     assumed: tuple[Assumption, ...] = ()
+    readings: Mapping[str, Fit] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         names = [repr(name) for name in self.recordings]
         more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
         lines = [f"Fit of {', '.join(names[:_NAMED])}{more}: {self.status}, {self.message}"]
         for name, e in [*self.parameters.items()][:_SHOWN]:
-            lines.append(f"  {name} = {e.value:.4g} ± {e.std:.2g} {'' if e.unit == '1' else e.unit}".rstrip())
+            lines.append(f"  {name} = {e}")
         if len(self.parameters) > _SHOWN:
             lines.append(f"  and {len(self.parameters) - _SHOWN} more in .to_frame()")
         counts = {"warning": len(self.warnings), "change": len(self.changes)}
         lines += [f"  {n} {what}{'s' if n > 1 else ''} in .{what}s" for what, n in counts.items() if n]
         return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """What `repr` has, with the verdict behind its first line."""
+        first, *rest = repr(self).splitlines()
+        trust = [f"  trust: {self.verdict.trust}", *(f"    {reason}" for reason in self.verdict.reasons)]
+        return "\n".join([first, *trust, *rest])
 
     def _repr_html_(self) -> str:
         from clutchid.report.notebook import fit_html

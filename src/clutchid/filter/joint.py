@@ -5,7 +5,8 @@ error of the state x is ``D dtheta + L n``, with dtheta the error of the paramet
 independent of it. So D are derivatives with respect to the parameters that the model moves like L, and T does
 not change between corrections. Potter's update keeps both L and T roots of covariances. Nothing is allocated.
 
-D is with respect to the parameters in SI, theta are their coordinates with a prior of about 0 ± 1, and T is in theta.
+D is with respect to the parameters in SI, theta are their coordinates with a prior of mean 0 and standard deviation 1,
+and T is in theta.
 """
 
 from __future__ import annotations

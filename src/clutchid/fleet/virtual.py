@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.half_load import half_load
-from clutchid.assess.verdict import ENGAGING
 from clutchid.errors import ExportError, SolveError
 from clutchid.fleet import pool
 from clutchid.fleet.alone import Lost

@@ -9,15 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log import FloatArray, Log
+from clutchid.numerics.interval import QUANTILE
 from clutchid.observe.following import Observed, observe
 from clutchid.observe.observer import Observer, ObserverState
 from clutchid.observe.strokes import count_strokes
 
 #: Distance of two positions of the load curve of a stroke in m.
 STEP = 0.5e-3
-
-#: Standard deviations from the middle of a 95 % interval to its ends.
-BAND = 1.96
 
 
 class Curve(NamedTuple):
@@ -56,7 +54,7 @@ def positions(observer: Observer) -> FloatArray:
 def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> Curve:
     """The load as it is known in a state, at positions in m."""
     at = np.asarray(position, dtype=np.float64)
-    force, half = observer.load(state).force(at), BAND * observer.load_deviation(state, at)
+    force, half = observer.load(state).force(at), QUANTILE * observer.load_deviation(state, at)
     return Curve(at, force, force - half, force + half)
 
 
@@ -64,13 +62,13 @@ def known(observer: Observer, state: ObserverState) -> dict[str, Known]:
     """All load weights, then the parameters that adapt, as they are known in a state; what is fixed has no spread."""
     load, deviations = observer.load(state), np.linalg.norm(observer.prior.weights @ state.T, axis=1)
     found = {
-        name: Known(value, std, value - BAND * std, value + BAND * std)
+        name: Known(value, std, value - QUANTILE * std, value + QUANTILE * std)
         for name, value, std in zip(load.names, load.theta, deviations.tolist(), strict=True)
     }
     spread = np.linalg.norm(state.T, axis=1)
     for c, x, s in zip(observer.joint.coordinates, state.theta.tolist(), spread.tolist(), strict=True):
         if c.base not in observer.prior.actuator.load.names:
-            found[c.base] = Known(c.si(x), s * c.slope(x), c.si(x - BAND * s), c.si(x + BAND * s))
+            found[c.base] = Known(c.si(x), s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))
     return found
 
 

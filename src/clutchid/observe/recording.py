@@ -10,7 +10,8 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit
 from clutchid.model.actuator import Actuator
-from clutchid.observe.by_stroke import BAND, StrokeRow, follow_strokes, known, positions
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observe.by_stroke import StrokeRow, follow_strokes, known, positions
 from clutchid.observe.following import Observed, subtracted
 from clutchid.observe.health import health
 from clutchid.observe.observer import Observer, ObserverState, start
@@ -78,7 +79,7 @@ class ObservedRecording:
             "{}_measured [{}]".format(*name_and_unit(name)) if name in states else name: values
             for name, values in self.log.columns.items()
         }
-        pressure, half = states["pressure_a"], BAND * self.deviation("p_A")
+        pressure, half = states["pressure_a"], QUANTILE * self.deviation("p_A")
         innovation, deviation = INNOVATION[self.observer.joint.rule.compares]
         added = {
             "pressure_a low": pressure - half,

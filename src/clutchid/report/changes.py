@@ -8,11 +8,13 @@ from itertools import groupby
 import numpy as np
 
 from clutchid.assess.evidence import reach
+from clutchid.assess.states import states_of_wear
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Fit
 from clutchid.report.rest import rest_sentences
 from clutchid.report.style import BAR
 from clutchid.uncertainty.conditions import Assumption, by_supply
+from clutchid.uncertainty.identifiability import listed
 
 #: Most groups of changes that a summary shows with their values, and most parameters of a group.
 MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
@@ -22,13 +24,13 @@ LIKELY = 0.5
 
 
 def notes_of(fit: Fit) -> list[str]:
-    """Notes on a result: changes since the calibration, what is assumed, then what the data determine."""
-    return [*since_calibration(fit), *assumed_sentences(fit), *fit.notes]
+    """Notes on a result: of the verdict, changes since the calibration, what is assumed, and what the data determine."""
+    return [*fit.verdict.notes, *since_calibration(fit), *assumed_sentences(fit), *fit.notes]
 
 
 def since_calibration(fit: Fit) -> list[str]:
     """A sentence for each vented rest that has moved, and each group of parameters that has changed, or may have."""
-    return [*rest_sentences(fit), *change_sentences(fit.changes)]
+    return [*rest_sentences(fit), *change_sentences(fit)]
 
 
 def assumed_sentences(fit: Fit) -> list[str]:
@@ -61,9 +63,18 @@ def supply_worth(fit: Fit) -> float | None:
     return float(by_supply(fit.actuator, peak) / peak) if peak > 0.0 else None
 
 
-def change_sentences(changes: Sequence[Change]) -> list[str]:
-    """A sentence for each group of parameters that has changed, or may have changed, in each recording."""
-    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(changes)]
+def change_sentences(fit: Fit) -> list[str]:
+    """A sentence for each group of parameters that has changed, or may have changed, in each recording.
+
+    One load for several states of wear leaves a difference that changes only seem to explain.
+    """
+    if fit.changes and states_of_wear(fit) is not None:
+        groups = listed(list(dict.fromkeys(change.group for change in fit.changes)))
+        return [
+            f"with one load for several states of wear the difference between them was explained by {groups}: that is "
+            "no change; those of the readings one by one are."
+        ]
+    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(fit.changes)]
 
 
 def short_changes(changes: Sequence[Change]) -> list[str]:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.assess.comparison import Comparison
+from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.half_load import HalfLoad
-from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import LoadCurve
 from clutchid.log import FloatArray
@@ -37,10 +37,10 @@ _CAPTION = (
 )
 
 
-def comparison_sections(fit: Fit, single: Mapping[str, Fit]) -> list[Section]:
+def comparison_sections(fit: Fit) -> list[Section]:
     """What has changed since the calibration; without one, that the truck of the paper is assumed.
 
-    `single` are the recordings read one by one; several have a table.
+    Several recordings have a table of their readings one by one.
     """
     if fit.baseline is None:
         assumed = fit.status != "failed" and fit.calibration is None and of_the_paper(fit)
@@ -52,8 +52,8 @@ def comparison_sections(fit: Fit, single: Mapping[str, Fit]) -> list[Section]:
         blocks += [Text(_shift(found)), Picture(svg(comparison_figure(found)), _CAPTION, alt), change_table(found)]
     elif fit.status != "failed":
         blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
-    if single:
-        blocks.append(readings_table(single))
+    if fit.readings:
+        blocks.append(readings_table(fit.readings))
     sentences = since_calibration(fit) or ["Besides the load no change was found."]
     sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
     return [Section("New against worn", (*blocks, Bullets(tuple(map(escape, sentences)))))]
@@ -137,7 +137,7 @@ def change_table(found: Comparison) -> Table:
     return Table("Load at the calibration and now", columns, tuple(rows), note="Intervals at 95 %.")
 
 
-def readings_table(single: Mapping[str, Fit]) -> Table:
+def readings_table(readings: Mapping[str, Fit]) -> Table:
     """Each recording read alone: half-load position, change of the load, other changes, and trust."""
     group = "change of the load"
     columns = (
@@ -147,7 +147,7 @@ def readings_table(single: Mapping[str, Fit]) -> Table:
         Column("share_6 [1]", "at 6 mm\n[%]", 0.01, 1, group=group), Column("others", "other changes"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for name, one in single.items():
+    for name, one in readings.items():
         found = one.comparison
         if found is not None:
             changes = (found.at(mm * MM).force if mm * MM <= found.reach else None for mm in POSITIONS)

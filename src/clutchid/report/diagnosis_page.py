@@ -15,19 +15,17 @@ from clutchid.report.figures import png
 from clutchid.report.html import Block, Bullets, Details, Notice, Picture, Text, escape
 from clutchid.report.tables import Cell, Column, Table
 
-_TRUST: Mapping[str, tuple[Literal["ok", "warning", "failed"], str]] = {
-    "good": ("ok", "Verdict: the results can be trusted within their intervals."),
-    "with care": ("warning", "Verdict: use with care."),
-    "none": ("failed", "Verdict: do not use these results."),
-}
+_BOX: Mapping[str, Literal["ok", "warning", "failed"]] = {"good": "ok", "with care": "warning", "none": "failed"}
 
 
 def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
-    """The verdict with its reasons and limits; `names` of recordings are not capitalised."""
-    kind, lead = _TRUST[judged.trust]
-    blocks: list[Block] = [Notice(lead, kind, tuple(_capital(reason, names) for reason in judged.reasons))]
-    if judged.unseen:
-        blocks.append(Details("Limits of the verdict", tuple(Text(escape(_capital(u))) for u in judged.unseen)))
+    """The verdict with its reasons, notes and limits; `names` of recordings are not capitalised."""
+    items = tuple(_capital(reason, names) for reason in judged.reasons)
+    blocks: list[Block] = [Notice(f"Trust: {judged.trust} – {judged.meaning}", _BOX[judged.trust], items)]
+    folded = (("Not counted against the result", judged.notes), ("Limits of the verdict", judged.unseen))
+    for heading, sentences in folded:
+        if sentences:
+            blocks.append(Details(heading, tuple(Text(escape(_capital(one, names))) for one in sentences)))
     return blocks
 
 

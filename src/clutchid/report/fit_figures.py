@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import half_load_band
-from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Recording
 from clutchid.log import FloatArray, Log

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from clutchid.assess.comparison import Comparison
 from clutchid.assess.diagnostics import ColumnDiagnosis, remarks
+from clutchid.assess.states import states_of_wear
 from clutchid.estimate import Fit
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Errors, LoadCurve
@@ -21,8 +20,8 @@ from clutchid.uncertainty.calibration import Origin
 _UNCOMPARED = {"calibrated_load_curve": None, "load_change": None}
 
 
-def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> dict[str, Any]:
-    """The JSON object of a fit, and of its recordings read one by one, docs/formats.md."""
+def fit_json(result: Fit) -> dict[str, Any]:
+    """The JSON object of a fit, docs/formats.md."""
     rests = rests_json(result)
     return {
         "status": result.status,
@@ -50,7 +49,8 @@ def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> d
         "reasons": list(result.verdict.reasons),
         "calibration": origin_json(result),
         **(_UNCOMPARED if result.comparison is None else comparison_json(result.comparison)),
-        "readings": {name: _reading_json(one) for name, one in single.items()},
+        "states_of_wear": _states_json(result),
+        "readings": {name: _reading_json(one) for name, one in result.readings.items()},
     }
 
 
@@ -84,6 +84,22 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
     halves = (("before", found.half_before), ("now", found.half_now), ("shift", found.shift))
     half = {name: {"position_m": one.position, "low_m": one.low, "high_m": one.high} for name, one in halves}
     return {"calibrated_load_curve": curve_json(found.calibrated), "load_change": {**change, "half_load": half}}
+
+
+def _states_json(result: Fit) -> dict[str, Any] | None:
+    """Recordings by state of wear, and the difference of the two that differ most; None if they are of one."""
+    found = states_of_wear(result)
+    if found is None:
+        return None
+    most = found.most
+    return {
+        "groups": [list(group) for group in found.groups],
+        "recordings": [most.first, most.second],
+        "load_percent": 100.0 * most.load,
+        "load_allowed_percent": 100.0 * most.load_allowed,
+        "half_load_m": most.shift,
+        "half_load_allowed_m": most.shift_allowed,
+    }
 
 
 def _reading_json(one: Fit) -> dict[str, Any]:
@@ -120,6 +136,7 @@ def verdict_json(fit: Fit) -> dict[str, Any]:
         "trust": judged.trust,
         "reasons": list(judged.reasons),
         "unseen": list(judged.unseen),
+        "notes": list(judged.notes),
         "diagnostics": {
             name: {
                 "position_fit_over_1_s_percent": _plain(found.predictions[name]),

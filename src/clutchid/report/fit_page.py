@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from os import PathLike
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.evidence import Evidence, as_recorded, reach
 from clutchid.assess.half_load import half_load_band
-from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Errors, Recording
 from clutchid.report.comparison_page import comparison_sections
@@ -31,10 +30,8 @@ from clutchid.report.parameter_page import parameter_blocks
 from clutchid.report.pressure_span import reliable
 from clutchid.report.provenance import provenance
 from clutchid.report.style import BAR, MM
+from clutchid.report.summary import other_warnings
 from clutchid.report.tables import Cell, Column, Table
-
-#: No recordings read one by one.
-NONE: Mapping[str, Fit] = MappingProxyType({})
 
 #: Greatest number of fitted, and of verified, recordings with figures; the others are in the tables.
 MAX_DRAWN = 3
@@ -44,12 +41,12 @@ LONG_RECORDING, DETAIL_LENGTH = 120.0, 30.0
 
 _STATUS = {
     "ok": "The search {}, without warnings.",
-    "warning": "The search {}. Read the warnings before you use the result.",
+    "warning": "The search {}.",
     "failed": "The fit failed, and there is no load to show: {}.",
 }
 
 
-def fit_page(fit: Fit, command: str, path: str | PathLike[str], single: Mapping[str, Fit] = NONE) -> None:
+def fit_page(fit: Fit, command: str, path: str | PathLike[str]) -> None:
     """Write the page of `fit` as one self-contained HTML file.
 
     Parameters
@@ -60,23 +57,21 @@ def fit_page(fit: Fit, command: str, path: str | PathLike[str], single: Mapping[
         The command line that repeats the fit, shown on the page.
     path
         The file; an existing one is replaced atomically.
-    single : {recording: Fit}, optional
-        Its recordings read one by one from the same calibration.
 
     Raises
     ------
     ExportError
         If the file cannot be written; an existing file is unchanged.
     """
-    write_text(render(page_of(fit, command, single)), path)
+    write_text(render(page_of(fit, command)), path)
 
 
-def page_of(fit: Fit, command: str, single: Mapping[str, Fit] = NONE) -> Page:
+def page_of(fit: Fit, command: str) -> Page:
     """The page of `fit` before it is rendered."""
     logs = [r.measured for r in (*fit.recordings.values(), *fit.verification.values())]
     names = ", ".join(fit.recordings) or "no recording"
     found = fit.evidence
-    sections = [Section("Result", _result(fit)), *comparison_sections(fit, single)]
+    sections = [Section("Result", _result(fit)), *comparison_sections(fit)]
     if found.diagnoses:
         sections.append(Section("What the data determine", tuple(information_blocks(fit, found))))
     sections.append(Section("Parameters", parameter_blocks(fit)))
@@ -101,7 +96,7 @@ def _subtitle(fit: Fit) -> str:
 def _result(fit: Fit) -> tuple[Block, ...]:
     blocks = verdict_blocks(fit.verdict, fit.recordings)
     lead = _STATUS[fit.status].format(fit.message.rstrip("."))
-    blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in fit.warnings)]
+    blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in other_warnings(fit))]
     if fit.status != "failed":
         alt = "Load over position with its 95 % interval and half of its peak"
         blocks += [

@@ -37,7 +37,7 @@ def fit_text(fit: Fit, columns: int = 80) -> str:
     from clutchid.report.changes import notes_of
 
     width = max([9, *(len(name) for name in fit.parameters)])
-    lines = [f"{'parameter':<{width}}  {'value':>12}  {'std':>10}  {'95 % interval':>27}  unit"]
+    lines = [f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>27}  unit"]
     for name, e in fit.parameters.items():
         lines.append(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
     sentences, fitted = [f"The search {fit.message}."], errors_words(fit)

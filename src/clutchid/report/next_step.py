@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
 
+from clutchid.assess.states import states_of_wear
 from clutchid.estimate import Fit
 from clutchid.model import Actuator
 from clutchid.report.summary import of_the_paper
@@ -63,7 +64,7 @@ class Command:
 
 
 def next_step(fit: Fit, command: Command) -> tuple[str, str]:
-    """Why, and the command: continue, calibrate, read a worn clutch, or look at the page.
+    """Why, and the command: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
 
     Parameters
     ----------
@@ -75,6 +76,9 @@ def next_step(fit: Fit, command: Command) -> tuple[str, str]:
     saved = command.save if command.save and command.save.suffix.lower() in ("", ".toml") else None
     if not fit.converged:
         return _continue(command, saved)
+    if states_of_wear(fit) is not None and command.start is not None and "--model" not in command.reading:
+        words = ["clutchid", "track", *command.names, *command.reading, "--start", _argument(command.start)]
+        return "follow the wear", shlex.join([*words, "--out", command.new_file("WEAR.parquet")])
     if fit.baseline is not None:
         return _after_reading(command, saved)
     if fit.calibration is not None:

@@ -86,7 +86,7 @@ def simulation_html(simulation: Simulation) -> str:
 def fit_html(fit: Fit) -> str:
     """What a fit found, and its load; a failed fit has no load."""
     drawn = fit.status != "failed" and np.isfinite(fit.load_curve.force).any()
-    return _html(repr(fit), fit_figure(fit) if drawn else None)
+    return _html(str(fit), fit_figure(fit) if drawn else None)
 
 
 def _html(text: str, figure: Figure | None) -> str:

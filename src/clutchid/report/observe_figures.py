@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.assess.verdict import ENGAGING
+from clutchid.assess.engaging import ENGAGING
 from clutchid.log import HOLE, FloatArray, Log
-from clutchid.observe.by_stroke import BAND, Curve, curve, positions
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observe.by_stroke import Curve, curve, positions
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
 from clutchid.report.observe_text import Loads
@@ -96,7 +97,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
     with_pressure = "pressure_a" in log
     figure, axes = new_figure([1.6, 1.9, *([1.15] if with_pressure else []), 1.15, 1.05])
     position, pressure, innovation, duty = axes[0], axes[1], axes[-2], axes[-1]
-    estimated, half = run.samples.states[:, states.index("p_A")], BAND * run.deviation("p_A")
+    estimated, half = run.samples.states[:, states.index("p_A")], QUANTILE * run.deviation("p_A")
     t, (measured, followed, p, h) = with_gaps(
         log.time, [log["position"], run.samples.states[:, states.index("y")], estimated, half], run.observer.spacing
     )
@@ -128,7 +129,7 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     every = run.observer.joint.settings.every * run.observer.spacing
     compares = run.observer.joint.rule.compares
     _, unit = INNOVATION[compares]
-    columns = [found[corrected] / unit, BAND * np.sqrt(variance[corrected]) / unit]
+    columns = [found[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
     t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
     fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
     draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured less predicted", 0.8))

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from clutchid.io.formats.can.signals import Signal
 from clutchid.log import FloatArray
-from clutchid.observe.by_stroke import BAND, curve, positions
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observe.by_stroke import curve, positions
 from clutchid.observe.health import FLAGS, LIVE_FLAGS
 from clutchid.observe.live import LiveRun, due
 from clutchid.observe.recording import ObservedRecording
@@ -80,7 +81,7 @@ def observe_frames(before: LiveRun, after: LiveRun, part: ObservedRecording, eve
     states = {
         row.column: part.samples.states[rows, i] for i, row in enumerate(after.observer.actuator.state_rows.values())
     }
-    half = BAND * part.deviation("p_A")[rows]
+    half = QUANTILE * part.deviation("p_A")[rows]
     state = [states["position"] / MM, states["velocity"] / MM, states["pressure_a"] / 1e3, half / 1e3]
     grid = positions(after.observer)
     load = curve(after.observer, after.after, grid[(sent + np.arange(rows.size)) % grid.size])

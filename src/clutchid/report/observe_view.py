@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.observe.by_stroke import BAND, Curve, curve
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observe.by_stroke import Curve, curve
 from clutchid.observe.live import LiveRun
 from clutchid.observe.observer import start
 from clutchid.observe.recording import ObservedRecording
@@ -37,7 +38,7 @@ def _pressure(run: LiveRun, part: ObservedRecording, inner: int) -> str:
     """The pressure in chamber A as a bar and a number with its band."""
     at = run.observer.actuator.states.index("p_A")
     value = float(part.samples.states[-1, at]) if len(part.log) else np.nan
-    half = BAND * float(run.after.deviations[at])
+    half = QUANTILE * float(run.after.deviations[at])
     if not np.isfinite(value):
         return f"{'pressure':>{LABELS}} unknown"
     text = f" {value / 1e3:.0f} kPa" + (f" +-{half / 1e3:.0f}" if np.isfinite(half) else "")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from math import isfinite
-from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -14,8 +13,8 @@ from clutchid.assess.comparison import Comparison
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.assess.rest import moved_rests
+from clutchid.assess.states import states_of_wear
 from clutchid.estimate import Fit
-from clutchid.estimate.result import Estimate
 from clutchid.report.changes import assumed_sentences, short_changes
 from clutchid.report.fit_text import errors_text, errors_words
 from clutchid.report.rest import rest_words
@@ -41,14 +40,14 @@ class Row(NamedTuple):
     fixed: bool = False
 
 
-def summary(fit: Fit, single: Mapping[str, Fit] = MappingProxyType({}), *, in_full: bool = False) -> list[Row]:
+def summary(fit: Fit, *, in_full: bool = False) -> list[Row]:
     """The rows of a summary of `fit`, and of its recordings read one by one.
 
     `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
     """
     compared = fit.comparison
     rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
-    rows += _labelled("alone", _readings(single))
+    rows += _labelled("alone", _readings(fit.readings))
     return rows if in_full else [*rows, *_others(fit), Row("errors", _errors(fit))]
 
 
@@ -137,6 +136,8 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
             return []
         assumed = "what is not fitted is that of the truck in the paper: no calibration" if of_the_paper(fit) else ""
         return [Row("assumed", assumed)] if assumed else []
+    if states_of_wear(fit) is not None:
+        return [Row("since", f"{baseline_name(fit.baseline)}: see the recordings alone")]
     parts = []
     if compared and isfinite(compared.shift.position):
         at = compared.shift
@@ -211,12 +212,7 @@ def _others(fit: Fit) -> list[Row]:
         return []
     if len(own) > MOST_OTHERS:
         return [Row("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report")]
-    return [Row("also", ", ".join(f"{name} = {_estimate(e)}" for name, e in own.items()))]
-
-
-def _estimate(e: Estimate) -> str:
-    unit = "" if e.unit == "1" else f" {e.unit}"
-    return f"{e.value:.4g} ± {(e.high - e.low) / 2:.2g}{unit}" if isfinite(e.high - e.low) else "not determined"
+    return [Row("also", ", ".join(f"{name} = {e}" for name, e in own.items()))]
 
 
 def _errors(fit: Fit) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
-from clutchid.assess.verdict import ENGAGING
+from clutchid.assess.engaging import ENGAGING
 from clutchid.log import FloatArray
 from clutchid.report.figures import draw, fill, label, legend, mark_span, new_figure
 from clutchid.report.style import MM, STYLE, Line

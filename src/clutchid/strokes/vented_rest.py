@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from clutchid.log import Log
+from clutchid.numerics.interval import QUANTILE
 from clutchid.signals.runs import runs
 from clutchid.strokes.bins import CLOSED, RawBins, raw_bins, samples_in_bin
 from clutchid.strokes.rest_level import CALM, CREEP, LOW_END, STILL, BoolArray, quantum_of, ranges, windows_of
@@ -26,9 +27,6 @@ LEVEL, FRICTION = 5e-6, 0.25
 
 #: A rest this far in m below those after a stroke is at the stop; the usual distance where no recording shows it.
 CLEARLY, HELD = 8e-5, 3e-4
-
-#: 95 % quantile of the normal distribution.
-QUANTILE = 1.959964
 
 #: A rest cannot have moved further in m: what lies there is a hold, or another actuator.
 FURTHEST = 5e-3

@@ -63,7 +63,7 @@ class Coordinate:
     """One free parameter, shared by all recordings or of the recording `stem`.
 
     Its value is ``mean exp(width x)`` if `positive`, else ``mean + width x``, within the bounds. The prior of x is
-    0 ± 1.
+    0 with a standard deviation of 1.
     """
 
     base: str

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import NamedTuple
 
-from clutchid.strokes.vented_rest import QUANTILE
+from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.history import Dated
 from clutchid.wear.measurement import Leak, Reading
 from clutchid.wear.rest import RestMove

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.strokes.vented_rest import QUANTILE
+from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.alarms import Alarm, alarms, replaced
 from clutchid.wear.forecast import Remaining, remaining
 from clutchid.wear.history import Axis, Dated, History

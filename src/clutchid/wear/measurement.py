@@ -1,33 +1,14 @@
-"""What a recording measures of the wear of a clutch."""
+"""What became of a recording: its reading, with a leak."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from clutchid.assess.comparison import Comparison
-from clutchid.assess.verdict import ENGAGING
+from clutchid.assess.engaging import Measurement, change_of, measured
 from clutchid.estimate.result import Fit
-from clutchid.log import Log
-from clutchid.strokes.vented_rest import QUANTILE, RestShift
+from clutchid.strokes.vented_rest import RestShift
 
-#: Width of a 95 % interval in standard deviations.
-WIDTH = 2 * QUANTILE
-
-
-class Measurement(NamedTuple):
-    """Change since the calibration in one recording, with standard deviations as the band of the load has them.
-
-    `shift` of the half-load position in m, `load` is the relative change of the mean load over 5 to 8 mm, and
-    `temperature` that of the air in K, NaN where it was not recorded.
-    """
-
-    shift: float
-    shift_std: float
-    load: float
-    load_std: float
-    temperature: float
+__all__ = ["Leak", "Measurement", "Reading", "leak_of", "measured", "unmeasured"]
 
 
 class Leak(NamedTuple):
@@ -86,32 +67,10 @@ def unmeasured(fit: Fit) -> str:
         return " ".join(fit.verdict.reasons)
     if fit.comparison is None:
         return "the calibration has no load in its file, so that there is nothing to compare with; save it again."
-    if _change(fit.comparison) is None:
+    if change_of(fit.comparison) is None:
         furthest = 1e3 * fit.comparison.reach
         return (
             f"the position of half load, or its interval, is not determined within the {furthest:.1f} mm that were "
             "reached; record longer strokes."
         )
     return ""
-
-
-def measured(fit: Fit, log: Log) -> Measurement | None:
-    """The measurement of a recording that was fitted from a calibration; None if its load does not determine one."""
-    values = _change(fit.comparison) if fit.comparison else None
-    if values is None:
-        return None
-    ambient = log.columns.get("temperature_ambient")
-    known = ambient is not None and bool(np.isfinite(ambient).any())
-    return Measurement(*values, float(np.nanmean(ambient)) if known and ambient is not None else float("nan"))
-
-
-def _change(found: Comparison) -> tuple[float, float, float, float] | None:
-    """Shift and relative change of the load with their standard deviations; None if they are not determined."""
-    y, (first, last) = found.present.position, ENGAGING
-    engaging = (y >= first) & (y <= last)
-    new = float(np.mean(found.calibrated.force[engaging]))
-    load = float(np.mean(found.difference.force[engaging])) / new
-    load_std = float(np.mean((found.present.high - found.present.low)[engaging])) / (WIDTH * new)
-    shift_std = (found.half_now.high - found.half_now.low) / WIDTH
-    values = (found.shift.position, shift_std, load, load_std)
-    return values if np.all(np.isfinite(values)) and min(shift_std, load_std) > 0.0 else None

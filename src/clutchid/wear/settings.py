@@ -34,20 +34,6 @@ LIFE = {"strokes": 1e6, "km": 4e5, "days": 1100.0, "recordings": 150.0}
 SCATTER = 0.05
 
 
-class Shares(NamedTuple):
-    """What of the standard deviation of a reading differs between recordings, is common to all, changes with 10 K."""
-
-    independent: float
-    common: float
-    by_temperature: float
-
-
-#: By channel. Five months of eight vehicles of both families: docs/derivations.md.
-SHARES = {"shift": Shares(0.2, 0.4, 0.15), "load": Shares(0.6, 1.0, 0.4)}
-
-#: Recordings that the prior of the noise is worth.
-WORTH = 10.0
-
 #: Air temperature in K that counts as that of the calibration where it had none.
 REFERENCE = 293.15
 

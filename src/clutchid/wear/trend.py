@@ -14,16 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from clutchid.assess.engaging import SHARES, WORTH
 from clutchid.log import FloatArray
 from clutchid.wear.measurement import Measurement
-from clutchid.wear.settings import (
-    FALSE_ALARMS,
-    GROWTH,
-    REFERENCE,
-    SCATTER,
-    SHARES,
-    WORTH,
-)
+from clutchid.wear.settings import FALSE_ALARMS, GROWTH, REFERENCE, SCATTER
 
 Function = Callable[[FloatArray], FloatArray]
 

@@ -68,6 +68,17 @@ def test_every_number_of_every_table_stands_on_the_page(study, html):
                 assert f">{column.shown(cell)}<" in html
 
 
+def test_intervals_on_the_page_are_95_percent_and_the_table_has_standard_errors(study, html):
+    (weights,) = re.findall(r"θ = \((.*?)\)·10⁵ N/m \(95 % intervals\)", html)
+    halves_shown = [float(half) for half in re.findall(r"± ([\d.]+)", weights)]
+    table = study.tables["table_1"]
+    at = [i for i, column in enumerate(table.columns) if column.heading == "standard\nerror"]
+    ballistic = next(row for row in table.rows if row[0] == "ballistic")
+    errors = [ballistic[i] / 1e5 for i in at]
+    # Student's quantile is at least the normal one, 1.960; three decimals are shown
+    assert all(half >= 1.95 * std - 5e-4 for half, std in zip(halves_shown, errors, strict=True))
+
+
 def test_the_page_lists_every_deviation(html):
     assert all(deviation in html for deviation in DEVIATIONS)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.estimate.outcome import QUANTILE, Compared, compare, position_and_pressure
+from clutchid.estimate.outcome import Compared, compare, position_and_pressure
 from clutchid.estimate.posterior import posterior
 from clutchid.estimate.prediction_error.innovations import innovations
 from clutchid.estimate.prediction_error.problem import FilterSolution, predict_errors
@@ -15,6 +15,7 @@ from clutchid.estimate.search_result import SearchResult
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import triangular
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration

@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.estimate.outcome import QUANTILE
 from clutchid.estimate.shooting.uncertainty import ParameterUncertainty
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 from clutchid.smoother.problem import FitProblem, condense
 from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution, project
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.estimate.outcome import QUANTILE, Compared, compare, position_and_pressure
+from clutchid.estimate.outcome import Compared, compare, position_and_pressure
 from clutchid.estimate.posterior import posterior
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_result import SearchResult
 from clutchid.estimate.shooting.uncertainty import ParameterUncertainty, parameter_uncertainty, pressure_deviations
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.projection import ShootingSolution
 from clutchid.smoother.trajectory import sensor_outputs, trajectory

@@ -71,8 +71,8 @@ def _abstract(found: StudyResults) -> str:
         f"The load of a clutch was estimated from <i>{escape(found.fit_log.name)}</i> ({_length(found.fit_log)}) with "
         f"the position as the only measured quantity, and checked on <i>{escape(found.verify_log.name)}</i> "
         f"({_length(found.verify_log)}), which was not fitted. The ballistic fit gives θ = ({_weights(case.fit)})·10⁵ "
-        f"N/m, a load with a peak of {force[at]:.0f} N at {y[at] / MM:.1f} mm. A simulation with it has "
-        f"an rms position error of {millimetres(first.position_rms)} on the first recording and "
+        f"N/m (95 % intervals), a load with a peak of {force[at]:.0f} N at {y[at] / MM:.1f} mm. A simulation "
+        f"with it has an rms position error of {millimetres(first.position_rms)} on the first recording and "
         f"{millimetres(second.position_rms)} on the second"
     )
     if first.pressure_a_rms is not None and second.pressure_a_rms is not None:
@@ -86,7 +86,7 @@ def _length(log: Log) -> str:
 
 
 def _weights(fit: Fit) -> str:
-    return ", ".join(f"{e.value / 1e5:.3f} ± {e.std / 1e5:.3f}" for e in fit.parameters.values()).replace("-", "−")
+    return ", ".join(f"{e.value / 1e5:.3f} ± {e.half / 1e5:.3f}" for e in fit.parameters.values()).replace("-", "−")
 
 
 def _warnings(found: StudyResults) -> tuple[Notice, ...]:

@@ -41,7 +41,7 @@ def table_1(cases: Sequence[Case], carry: Carry) -> Table:
         group = f"θ{'₁₂₃'[i - 1]} [10⁵ N/m]"
         columns += [
             Column(f"theta_{i} [N/m]", "estimate", _WEIGHT, 4, group=group),
-            Column(f"theta_{i}_std [N/m]", "std", _WEIGHT, 4, group=group),
+            Column(f"theta_{i}_std [N/m]", "standard\nerror", _WEIGHT, 4, group=group),
             Column(f"theta_{i}_printed [N/m]", "printed", _WEIGHT, 4, group=group),
         ]
     rows = []

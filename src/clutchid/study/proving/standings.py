@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from clutchid.numerics.interval import QUANTILE
 from clutchid.report.tables import Cell, Column, Table
 
 Results = Sequence[Mapping[str, Any]]
@@ -89,7 +90,7 @@ def coverage(results: Results) -> tuple[float | None, float | None]:
     shares = [np.mean([log["score"]["coverage"] for log in r["logs"].values()]) for r in results if r["logs"]]
     if not shares:
         return None, None
-    half = 1.96 * np.std(shares, ddof=1) / np.sqrt(len(shares)) if len(shares) > 1 else np.nan
+    half = QUANTILE * np.std(shares, ddof=1) / np.sqrt(len(shares)) if len(shares) > 1 else np.nan
     return float(np.mean(shares)), float(half)
 
 
