@@ -24,7 +24,7 @@ LIKELY = 0.5
 
 
 def notes_of(fit: Fit) -> list[str]:
-    """Notes on a result: of the verdict, changes since the calibration, what is assumed, and what the data determine."""
+    """Notes on a result: of the verdict, changes since the calibration, what is assumed, what the data determine."""
     return [*fit.verdict.notes, *since_calibration(fit), *assumed_sentences(fit), *fit.notes]
 
 
