@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import Literal
 
@@ -10,12 +11,13 @@ from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.methods import method_of
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
-from clutchid.estimate.verification import verified
+from clutchid.estimate.verification import on_samples, verified
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
 from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.simulation.input_span import with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior
@@ -153,5 +155,7 @@ def fit_request(
     recordings, others = driven(logs, start.equipment), driven(verify, start.equipment)
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start)
-    done = method.fit(recordings, start, request, progress)
+    done = method.fit([with_inputs(log) for log in recordings], start, request, progress)
+    whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings if log.name in done.recordings}
+    done = replace(done, recordings=whole)
     return done if done.status == "failed" else verified(done, others, request)
