@@ -222,9 +222,12 @@ def _gaps(groups: Mapping[str, Sequence[_Column]]) -> list[str]:
     for _, missing in empty:
         anywhere[missing] = True
     names = " or ".join(f"'{column.heading.text}'" for column, _ in empty)
-    return [
-        f"input {names} is missing in {columns[0].places.ranges(np.flatnonzero(anywhere))}: each gap ends a segment."
-    ]
+    known = np.flatnonzero(~anywhere)
+    whole = bool(known.size) and known[-1] - known[0] + 1 == known.size
+    cut = "the recording is used from its first to its last sample with all inputs"
+    ends = bool(known.size) and (known[0] > 0 or known[-1] < anywhere.size - 1)
+    then = cut if whole else f"each gap ends a segment, and {cut}" if ends else "each gap ends a segment"
+    return [f"input {names} is missing in {columns[0].places.ranges(np.flatnonzero(anywhere))}: {then}."]
 
 
 def _hole_warning(columns: Sequence[_Column]) -> list[str]:

@@ -13,6 +13,9 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray, Log
 
+#: An end without inputs that is shorter than this, in s, is no loss: time grids start and end at different stamps.
+LONG = 0.5
+
 
 def input_span(log: Log) -> slice:
     """Samples of `log` from the first to the last one with both duty cycles; holes between them are inside.
@@ -44,13 +47,26 @@ def input_span(log: Log) -> slice:
 def with_inputs(log: Log) -> Log:
     """`log` without the samples before the first and after the last one with both duty cycles, as a view.
 
+    It has a warning where `LONG` s or more are cut off.
+
     Raises
     ------
     DataError
         As `input_span`.
     """
     span = input_span(log)
-    return log.slice(span.start, span.stop) if span.stop - span.start < len(log) else log
+    if span.stop - span.start == len(log):
+        return log
+    return replace(log.slice(span.start, span.stop), warnings=(*log.warnings, *cut_warnings(log, span)))
+
+
+def cut_warnings(log: Log, span: slice) -> tuple[str, ...]:
+    """A warning where the ends of `log` outside `span` take `LONG` s or more."""
+    first, last = float(log.time[span.start]), float(log.time[span.stop - 1])
+    before, after = first - float(log.time[0]), float(log.time[-1]) - last
+    ends = [f"before {first:.3f} s"] if before >= LONG else []
+    ends += [f"after {last:.3f} s"] if after >= LONG else []
+    return (f"{log.name}: no duty cycles {' and '.join(ends)}; the recording is used without it.",) if ends else ()
 
 
 def at_samples(simulated: Log, log: Log) -> Log:

@@ -14,7 +14,7 @@ from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names, unknown_name
 from clutchid.simulation.failing_term import failing_term
-from clutchid.simulation.input_span import input_span, with_inputs
+from clutchid.simulation.input_span import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Plan, Segment, plan
 from clutchid.simulation.run import (
@@ -137,7 +137,7 @@ def simulate(
         log=simulated_log(replace(prepared, log=log), everywhere, actuator),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
-        warnings=prepared.warnings,
+        warnings=(*cut_warnings(log, span), *prepared.warnings),
         sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)},
     )
 
