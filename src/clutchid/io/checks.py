@@ -223,11 +223,11 @@ def _gaps(groups: Mapping[str, Sequence[_Column]]) -> list[str]:
         anywhere[missing] = True
     names = " or ".join(f"'{column.heading.text}'" for column, _ in empty)
     known = np.flatnonzero(~anywhere)
-    whole = bool(known.size) and known[-1] - known[0] + 1 == known.size
-    cut = "the recording is used from its first to its last sample with all inputs"
-    ends = bool(known.size) and (known[0] > 0 or known[-1] < anywhere.size - 1)
-    then = cut if whole else f"each gap ends a segment, and {cut}" if ends else "each gap ends a segment"
-    return [f"input {names} is missing in {columns[0].places.ranges(np.flatnonzero(anywhere))}: {then}."]
+    at_ends = bool(known.size) and bool(anywhere[0] or anywhere[-1])
+    then = ["each gap ends a segment"] if not at_ends or bool((np.diff(known) > 1).any()) else []
+    then += ["the recording is used from its first to its last sample with all inputs"] if at_ends else []
+    where = columns[0].places.ranges(np.flatnonzero(anywhere))
+    return [f"input {names} is missing in {where}: {', and '.join(then)}."]
 
 
 def _hole_warning(columns: Sequence[_Column]) -> list[str]:

@@ -66,7 +66,7 @@ def cut_warnings(log: Log, span: slice) -> tuple[str, ...]:
     before, after = first - float(log.time[0]), float(log.time[-1]) - last
     ends = [f"before {first:.3f} s"] if before >= LONG else []
     ends += [f"after {last:.3f} s"] if after >= LONG else []
-    return (f"{log.name}: no duty cycles {' and '.join(ends)}; the recording is used without it.",) if ends else ()
+    return (f"{log.name}: no duty cycles {' and '.join(ends)}; these samples are left out.",) if ends else ()
 
 
 def at_samples(simulated: Log, log: Log) -> Log:
