@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from clutchid.model.compiled import Model
     from clutchid.model.equipment import Equipment
     from clutchid.numerics.least_squares import Progress
+    from clutchid.strokes.vented_rest import VentedRest, Zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +72,17 @@ def read_recordings(
     return read_each(paths, one)
 
 
-def inspected(logs: Sequence[Log], actuator: Actuator, *, force: bool = False) -> list[Log]:
+def inspected(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    *,
+    force: bool = False,
+    rest: VentedRest | None = None,
+    zero: Zero = "subtract",
+) -> list[Log]:
     """Recordings with the findings of the checks before a fit among their warnings.
+
+    What is checked is what will be fitted: with `zero` "subtract" the travel from the vented `rest` of a calibration.
 
     Raises
     ------
@@ -80,8 +90,9 @@ def inspected(logs: Sequence[Log], actuator: Actuator, *, force: bool = False) -
         If a check is bad, unless with `force`; the text has the sentences of `clutchid look`.
     """
     from clutchid.inspection import inspect
+    from clutchid.strokes.vented_rest import from_rest
 
-    found = [inspect(log, actuator) for log in logs]
+    found = [inspect(from_rest(log, rest, zero).log, actuator) for log in logs]
     bad = [str(DataError.of(one.name, list(one.bad))) for one in found if one.bad]
     if bad and not force:
         raise DataError("\n".join([*bad, "Correct the recording or its channel map, or go on with --force."]))
@@ -120,9 +131,10 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
     if path is None:
         return Actuator(model=model or (AUTOMATIC if request.automatic else "isothermal")), request
     content = start_file(path, model)
+    calibration = None if request.automatic else content.calibration
+    request = replace(request, rest=calibration.rest if calibration else None)
     if request.partition is not None or request.method == "simulation":
         return content.actuator, request
-    calibration = None if request.automatic else content.calibration
     return content.actuator, replace(request, calibration=calibration, continues=content.continuation)
 
 
@@ -148,7 +160,7 @@ def fit_recordings(
     """
     from clutchid.estimate.fit import fit_request
 
-    checked = inspected([*logs, *verify], actuator, force=force)
+    checked = inspected([*logs, *verify], actuator, force=force, rest=request.counted_from, zero=request.zero)
     fit = fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
     if len(logs) < 2 or fit.comparison is None:
         return Outcome(fit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -22,6 +22,7 @@ def drive(
     wear: float = 0.0,
     cycles: float = 0.0,
     temperature: float | None = None,
+    supply: float | None = None,
     manoeuvre: str = "mix",
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
@@ -29,6 +30,9 @@ def drive(
     conditions: Annotated[bool, Parameter(negative="")] = False,
     bus: Annotated[bool, Parameter(negative="")] = False,
     dropouts: int = 0,
+    offset: float = 0.0,
+    zero: Literal["learned", "kept"] = "learned",
+    late: float = 0.0,
     service: Annotated[Service, Parameter(name="*")] = SINGLE,
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
@@ -56,6 +60,8 @@ def drive(
         Number of strokes that the clutch has done.
     temperature
         Ambient temperature in °C; that of the truck type by default.
+    supply
+        Set supply pressure in bar (absolute); that of the truck type by default.
     manoeuvre
         mix, gear-shift, pull-away, creep, staircase, strokes, ramps or validation.
     change
@@ -70,6 +76,13 @@ def drive(
         Record on the bus at 100 Hz with its own clock, instead of in the controller at 1 kHz.
     dropouts
         Number of intervals of 5 to 60 ms without measurements.
+    offset
+        Offset of the position sensor in mm, as after an exchange or with a bent bracket.
+    zero
+        learned: the sensor reads 0 at the vented rest of this recording; kept: at that of the new clutch, from which
+        the rest falls with wear.
+    late
+        Delay of the recorded duty cycles against the position in whole ms.
     json
         Print one JSON object on standard output.
     debug
@@ -79,6 +92,7 @@ def drive(
     alone = Alone(
         manoeuvre, wear * 1e-3, cycles, None if temperature is None else temperature + 273.15, pressure,
         "bus" if bus else "controller", dropouts, conditions, tuple(change or ()),
+        None if supply is None else supply * 1e5, offset * 1e-3, zero, late * 1e-3,
     )  # fmt: skip
 
     def work() -> int:

@@ -59,6 +59,10 @@ class Alone(NamedTuple):
     dropouts: int = 0
     conditions: bool = False
     change: tuple[str, ...] = ()
+    supply: float | None = None
+    offset: float = 0.0
+    zero: Literal["learned", "kept"] = "learned"
+    late: float = 0.0
 
 
 def drive_fleet(service: Service, types: Types, out: Path, seconds: float, alone: Alone, truth: Path | None) -> None:

@@ -53,6 +53,7 @@ def fit(
     ambient: str | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    zero: Literal["subtract", "keep"] = "subtract",
     force: Annotated[bool, Parameter(negative="")] = False,
     verbose: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -111,6 +112,9 @@ def fit(
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     dbc
         DBC files that decode bus logs; several may follow each other.
+    zero
+        With a calibration in --start: subtract from the position how far its vented rest has moved since, as after an
+        exchange of the sensor or with wear, or keep the position as it was recorded.
     force
         Fit although a check of the recording is bad; the checks are those of `clutchid look`.
     verbose
@@ -127,8 +131,9 @@ def fit(
         partition, limits = partition_of(every, parts, carry, take), bounds(bounds_ or ())
         known, checked = priors(prior or ()), listed_names(profile)
         return FitRequest(
-            listed_names(measure), listed_names(free), limits, partition, method, known, None, checked, bootstrap
-        )
+            listed_names(measure), listed_names(free), limits, partition, method, known, None, checked, bootstrap,
+            zero=zero,
+        )  # fmt: skip
 
     files = _Files(logs, tuple(verify or ()), start, save, report)
     how = _How(ambient, map_, tuple(dbc or ()), force, verbose)

@@ -12,8 +12,10 @@ from cyclopts import Parameter
 from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure, print_written
 from clutchid.cli.terminal import sentences
 from clutchid.parameters import Parameters
+from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
+    from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.io.look.overview import Look
     from clutchid.io.map.channel_map import ChannelMap
 
@@ -26,6 +28,7 @@ def look(
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
     ambient: str | None = None,
+    start: Path | None = None,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """List the channels of a recording with unit, time grid, range and holes, all problems, and a channel map.
@@ -42,6 +45,8 @@ def look(
         DBC files that decode a bus log; several may follow each other.
     ambient
         Ambient pressure for gauge units, for example 1.013bar; P_0 by default.
+    start
+        Calibration (TOML) that the recording is compared with: its actuator, and where its vented rest was.
     debug
         Show the traceback of an error.
     """
@@ -50,12 +55,13 @@ def look(
         from clutchid.io.look.look import look as look_at
         from clutchid.io.map.channel_map import read_map, write_map
 
-        check_outputs({"--save": save}, [("the recording itself", file)])
-        at = pressure(ambient, Parameters().P_0)
+        check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
+        content = None if start is None else start_file(start, None)
+        at = pressure(ambient, (content.actuator.parameters if content else Parameters()).P_0)
         given = None if map_ is None else read_map(map_)
         contents = look_at(file, at, tuple(dbc or ()), given)
         print(sentences(contents.table(), sys.stdout))
-        print(sentences(_checks(file, contents, given, at), sys.stdout))
+        print(sentences(_checks(file, contents, given, at, content), sys.stdout))
         if save is not None:
             proposed = contents.proposal.channels
             write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
@@ -67,7 +73,9 @@ def look(
     return guarded(work, as_json=False, debug=debug)
 
 
-def _checks(file: Path, contents: Look, given: ChannelMap | None, ambient: float) -> str:
+def _checks(
+    file: Path, contents: Look, given: ChannelMap | None, ambient: float, content: ParameterFile | None = None
+) -> str:
     """Results of the checks before a fit on the recording, or on its first million samples."""
     from clutchid.inspection import inspect
     from clutchid.io import read_pieces
@@ -79,4 +87,7 @@ def _checks(file: Path, contents: Look, given: ChannelMap | None, ambient: float
     proposed = contents.proposal.channels
     channels = replace(given, dbc=proposed.dbc) if given else proposed if contents.needs_map else None
     log = next(read_pieces(file, ambient=ambient, channels=channels, required=("time", "position")))
-    return f"\n{inspect(log).table()}"
+    if content is None:
+        return f"\n{inspect(log).table()}"
+    calibration = content.calibration
+    return f"\n{inspect(log, content.actuator, calibration.rest if calibration else None).table()}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.log import Log
     from clutchid.observe.recording import ObservedRecording
+    from clutchid.strokes.vented_rest import Zero
 
 
 def observe(
@@ -33,6 +34,7 @@ def observe(
     ambient: str | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    zero: Literal["subtract", "keep"] = "subtract",
     follow: Annotated[bool, Parameter(negative="")] = False,
     publish: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     publish_every: float | None = None,
@@ -72,6 +74,8 @@ def observe(
         Channel map (TOML) of the recording, as written by `clutchid look --save`.
     dbc
         DBC files that decode a bus log; several may follow each other.
+    zero
+        Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
     follow
         Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
     publish
@@ -88,7 +92,7 @@ def observe(
     debug
         Show the traceback of an error.
     """
-    options = LiveOptions(method, map_, tuple(dbc or ()), resume, follow, publish, publish_every, view, json)
+    options = LiveOptions(method, map_, tuple(dbc or ()), resume, follow, publish, publish_every, view, json, zero=zero)
     files = Files(log, start, out, save, resume, report, options.dbc, options.bus is not None)
 
     def work() -> int:
@@ -100,8 +104,8 @@ def observe(
         air = pressure(ambient, content.actuator.parameters.P_0)
         if options.follow or is_live(log):
             return observe_live(files, content, replace(options, ambient=air))
-        checked = _checked(log, content, Reading(air, map_, options.dbc), force)
-        run = _followed(checked, content, method, resume)
+        checked = _checked(log, content, Reading(air, map_, options.dbc), force, zero)
+        run = _followed(checked, content, options)
         files.write(run, content)
         answer(run, content, files, as_json=json)
         return DONE
@@ -109,10 +113,12 @@ def observe(
     return guarded(work, as_json=json, debug=debug)
 
 
-def _checked(path: Path, content: ParameterFile, reading: Reading, force: bool) -> Log:
+def _checked(path: Path, content: ParameterFile, reading: Reading, force: bool, zero: Zero) -> Log:
     """A recording with the warnings of its checks; a bad one is bad input unless it is forced."""
     read = read_recordings([path], reading, content.actuator.equipment)
-    return _fast_enough(inspected(read, content.actuator, force=force)[0], content, force)
+    rest = content.calibration.rest if content.calibration else None
+    (checked,) = inspected(read, content.actuator, force=force, rest=rest, zero=zero)
+    return _fast_enough(checked, content, force)
 
 
 def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
@@ -127,11 +133,12 @@ def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
     return replace(log, warnings=(*log.warnings, *filter(None, found)))
 
 
-def _followed(log: Log, content: ParameterFile, method: str, resume: Path | None) -> ObservedRecording:
+def _followed(log: Log, content: ParameterFile, options: LiveOptions) -> ObservedRecording:
     from clutchid.observe.observer import observer
     from clutchid.observe.recording import observe_recording, spacing
     from clutchid.observe.state_file import read_state, saved_spacing
 
+    resume = options.resume
     every = spacing(log) if resume is None else saved_spacing(resume)
-    one = observer(content.actuator, method, every, content.calibration)
+    one = observer(content.actuator, options.method, every, content.calibration, options.zero)
     return observe_recording(one, log, None if resume is None else read_state(one, resume))

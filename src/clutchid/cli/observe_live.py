@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from clutchid.io.live.arrival import LiveBlock
     from clutchid.observe.live import LiveRun
     from clutchid.observe.observer import Observer, ObserverState
+    from clutchid.strokes.vented_rest import Zero
 
 #: What stands for standard input, and for standard output.
 STANDARD_INPUT = STANDARD_OUTPUT = "-"
@@ -50,6 +51,7 @@ class LiveOptions:
     view: bool
     as_json: bool
     ambient: float = math.nan
+    zero: Zero = "subtract"
 
     @property
     def bus(self) -> BusName | None:
@@ -196,7 +198,7 @@ def _start(first: LiveBlock, content: ParameterFile, options: LiveOptions) -> tu
     from clutchid.observe.state_file import read_state, saved_spacing
 
     every = spacing(first.log) if options.resume is None else saved_spacing(options.resume)
-    one = observer(content.actuator, options.method, every, content.calibration)
+    one = observer(content.actuator, options.method, every, content.calibration, options.zero)
     check_pace(one, first.log)
     return one, start(one) if options.resume is None else read_state(one, options.resume)
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from clutchid.estimate.recording_sections import Starts
     from clutchid.log import Log
     from clutchid.simulation import Partition, Simulation
+    from clutchid.strokes.vented_rest import Rested
 
 
 def simulate(
@@ -92,14 +93,25 @@ def simulate(
         partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
         air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
         read = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
-        recording, *others = inspected(read, content.actuator, force=force)
+        rested = [content.from_rest(each) for each in read]
+        recording, *others = inspected([one.log for one in rested], content.actuator, force=force)
         starts, notes = _starts(recording, content, partition, parameters)
         done = simulate_log(content.actuator, recording, partition=partition, starts=starts)
         write(_banded(done.log, others, content, partition), out)
-        _answer(recording, done, (*recording.warnings, *notes, *done.warnings), out, json)
+        _answer(recording, done, (*recording.warnings, *_moved(rested[0]), *notes, *done.warnings), out, json)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)
+
+
+def _moved(rested: Rested) -> tuple[str, ...]:
+    """That the vented rest has moved since the calibration, where that was subtracted."""
+    if not rested.subtracted:
+        return ()
+    return (
+        f"{rested.log.name}: its vented rest has moved by {rested.subtracted * 1e3:+.2f} mm since the calibration, "
+        "which is subtracted from the measured position.",
+    )
 
 
 def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path, json: bool) -> None:

@@ -6,7 +6,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -31,6 +31,7 @@ def track(
     ambient: str | None = None,
     map_: Annotated[Path | None, Parameter(name="--map")] = None,
     dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    zero: Literal["subtract", "keep"] = "subtract",
     json: Annotated[bool, Parameter(negative="")] = False,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -64,6 +65,8 @@ def track(
         Channel map (TOML) of the recordings, as written by `clutchid look --save`.
     dbc
         DBC files that decode bus logs; several may follow each other.
+    zero
+        Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
     json
         Print one JSON object on standard output.
     debug
@@ -83,7 +86,7 @@ def track(
         ends = tracking.Limits(shift, read_wear_table(wear_table) if wear_table else None)
         paths = tracking.recordings_of(logs, (out, tracking.curves_path(out)))
         vehicle = tracking.vehicle_of(paths, rows, str(table))
-        how = How(start, pressure(ambient, content.actuator.parameters.P_0), map_, tuple(dbc or ()))
+        how = How(start, pressure(ambient, content.actuator.parameters.P_0), map_, tuple(dbc or ()), zero=zero)
         with progress_bar("track") as show:
             found = tracking.track(paths, how, rows, ends, workers, show, vehicle=vehicle)
         _write(found, out, report)

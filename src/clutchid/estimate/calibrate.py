@@ -26,6 +26,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
+from clutchid.strokes.vented_rest import merged, vented_rest
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.conditions import (
     CONDITIONS,
@@ -230,6 +231,7 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
         theta=result.actuator.load.theta,
         theta_covariance=result.covariance[np.ix_(weights, weights)],
         converged=result.converged,
+        rest=merged([vented_rest(recording.measured) for recording in result.recordings.values()]),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
+from clutchid.strokes.vented_rest import VentedRest
 from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.uncertainty.conditions import Conditions
 
@@ -33,6 +34,8 @@ def calibration_section(kept: Calibration, baseline: Calibration | None = None) 
         section["conditions"] = conditions
     if np.isfinite(kept.nis):
         section["nis"] = kept.nis
+    if kept.rest is not None:
+        section["rest"] = {name: value for name, value in kept.rest._asdict().items() if np.isfinite(value)}
     if kept.position_only is not None:
         section["position_only"] = _errors_section(kept.position_only)
     return section
@@ -64,8 +67,22 @@ def calibration_in(section: Any, load_names: Sequence[str], method: str, file: O
     origin = file._replace(**text_entries(section.get("origin"), Origin._fields))
     conditions = _conditions(section.get("conditions", {}))
     return Calibration(
-        names, covariance, None, method, errors, theta, spread, converged, origin, conditions, _nis(section.get("nis"))
-    )
+        names, covariance, None, method, errors, theta, spread, converged, origin, conditions,
+        _nis(section.get("nis")), _rest(section.get("rest")),
+    )  # fmt: skip
+
+
+def _rest(section: Any) -> VentedRest | None:
+    """Vented rest of the calibration recordings; earlier versions do not have it."""
+    if section is None:
+        return None
+    known = isinstance(section, Mapping) and {"lowest", "quantum"} <= set(section) <= set(VentedRest._fields)
+    if not known or not all(type(value) in (int, float) and np.isfinite(value) for value in section.values()):
+        raise ParameterError(
+            "[fit.calibration.rest]: finite levels lowest and returned, and quantum, in m, are needed; save the "
+            "calibration again."
+        )
+    return VentedRest(*(float(section.get(name, "nan")) for name in VentedRest._fields))
 
 
 def _nis(value: Any) -> float:

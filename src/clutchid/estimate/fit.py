@@ -12,6 +12,7 @@ from clutchid.estimate.methods import method_of
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
 from clutchid.estimate.verification import on_samples, verified
+from clutchid.estimate.zero import with_rests
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
@@ -19,6 +20,7 @@ from clutchid.numerics.least_squares import Progress
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.simulation.input_span import with_inputs
 from clutchid.simulation.partition import Partition
+from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior
 
@@ -42,6 +44,7 @@ def fit(
     calibration: Calibration | None = None,
     profile: str | Sequence[str] = (),
     bootstrap: int = 0,
+    zero: Zero = "subtract",
     on_failure: Literal["raise", "return"] = "raise",
     progress: Progress | None = None,
 ) -> Fit:
@@ -84,6 +87,9 @@ def fit(
         Free parameters with intervals by profile likelihood; 'shooting' only, seconds each.
     bootstrap : int
         Draws of a bootstrap over strokes, which checks the intervals of the load; 'shooting' only, 0 for none.
+    zero : 'subtract' or 'keep'
+        Whether the position counts from the vented rest where that has moved since the calibration, as after an
+        exchange of the sensor or with wear; or as it was recorded.
     on_failure : 'raise' or 'return'
         What to do if the start values cannot be simulated.
     progress : function(stage, evaluations), optional
@@ -116,6 +122,7 @@ def fit(
         calibration,
         listed_names(profile),
         bootstrap,
+        zero=zero,
     )
     fitted, others = _several(logs), _several(verify)
     recordings = _read([*fitted, *others], actuator or Actuator())
@@ -152,10 +159,15 @@ def fit_request(
         As `fit`.
     """
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
-    recordings, others = driven(logs, start.equipment), driven(verify, start.equipment)
+    rested, checked = (
+        [from_rest(log, request.counted_from, request.zero) for log in driven(several, start.equipment)]
+        for several in (logs, verify)
+    )
+    recordings, others = [one.log for one in rested], [one.log for one in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start)
     done = method.fit([with_inputs(log) for log in recordings], start, request, progress)
-    whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings if log.name in done.recordings}
-    done = replace(done, recordings=whole)
-    return done if done.status == "failed" else verified(done, others, request)
+    if done.status == "failed":
+        return done
+    whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings}
+    return with_rests(verified(replace(done, recordings=whole), others, request), [*rested, *checked])

@@ -20,7 +20,7 @@ from clutchid.estimate.calibration_section import calibration_in, calibration_se
 from clutchid.estimate.load_section import load_in
 from clutchid.estimate.model_section import duty_entries, duty_period_in, model_entries, model_in
 from clutchid.estimate.older_lags import with_lags
-from clutchid.estimate.recording_sections import Starts, own_values, starts_in
+from clutchid.estimate.recording_sections import REST, Starts, own_values, starts_in
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_section import search_in, search_section
 from clutchid.estimate.search_state import Continuation
@@ -32,6 +32,7 @@ from clutchid.model.own import OwnModel
 from clutchid.model.weighted_load import Load
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
+from clutchid.strokes.vented_rest import Rested, from_rest
 from clutchid.uncertainty.calibration import Calibration, Origin
 
 #: Suffixes of files for MATLAB, which `clutchid.report.matlab` writes and nothing reads.
@@ -93,10 +94,25 @@ class ParameterFile:
 
     def starts_for(self, log: Log) -> Starts | None:
         """The start values of `log`, if they were estimated from exactly this file, by its hash under [fit] data."""
+        return (self.starts.get(log.name) or None) if self._has(log) else None
+
+    def from_rest(self, log: Log) -> Rested:
+        """A recording with its position as travel from the vented rest of the calibration in the file.
+
+        What the fit in the file subtracted from exactly this recording is subtracted again.
+        """
+        if self._has(log):
+            subtracted = self.own.get(log.name, {}).get(REST, 0.0)
+            return Rested(
+                log.with_columns(position=log["position"] - subtracted) if subtracted else log, None, subtracted
+            )
+        return from_rest(log, self.calibration.rest if self.calibration else None)
+
+    def _has(self, log: Log) -> bool:
+        """Whether exactly this recording was fitted, by its hash under [fit] data."""
         data = self.fit.get("data")
         known = data.get(log.name) if isinstance(data, Mapping) else None
-        same = isinstance(known, str) and known == log.metadata.get("sha256")
-        return (self.starts.get(log.name) or None) if same else None
+        return isinstance(known, str) and known == log.metadata.get("sha256")
 
 
 def parameter_file(fitted: Fit) -> ParameterFile:
@@ -126,6 +142,9 @@ def parameter_file(fitted: Fit) -> ParameterFile:
         base, at, stem = name.partition("@")
         if at:
             own.setdefault(stem, {})[base] = estimate.value
+    for name, recording in fitted.recordings.items():
+        if recording.subtracted:
+            own.setdefault(name, {})[REST] = recording.subtracted
     return ParameterFile(fitted.actuator, starts, about, own)
 
 

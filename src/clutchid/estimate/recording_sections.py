@@ -8,8 +8,12 @@ from typing import Any
 
 from clutchid.names import unknown_names
 from clutchid.parameters import is_number
+from clutchid.strokes.vented_rest import FURTHEST
 
 _START_KEYS = ("position_start", "pressure_a_start")
+
+#: What was subtracted from the position of a recording in m, because its vented rest had moved.
+REST = "rest_shift"
 
 Starts = tuple[tuple[float, float], ...]
 
@@ -29,7 +33,7 @@ def starts_in(recordings: dict[str, Any], names: Sequence[str]) -> tuple[dict[st
 
 
 def own_values(recordings: dict[str, Any]) -> dict[str, dict[str, float]]:
-    """Parameters of single recordings, by stem."""
+    """Parameters of single recordings, and `REST`, by stem."""
     own = {stem: {k: float(v) for k, v in entry.items() if k not in _START_KEYS} for stem, entry in recordings.items()}
     return {stem: values for stem, values in own.items() if values}
 
@@ -39,6 +43,7 @@ def _start_problems(stem: str, entry: object, names: Sequence[str]) -> list[str]
     if not isinstance(entry, dict):
         return [f"[recording] {stem} = {entry!r}: a section [recording.'{stem}'] with {_in_words()} is needed."]
     where = f"[recording.'{stem}']"
+    names = (*names, REST)
     known = (*_START_KEYS, *names)
     problems = unknown_names(entry, known, f"entry of {where}")
     problems += [
@@ -46,6 +51,8 @@ def _start_problems(stem: str, entry: object, names: Sequence[str]) -> list[str]
         for name in names
         if name in entry and not is_number(entry[name])
     ]
+    if is_number(entry.get(REST)) and not abs(entry[REST]) <= FURTHEST:
+        problems.append(f"{where} {REST} = {entry[REST]!r} m: a rest moves by at most {FURTHEST:g} m.")
     lists = {key: entry.get(key, []) for key in _START_KEYS}
     for key, values in lists.items():
         if not isinstance(values, list) or not all(is_number(v) and math.isfinite(v) for v in values):

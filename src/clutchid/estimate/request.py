@@ -10,6 +10,7 @@ from clutchid.estimate.search_state import Continuation
 from clutchid.measured import MEASURED
 from clutchid.names import EVERY_RECORDING, ParameterName, unknown_name
 from clutchid.simulation.partition import Partition
+from clutchid.strokes.vented_rest import VentedRest, Zero
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.coordinates import Prior
 
@@ -21,7 +22,8 @@ FEWEST_DRAWS = 10
 class FitRequest:
     """A request of a fit; the fields are the arguments of `clutchid.fit`.
 
-    `continues` is the search of the start file, continued if it is of the same recordings and free parameters.
+    `continues` is the search of the start file, continued if it is of the same recordings and free parameters; `rest`
+    is the vented rest of its calibration, from which the position counts with `zero` "subtract".
 
     Raises
     ------
@@ -39,6 +41,8 @@ class FitRequest:
     profile: tuple[str, ...] = ()
     bootstrap: int = 0
     continues: Continuation | None = None
+    zero: Zero = "subtract"
+    rest: VentedRest | None = None
 
     def __post_init__(self) -> None:
         unknown = [unknown_name(name, MEASURED, "measured column") for name in self.measure if name not in MEASURED]
@@ -50,6 +54,11 @@ class FitRequest:
             raise ParameterError(
                 f"bootstrap = {self.bootstrap}: 0 for none, or at least {FEWEST_DRAWS} draws; 200 are usual."
             )
+
+    @property
+    def counted_from(self) -> VentedRest | None:
+        """The vented rest that the position counts from, where it is known."""
+        return self.rest or (self.calibration.rest if self.calibration else None)
 
     @property
     def automatic(self) -> bool:

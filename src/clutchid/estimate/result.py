@@ -15,6 +15,7 @@ from clutchid.estimate.changes import Change, Departure
 from clutchid.estimate.search_state import SearchState
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.strokes.vented_rest import RestShift
 from clutchid.uncertainty.calibration import Calibration
 
 if TYPE_CHECKING:
@@ -80,12 +81,18 @@ class Errors:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """One recording of a fit: simulation, errors, and start values of its segments (position in m, pressure in Pa)."""
+    """One recording of a fit: simulation, errors, and start values of its segments (position in m, pressure in Pa).
+
+    `rest` says how far the vented rest has moved since the calibration, None where that is not known; `subtracted` is
+    what was therefore subtracted from the recorded position, in m.
+    """
 
     measured: Log
     simulated: Log
     errors: Errors
     starts: tuple[tuple[float, float], ...]
+    rest: RestShift | None = None
+    subtracted: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import LoadCurve
 from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
+from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.life import Curve
 from clutchid.wear.measurement import Reading, leak_of, measured
 
@@ -30,7 +31,8 @@ UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
 class How(NamedTuple):
     """The calibration to start from, and how recordings are read: ambient pressure in Pa, channel map, DBC files.
 
-    The ambient pressure is P_0 of the calibration where it is NaN; `verb` is what reads the load: "observe", or "fit".
+    The ambient pressure is P_0 of the calibration where it is NaN; `verb` is what reads the load: "observe", or "fit";
+    `zero` says whether a vented rest that has moved is subtracted from the position.
     """
 
     start: Path
@@ -38,6 +40,7 @@ class How(NamedTuple):
     channel_map: Path | None = None
     dbc: tuple[Path, ...] = ()
     verb: str = "fit"
+    zero: Zero = "subtract"
 
 
 class Read(NamedTuple):
@@ -63,7 +66,7 @@ def read_recording(how: How, path: Path) -> Read:
         reading = workflow.Reading(ambient, how.channel_map, how.dbc)
         (log,) = workflow.read_recordings([path], reading, actuator.equipment)
         clock = str(log.metadata.get("start", ""))
-        read = (_observed if how.verb == "observe" else _fitted)(log, content, path)
+        read = (_observed if how.verb == "observe" else _fitted)(log, content, path, how.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
         return Read(path, Reading(status, str(error), "none", None), clock, checksum)
@@ -86,9 +89,10 @@ def checksum_of(path: Path) -> str:
         return ""
 
 
-def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
+def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     """The load as `clutchid fit --start` reads it."""
-    fit = workflow.fit_recordings([log], content.actuator, FitRequest(calibration=content.calibration)).fit
+    request = FitRequest(calibration=content.calibration, zero=zero)
+    fit = workflow.fit_recordings([log], content.actuator, request).fit
     curve = fit.load_curve
     half = fit.comparison.half_now if fit.comparison else UNKNOWN
     trust = fit.verdict.trust
@@ -98,26 +102,29 @@ def _fitted(log: Log, content: ParameterFile, path: Path) -> Read:
     measurement = measured(fit, log) if fit.converged and not fit.verdict.flawed else None
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     curves = Curve(curve.position, curve.force, curve.low, curve.high)
-    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit))
+    rest = next((one.rest for one in fit.recordings.values()), None)
+    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit), rest)
     return Read(path, reading, curve=curves, half_load=half, changes=changes)
 
 
-def _observed(log: Log, content: ParameterFile, path: Path) -> Read:
+def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
     from clutchid.observe.observer import observer
     from clutchid.observe.recording import observe_recording, spacing, too_slow
     from clutchid.report.observe_text import loads, observe_sentence
 
-    (checked,) = workflow.inspected([log], content.actuator)
+    rest = content.calibration.rest if content.calibration else None
+    (checked,) = workflow.inspected([log], content.actuator, rest=rest, zero=zero)
     if slow := too_slow(checked, content.actuator):
         raise DataError(slow)
-    one = observer(content.actuator, "joint", spacing(checked), content.calibration)
+    one = observer(content.actuator, "joint", spacing(checked), content.calibration, zero)
     run = observe_recording(one, checked)
     after = loads(run).after
     half = half_load_band(LoadCurve(*after), float(np.nanmax(checked["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"
     trust = "with care" if status == "warning" else "good"
-    return Read(path, Reading(status, observe_sentence(run), trust, None), curve=Curve(*after), half_load=half)
+    reading = Reading(status, observe_sentence(run), trust, None, rest=from_rest(log, rest, zero).shift)
+    return Read(path, reading, curve=Curve(*after), half_load=half)
 
 
 @lru_cache(maxsize=64)

@@ -16,6 +16,7 @@ import numpy as np
 from clutchid.assess.half_load import HalfLoad
 from clutchid.errors import ExportError
 from clutchid.fleet.reading import Read
+from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.life import Curve
 from clutchid.wear.measurement import Leak, Measurement, Reading
 
@@ -178,17 +179,17 @@ def _content(read: Read) -> dict[str, object]:
     return {
         "trust": one.trust, "measurement": one.measurement and list(one.measurement), "clock": read.clock,
         "half_load": list(read.half_load), "changes": list(read.changes), "leak": one.leak and list(one.leak),
-        "departs": one.departs,
+        "departs": one.departs, "rest": one.rest and list(one.rest),
     }  # fmt: skip
 
 
 def _read(
     recording: str, status: str, message: str, sha256: str, content: dict[str, list[float]], curve: bytes | None
 ) -> Read:
-    measured, leak = content["measurement"], content.get("leak")
+    measured, leak, rest = content["measurement"], content.get("leak"), content.get("rest")
     reading = Reading(
         status, message, str(content["trust"]), Measurement(*measured) if measured else None,
-        Leak(*leak) if leak else None, bool(content.get("departs")),
+        Leak(*leak) if leak else None, bool(content.get("departs")), RestShift(*rest) if rest else None,
     )  # fmt: skip
     half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
     return Read(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)

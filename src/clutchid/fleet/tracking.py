@@ -218,6 +218,10 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
         "changes": [", ".join(read.changes) for read in tracked.reads],
         "leak [m³/(Pa·s)]": [one.leak.conductance if one.leak else 0.0 for one in wear.readings],
         "leak probability [1]": [one.leak.probability if one.leak else 0.0 for one in wear.readings],
+        "rest shift [m]": [one.rest.value if one.rest else nothing for one in wear.readings],
+        "rest shift low [m]": [one.rest.low if one.rest else nothing for one in wear.readings],
+        "rest shift high [m]": [one.rest.high if one.rest else nothing for one in wear.readings],
+        "rest cause": [one.cause for one in wear.rests],
         "sha256": [read.sha256 for read in tracked.reads],
     }
     units = {"shift": "m", "wear": "m", "load": "1"}

@@ -10,6 +10,7 @@ from clutchid.inspection.position_range import position_range
 from clutchid.inspection.pressure_unit import pressure_unit
 from clutchid.inspection.quantisation import quantisation
 from clutchid.inspection.reading import Reading
+from clutchid.inspection.rest import rest_check
 from clutchid.inspection.sample_rate import sample_rate
 from clutchid.inspection.saturation import saturation
 from clutchid.inspection.stuck import stuck
@@ -17,9 +18,10 @@ from clutchid.inspection.supply_pressure import supply_pressure
 from clutchid.inspection.time_shift import time_shift
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.strokes.vented_rest import VentedRest, from_rest
 
 
-def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
+def inspect(log: Log, actuator: Actuator | None = None, rest: VentedRest | None = None) -> Inspection:
     """Check a recording for everything that would corrupt a fit.
 
     Parameters
@@ -28,6 +30,8 @@ def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
         Any recording; a check that lacks data is "undetermined".
     actuator : Actuator, optional
         Model that the recording is compared with: stiffness, stroke, supply pressure; the paper's by default.
+    rest : VentedRest, optional
+        Of the calibration: that of the recording is compared with it, and other checks count the position from there.
 
     Returns
     -------
@@ -48,7 +52,8 @@ def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
     >>> [f"{check.name}: {check.grade}" for check in inspect(turned).checks if check.grade == "bad"]
     ['range of position: bad', 'sign of position: bad']
     """
-    reading = Reading(log, actuator or Actuator())
+    rested = from_rest(log, rest)
+    reading = Reading(rested.log, actuator or Actuator())
     checks: list[Check] = [sample_rate(reading)]
     for check in (saturation, quantisation, stuck):
         checks += [check(reading, name) for name in reading.measured]
@@ -60,4 +65,5 @@ def inspect(log: Log, actuator: Actuator | None = None) -> Inspection:
     if "pressure_a" in reading.measured:
         checks.append(pressure_unit(reading))
     checks += [time_shift(reading), supply_pressure(reading), *conditions(reading)]
+    checks += [rest_check(rested)] if rest else []
     return Inspection(log.name, tuple(checks))

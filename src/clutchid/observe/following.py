@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from clutchid.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observe.mismatch import mismatches
 from clutchid.observe.observer import Observer, ObserverState, unknown
+from clutchid.observe.rest import RestWatch, counted_from, new_stretch, rest_pace, watch_rest
 from clutchid.observe.strokes import count_strokes
 from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, measured_values, segment_of, usable_positions
 
@@ -33,7 +35,8 @@ class Observed(NamedTuple):
     `states` (n, states) in SI, NaN where no sample could be used; `deviations` (n, states) their standard deviations,
     NaN between corrections; `innovations` (n, 2) with their variances, NaN where nothing was corrected; `used` (n,)
     whether the position of a sample was usable; `mismatch` (n,) see `clutchid.observe.mismatch`; `leaking`
-    (n,) whether chamber A leaked at the end of the stroke before.
+    (n,) whether chamber A leaked at the end of the stroke before; `rest` (n,) how far in m the vented rest has moved
+    since the calibration, as known at that sample.
     """
 
     time: FloatArray
@@ -43,6 +46,7 @@ class Observed(NamedTuple):
     used: Mask
     mismatch: FloatArray
     leaking: Mask
+    rest: FloatArray
 
 
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
@@ -61,14 +65,17 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     n = len(block)
     duties = np.column_stack([block[name] for name in INPUTS])
     supply = block.columns.get("pressure_supply", np.full(n, np.nan))
-    samples = Tail(block.time, duties, block["position"], supply)
-    found = _nothing(observer, block.time)
+    found, stretches = _nothing(observer, block.time), _stretches(observer, block.time, duties)
+    rest, moves = _rests(observer, state, block, duties, stretches, found.rest)
+    counted = subtracted(observer, found.rest)
+    samples = Tail(block.time, duties, block["position"] - counted, supply)
     strokes, ends = count_strokes(state.strokes, block.time, block["position"])
-    for begin, end in _stretches(observer, block.time, duties):
+    for begin, end in stretches:
         if not _continues(observer, state, block.time[begin], duties[begin]):
             state = _ended(observer, state)
-        cuts = [begin, *(i + 1 for i in ends if begin <= i < end), end]
-        for a, b in pairwise(cuts):
+        cuts = {begin, end, *(i + 1 for i in ends if begin <= i < end), *(at for at in moves if begin < at < end)}
+        for a, b in pairwise(sorted(cuts)):
+            state = _counted(observer, state, float(counted[a]))
             state = _piece(observer, state, samples, (a, b), found)
             found.leaking[a:b] = state.leaking
             if b - 1 in ends:
@@ -76,8 +83,45 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
     running = mismatches(observer, state.mismatch, found.states, found.innovations)
     found.mismatch[:] = running
     known = running[np.isfinite(running)]
-    state = replace(state, strokes=strokes, mismatch=float(known[-1]) if known.size else state.mismatch)
+    state = replace(state, rest=rest, strokes=strokes, mismatch=float(known[-1]) if known.size else state.mismatch)
     return state, found
+
+
+def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
+    """What is subtracted from the recorded position in m, for shifts of the vented rest in m."""
+    return rest if observer.zero == "subtract" else np.zeros_like(rest)
+
+
+def _rests(
+    observer: Observer,
+    state: ObserverState,
+    block: Log,
+    duties: FloatArray,
+    stretches: Sequence[tuple[int, int]],
+    found: FloatArray,
+) -> tuple[RestWatch, list[int]]:
+    """What is known of the vented rest after a block, and the samples at which its shift changes; fills `found`."""
+    watch, moves = state.rest, list[int]()
+    before = observer.calibration.rest if observer.calibration else None
+    pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
+    for begin, end in stretches:
+        if not _continues(observer, state, block.time[begin], duties[begin]) or begin > 0:
+            watch = new_stretch(watch)
+        found[begin:end] = watch.shift
+        if before is None or not np.isfinite(duties[begin]).all():
+            continue
+        watch, changes = watch_rest(watch, before, pace, block["position"][begin:end], duties[begin:end])
+        for at, shift in changes:
+            found[begin + at : end] = shift
+            moves.append(begin + at)
+    return watch, moves
+
+
+def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverState:
+    """The state at a sample whose position counts from another zero in m than that of the sample before."""
+    states = observer.actuator.states
+    sensor = len(states) + observer.joint.measure.index("position")
+    return counted_from(state, zero, states.index("y"), sensor)
 
 
 def _nothing(observer: Observer, time: FloatArray) -> Observed:
@@ -85,7 +129,9 @@ def _nothing(observer: Observer, time: FloatArray) -> Observed:
     n = time.size
     states = np.full((n, len(observer.actuator.states)), np.nan)
     flags = np.zeros((2, n), dtype=bool)
-    return Observed(time, states, states.copy(), np.full((n, 2), np.nan), flags[0], np.full(n, np.nan), flags[1])
+    return Observed(
+        time, states, states.copy(), np.full((n, 2), np.nan), flags[0], np.full(n, np.nan), flags[1], np.zeros(n)
+    )
 
 
 def _piece(

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
-from clutchid.observe.following import Observed
+from clutchid.observe.following import Observed, subtracted
 from clutchid.observe.mismatch import UNLIKE
 from clutchid.observe.observer import Observer
 from clutchid.observe.tail import Mask
@@ -26,6 +26,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "outlier": "the innovation is beyond 4 standard deviations, and counts less",
     "diverged": "the filter left what is possible, and was started again",
     "leak": "chamber A, or what is connected to it, leaks",
+    "rest_moved": "the vented rest is not where it was at the calibration: the position sensor has moved, or wear",
     "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
     "calibrate again",
 })  # fmt: skip
@@ -51,7 +52,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         What the observer found in the recording.
     """
     spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
-    position = log["position"]
+    position = log["position"] - subtracted(observer, samples.rest)
     driven: Mask = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
     known = np.isfinite(position)
     followed = np.isfinite(samples.states[:, 0])
@@ -68,6 +69,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
         "diverged": spacing * int(np.sum(known & driven & ~followed)),
         "leak": spacing * int(np.sum(samples.leaking)),
+        "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
         "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),
     }
 

@@ -15,9 +15,11 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observe.methods import method_for
 from clutchid.observe.prior import LEAK, online_prior
+from clutchid.observe.rest import NOTHING, RestWatch
 from clutchid.observe.strokes import NO_STROKES, Strokes
 from clutchid.observe.supply import ASSUMED, Supply, load_deviation, supply_of
 from clutchid.observe.tail import EMPTY, Tail, segment_of
+from clutchid.strokes.vented_rest import Zero
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
 
@@ -43,7 +45,8 @@ class ObserverState:
     None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.
     `number` counts the samples of the stretch. `sound` are theta and T at the end of the last stroke, to which the
     observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`;
-    `leaking` says whether chamber A leaked at the end of the last stroke.
+    `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is what is known of the vented rest,
+    and `zero` what is subtracted from the position in m.
     """
 
     filter: JointState | None
@@ -56,6 +59,8 @@ class ObserverState:
     strokes: Strokes = NO_STROKES
     mismatch: float = 1.0
     leaking: bool = False
+    rest: RestWatch = NOTHING
+    zero: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +68,8 @@ class Observer:
     """An observer of a calibrated actuator, as `observer` makes it.
 
     `missed` is how far off in N a load from position alone was on the calibration recordings, rms over the stroke;
-    `supply` is None where the recorded supply pressure is not used.
+    `supply` is None where the recorded supply pressure is not used; `zero` says whether a vented rest that has moved is
+    subtracted from the position.
     """
 
     actuator: Actuator
@@ -74,6 +80,7 @@ class Observer:
     missed: float
     supply: Supply | None = None
     calibration: Calibration | None = None
+    zero: Zero = "subtract"
 
     @property
     def usual(self) -> float:
@@ -116,7 +123,11 @@ class Observer:
 
 
 def observer(
-    actuator: Actuator, method: str = "joint", spacing: float = 1e-3, calibration: Calibration | None = None
+    actuator: Actuator,
+    method: str = "joint",
+    spacing: float = 1e-3,
+    calibration: Calibration | None = None,
+    zero: Zero = "subtract",
 ) -> Observer:
     """An observer of a calibrated actuator.
 
@@ -129,7 +140,9 @@ def observer(
     spacing : s
         Time from one sample to the next.
     calibration : Calibration, optional
-        Its errors from position alone are part of every band.
+        Its errors from position alone are part of every band; its vented rest is what travel is counted from.
+    zero : 'subtract' or 'keep'
+        Whether the position counts from the vented rest where that has moved since the calibration.
 
     Raises
     ------
@@ -167,6 +180,7 @@ def observer(
         missed=_missed(actuator, calibration),
         supply=supply,
         calibration=calibration,
+        zero=zero,
     )
 
 

@@ -11,7 +11,7 @@ from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit
 from clutchid.model.actuator import Actuator
 from clutchid.observe.by_stroke import BAND, StrokeRow, follow_strokes, known, positions
-from clutchid.observe.following import Observed
+from clutchid.observe.following import Observed, subtracted
 from clutchid.observe.health import health
 from clutchid.observe.observer import Observer, ObserverState, start
 from clutchid.preparation.pulses import Duties, duties_in
@@ -60,6 +60,12 @@ class ObservedRecording:
         held: FloatArray = np.where(np.isfinite(self.samples.states[:, at]), found[known[1:]], np.nan)
         return held
 
+    @property
+    def travel(self) -> Log:
+        """The recording with its position as the observer counts it, from the vented rest where that has moved."""
+        counted = subtracted(self.observer, self.samples.rest)
+        return self.log.with_columns(position=self.log["position"] - counted)
+
     def estimates(self) -> Log:
         """Samples as a `Log`: the columns of the recording, all states, the band of the pressure, and innovations.
 
@@ -80,6 +86,7 @@ class ObservedRecording:
             deviation: np.sqrt(self.samples.innovations[:, 1]),
             "used [1]": self.samples.used.astype(np.float64),
             "nis_ratio [1]": self.samples.mismatch,
+            "rest_shift [m]": self.samples.rest,
         }
         columns = {"position": states.pop("position"), **recorded, **states, **added}
         return Log(self.log.time, columns, self.log.name, self.log.metadata)

@@ -15,10 +15,12 @@ from clutchid.io.files import atomic_write
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
 from clutchid.observe.observer import Observer, ObserverState, blank, start
+from clutchid.observe.rest import RestWatch
 from clutchid.observe.strokes import Strokes
 from clutchid.observe.tail import Tail
+from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 3
+FORMAT = 4
 
 
 def write_state(observer: Observer, state: ObserverState, path: str | PathLike[str]) -> None:
@@ -41,6 +43,8 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
         "strokes": {name: value for name, value in state.strokes._asdict().items() if value is not None},
         "mismatch": state.mismatch,
         "leaking": state.leaking,
+        "zero": state.zero,
+        "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
         "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
         "sound": {"theta": state.sound[0].tolist(), "root": state.sound[1].tolist()},
         "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
@@ -116,14 +120,23 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
     deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
     strokes = Strokes(int(content["strokes"]["ended"]), content["strokes"].get("began"))
     number, mismatch = int(content["number"]), float(content["mismatch"])
-    leaking = bool(content["leaking"])
-    return ObserverState(found, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking)
+    leaking, zero, rest = bool(content["leaking"]), float(content["zero"]), _rest(content["rest"])
+    return ObserverState(found, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero)
+
+
+def _rest(content: dict[str, Any]) -> RestWatch:
+    shift, lowest = float(content["shift"]), float(content["lowest"])
+    if not abs(shift) <= FURTHEST:
+        raise ValueError(f"rest shift {shift:g} m")
+    returned, window = tuple(map(float, content["returned"])), np.array(content["window"], dtype=np.float64)
+    vents, stroke, taken = int(content["vents"]), bool(content["stroke"]), bool(content["taken"])
+    return RestWatch(shift, lowest, returned, window, vents, stroke, taken)
 
 
 def fingerprint(observer: Observer) -> str:
     """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, rule, usual NIS."""
     told = repr((
         observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise,
-        observer.joint.rule, observer.usual,
+        observer.joint.rule, observer.usual, observer.zero, observer.calibration.rest if observer.calibration else None,
     ))  # fmt: skip
     return sha256(told.encode()).hexdigest()

@@ -7,6 +7,7 @@ from itertools import groupby
 
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Fit
+from clutchid.report.rest import rest_sentences
 
 #: Most groups of changes that a summary shows with their values, and most parameters of a group.
 MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
@@ -17,7 +18,12 @@ LIKELY = 0.5
 
 def notes_of(fit: Fit) -> list[str]:
     """Notes on a result: changes since the calibration, then what the data determine."""
-    return [*change_sentences(fit.changes), *fit.notes]
+    return [*since_calibration(fit), *fit.notes]
+
+
+def since_calibration(fit: Fit) -> list[str]:
+    """A sentence for each vented rest that has moved, and each group of parameters that has changed, or may have."""
+    return [*rest_sentences(fit), *change_sentences(fit.changes)]
 
 
 def change_sentences(changes: Sequence[Change]) -> list[str]:

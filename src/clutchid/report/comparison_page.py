@@ -13,7 +13,7 @@ from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import LoadCurve
 from clutchid.log import FloatArray
-from clutchid.report.changes import change_sentences
+from clutchid.report.changes import since_calibration
 from clutchid.report.figures import draw, label, legend, mark_span, new_figure, svg
 from clutchid.report.html import Block, Bullets, Notice, Picture, Section, Text, escape
 from clutchid.report.load_tables import STEP
@@ -54,7 +54,7 @@ def comparison_sections(fit: Fit, single: Mapping[str, Fit]) -> list[Section]:
         blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
     if single:
         blocks.append(readings_table(single))
-    sentences = change_sentences(fit.changes) or ["Besides the load no change was found."]
+    sentences = since_calibration(fit) or ["Besides the load no change was found."]
     return [Section("New against worn", (*blocks, Bullets(tuple(map(escape, sentences)))))]
 
 

@@ -14,12 +14,14 @@ from clutchid.estimate import Fit
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Errors, LoadCurve
 from clutchid.report.changes import notes_of
+from clutchid.report.rest import rests_json
 from clutchid.signals.residual_colour import CrossCorrelation
 from clutchid.uncertainty.calibration import Origin
 
 
 def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> dict[str, Any]:
     """The JSON object of a fit, and of its recordings read one by one, docs/formats.md."""
+    rests = rests_json(result)
     return {
         "status": result.status,
         "message": result.message,
@@ -29,7 +31,11 @@ def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> d
         },
         "load_curve": curve_json(result.load_curve),
         "errors": errors_json(result.errors),
-        "logs": {name: errors_json(recording.errors) for name, recording in result.recordings.items()},
+        "logs": {
+            name: {**errors_json(recording.errors), "rest_shift_m": rests.get(name)}
+            for name, recording in result.recordings.items()
+        },
+        "rest_shift_m": next(iter(rests.values()), None),
         "verify": {name: errors_json(recording.errors) for name, recording in result.verification.items()},
         "noise_scales": dict(result.scales),
         "warnings": list(result.warnings),

@@ -17,7 +17,7 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     names = {c.base for c in run.observer.joint.coordinates}
     values = {name: one for name, one in known(run.observer, run.after).items() if name in names}
     calibrated, _, after = loads(run)
-    errors = errors_json(errors_over([(run.log, run.estimates())]))
+    errors = errors_json(errors_over([(run.travel, run.estimates())]))
     warnings = list(run.log.warnings)
     return {
         "status": "warning" if warnings or any(run.health.values()) else "ok",
@@ -36,4 +36,5 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
         "health": dict(run.health),
         "nis_ratio": run.after.mismatch if run.observer.compares else None,
         "supply_assumed": run.assumes_supply,
+        "rest_shift_m": run.after.rest.shift,
     }

@@ -13,10 +13,12 @@ import numpy as np
 from clutchid.assess.comparison import Comparison
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
+from clutchid.assess.rest import moved_rests
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Estimate
 from clutchid.report.changes import short_changes
 from clutchid.report.fit_text import errors_text, errors_words
+from clutchid.report.rest import rest_words
 from clutchid.report.style import MM
 from clutchid.uncertainty.calibration import Calibration
 
@@ -142,6 +144,9 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
         parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval}")
     if compared is None and fit.load_is_fitted:
         parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
+    if not in_full:
+        parts += [rest_words(one) if len(fit.recordings) == 1 else f"{one.recording}: {rest_words(one)}"
+                  for one in moved_rests(fit)]  # fmt: skip
     if not (fit.changes and in_full):
         parts += short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
     if not parts:

@@ -21,6 +21,7 @@ _ALARM = {
     "sudden": "the load changed suddenly",
     "leak": "chamber A, or what is connected to it, began to leak",
     "departed": "the actuator departed from its calibration farther than a change explains",
+    "sensor moved": "the position sensor, or its bracket, moved or was exchanged",
 }
 
 
@@ -56,8 +57,17 @@ def change_words(wear: Wear) -> str:
     )
     if "wear" in wear.then:
         worn = _last(wear.then["wear"])
-        words = f"facing worn by {worn[0] / MM:.2f} mm ({worn[1] / MM:.2f} to {worn[2] / MM:.2f}); {words}"
+        words = f"{_worn(wear, worn)}; {words}"
     return words
+
+
+def _worn(wear: Wear, worn: tuple[float, float, float]) -> str:
+    """Wear of the facing with its band, as far as its table goes."""
+    interval = f"({worn[1] / MM:.2f} to {worn[2] / MM:.2f})"
+    end = wear.end_of_table
+    if end is not None and worn[0] >= end:
+        return f"facing worn beyond the end of its table, {end / MM:.2f} mm {interval}"
+    return f"facing worn by {worn[0] / MM:.2f} mm {interval}"
 
 
 def alarm_words(alarm: Alarm) -> str:
@@ -69,6 +79,8 @@ def alarm_words(alarm: Alarm) -> str:
         return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
     if alarm.kind == "departed":
         return f"{words}: look for a fault, or calibrate again"
+    if alarm.kind == "sensor moved":
+        return f"{words}: the vented rest by {alarm.rest / MM:+.2f} mm, which is no wear and does not count as such"
     return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+.1f} %"
 
 
@@ -79,6 +91,8 @@ def _lost(conductance: float) -> float:
 
 def left_words(wear: Wear) -> str:
     """What is left until the limit; nothing without one."""
+    if wear.limit is not None and wear.sudden:
+        return f"unknown after the load changed suddenly before {wear.sudden.before}: find the cause"
     if wear.left is None or wear.limit is None:
         return ""
     unit = AXIS[wear.axis]

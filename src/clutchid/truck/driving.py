@@ -15,8 +15,9 @@ from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
 from clutchid.truck.family import changed, family_of
 from clutchid.truck.law import SAMPLE
+from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
-from clutchid.truck.running import Course, Run, run
+from clutchid.truck.running import Course, Run, learned_zero, run
 from clutchid.truck.truth import Truth, truth_of, write_truth
 from clutchid.truck.vehicle import Vehicle
 
@@ -26,6 +27,12 @@ LONGEST = 3600.0
 _MOST_DROPOUTS = 20
 #: Distance in m between the far stop and the largest set point.
 MARGIN = 2e-3
+#: Largest offset of the position in m, and largest delay of the duty cycles in s: faults, not another actuator.
+MOST_OFFSET, MOST_LATE = 5e-3, 0.1
+
+
+#: Whether a position sensor has learned its zero at this vented rest, or keeps that of the new clutch.
+Zero = Literal["learned", "kept"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +69,10 @@ def drive(
     stuck: tuple[float, float] | None = None,
     conditions: bool = False,
     change: str | Sequence[str] = (),
+    supply: float | None = None,
+    offset: float = 0.0,
+    zero: Zero = "learned",
+    late: float = 0.0,
     name: str = "drive",
 ) -> Drive:
     """Drive `truck` in a closed position loop and record it.
@@ -90,6 +101,15 @@ def drive(
         Whether the recording includes ambient temperature and supply pressure.
     change : str or several
         What has changed since the calibration, by the names in `clutchid.truck.CHANGES`.
+    supply : Pa, optional
+        Set supply pressure (absolute) instead of that of the truck.
+    offset : m
+        Added to what the position sensor reads, for the controller too: an exchanged sensor or a bent bracket.
+    zero : 'learned' or 'kept'
+        Whether the sensor's zero is learned at this vented rest, or still that of the new clutch, from which the rest
+        falls with wear.
+    late : s
+        Delay of the recorded duty cycles against the position, in whole ms.
     name : str
         Name of the recording.
 
@@ -108,7 +128,9 @@ def drive(
     (2000, '21 mm')
     """
     _check(seconds, seed, dropouts, recorder, stuck)
+    _check_sensors(offset, zero, late)
     truck = aged(truck, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
+    truck = truck if supply is None else truck.replace({"P_S": supply})
     truck = changed(truck, *((change,) if isinstance(change, str) else change))
     family = family_of(truck)
     curve = family.load_curve(truck)
@@ -117,14 +139,16 @@ def drive(
     points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
     wanted = set_point(manoeuvre, seconds, points, of_course)
     noise = family.position_noise(truck, wanted.size, of_noise)
-    course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck))
+    shift = offset + (_fallen(truck, curve) if zero == "kept" else 0.0)
+    course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck), shift)
     start, working = family.start(truck, curve, of_air)
     done = run(truck, course, start=start, working=working)
     read = family.measured_pressure(truck, done.pressure, of_air) if pressure else None
     log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
+    log = sensors.with_late_duties(log, round(late / SAMPLE))
     if conditions:
-        supply = family.true_states(truck, done.columns)["pressure_supply"]
-        log = log.with_columns(**sensors.measured_conditions(truck, supply, of_conditions))
+        true = family.true_states(truck, done.columns)["pressure_supply"]
+        log = log.with_columns(**sensors.measured_conditions(truck, true, of_conditions))
     if recorder == "bus":
         log = sensors.bus_log(truck, log, of_recorder)
     if dropouts:
@@ -201,6 +225,12 @@ def _samples(span: tuple[float, float] | None) -> tuple[int, int]:
     return (-1, -1) if span is None else (round(span[0] / SAMPLE), round(span[1] / SAMPLE))
 
 
+def _fallen(truck: Vehicle, curve: LoadCurve) -> float:
+    """How far in m the vented rest has moved since the clutch was new: below 0, for it falls with wear."""
+    new = truck.replace({"wear": 0.0, "cycles": 0.0})
+    return learned_zero(truck, curve) - learned_zero(new, family_of(new).load_curve(new))
+
+
 def _recorded(done: Run, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
     columns = {"position": done.measured, "duty_supply": done.duties[:, 0], "duty_exhaust": done.duties[:, 1]}
     return Log(done.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
@@ -218,5 +248,17 @@ def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple
         problems.append(f"recorder = {recorder!r}: must be controller or bus.")
     if stuck is not None and not 0 <= stuck[0] < stuck[1]:
         problems.append(f"stuck = {stuck}: give start and end in s, with start before end.")
+    if problems:
+        raise ParameterError("\n".join(problems))
+
+
+def _check_sensors(offset: float, zero: str, late: float) -> None:
+    problems = []
+    if not abs(offset) <= MOST_OFFSET:
+        problems.append(f"offset = {offset * 1e3:g} mm: at most {MOST_OFFSET * 1e3:g} mm either way.")
+    if zero not in ("learned", "kept"):
+        problems.append(f"zero = {zero!r}: must be learned or kept.")
+    if not (0.0 <= late <= MOST_LATE and abs(late / SAMPLE - round(late / SAMPLE)) < 1e-6):
+        problems.append(f"late = {late * 1e3:g} ms: must be a whole number of ms from 0 to {MOST_LATE * 1e3:g}.")
     if problems:
         raise ParameterError("\n".join(problems))

@@ -21,13 +21,15 @@ class Course:
     """Inputs of a run at every millisecond.
 
     Set point [m] relative to the sensor's zero, prescribed duty cycles (NaN: from the controller), noise of the
-    position sensor [m], and the first and last sample for which the sensor is stuck.
+    position sensor [m], the first and last sample for which the sensor is stuck, and by how much in m the sensor reads
+    more than the travel from the vented rest.
     """
 
     wanted: FloatArray
     forced: FloatArray
     noise: FloatArray
     stuck: tuple[int, int] = (-1, -1)
+    shift: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,8 +37,8 @@ class Run:
     """Outputs of a run at every millisecond.
 
     States of the plant, measured position [m] relative to the sensor's zero, chamber pressure after the lag of its
-    sensor [Pa], both duty cycles, and the mechanical position [m] of the sensor's zero. `names` are those of the
-    states.
+    sensor [Pa], both duty cycles, the mechanical position [m] of the sensor's zero, and by how much [m] the sensor
+    reads more than the travel from the vented rest. `names` are those of the states.
     """
 
     states: FloatArray
@@ -44,6 +46,7 @@ class Run:
     pressure: FloatArray
     duties: FloatArray
     zero: float
+    shift: float
     names: tuple[str, ...]
 
     @property
@@ -90,7 +93,7 @@ def run(
     family = family_of(truck)
     curve = family.load_curve(truck) if curve is None else curve
     x0 = family.at_rest(truck, curve) if start is None else np.array(start, dtype=np.float64)
-    zero = rest_position(truck, curve) - truck.e_y
+    zero = learned_zero(truck, curve) - course.shift
     if ledger:
         x0 = np.concatenate([x0, np.zeros(len(LEDGER))])
     n = course.wanted.size
@@ -106,4 +109,9 @@ def run(
             "extreme."
         )
     names = (*family.states, *(LEDGER if ledger else ()))
-    return Run(states, measured, pressure, duties, zero, names)
+    return Run(states, measured, pressure, duties, zero, course.shift, names)
+
+
+def learned_zero(truck: Vehicle, curve: LoadCurve) -> float:
+    """Mechanical position in m at which a sensor reads 0 that has learned its zero at the vented rest of `truck`."""
+    return rest_position(truck, curve) - truck.e_y

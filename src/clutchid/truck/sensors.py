@@ -43,6 +43,14 @@ def measured_conditions(truck: Vehicle, supply: FloatArray, rng: np.random.Gener
     return columns
 
 
+def with_late_duties(log: Log, samples: int) -> Log:
+    """`log` with duty cycles recorded late by a number of samples; the first ones are held before."""
+    if samples == 0:
+        return log
+    late = {name: np.concatenate([np.full(samples, log[name][0]), log[name]])[: len(log)] for name in INPUTS}
+    return log.with_columns(**late)
+
+
 def with_dropouts(log: Log, count: int, rng: np.random.Generator) -> Log:
     """`log` with `count` drop-outs of 5 to 60 ms, in which measurements are missing (NaN)."""
     gone = np.zeros(len(log), dtype=bool)

@@ -17,7 +17,7 @@ from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.running import Run
 from clutchid.truck.vehicle import Vehicle
 
-#: Positions in m, relative to the sensor's zero, at which a truth file gives the load.
+#: Travel in m from the vented rest at which a truth file gives the load.
 GRID = np.arange(1, 41) / 2000
 
 
@@ -26,14 +26,15 @@ class Truth:
     """True states and load, at the sampling times of the controller.
 
     `truck` is the truck at its age; `curve` is the load over the mechanical position; `zero` is the mechanical position
-    [m] at which the sensor reads 0. `states` has columns in SI: position (relative to the sensor's zero), velocity, the
-    three pressures, and what else its family has: temperatures and masses of air, deflections of seals and bearing,
-    openings of the valves.
+    [m] at which the sensor reads 0, `shift` by how much [m] it reads more than the travel from the vented rest.
+    `states` has columns in SI: position (relative to the sensor's zero), velocity, the three pressures, and what else
+    its family has: temperatures and masses of air, deflections of seals and bearing, openings of the valves.
     """
 
     truck: Vehicle
     curve: LoadCurve
     zero: float
+    shift: float
     time: FloatArray
     states: Mapping[str, FloatArray]
 
@@ -44,12 +45,15 @@ class Truth:
 
     @property
     def touch(self) -> float:
-        """Touch point of the clutch in m, relative to the sensor's zero."""
-        return self.curve.touch - self.zero
+        """Touch point of the clutch in m, as travel from the vented rest."""
+        return self.curve.touch - self.zero - self.shift
 
-    def load(self, position: FloatArray) -> FloatArray:
-        """True load in N, without friction and hysteresis, at positions in m relative to the sensor's zero."""
-        return self.curve.force(np.asarray(position) + self.zero)
+    def load(self, travel: FloatArray) -> FloatArray:
+        """True load in N, without friction and hysteresis, over the travel in m from the vented rest.
+
+        A zero that was learned at this rest may have missed it by the truck's `e_y`, and travel is counted from there.
+        """
+        return self.curve.force(np.asarray(travel) + self.zero + self.shift)
 
     @property
     def log(self) -> Log:
@@ -62,14 +66,15 @@ def truth_of(truck: Vehicle, curve: LoadCurve, run: Run) -> Truth:
     """The truth of a run."""
     x = run.columns
     states = {"position": x["y"] - run.zero, "velocity": x["v"], **family_of(truck).true_states(truck, x)}
-    return Truth(truck, curve, run.zero, run.time, states)
+    return Truth(truck, curve, run.zero, run.shift, run.time, states)
 
 
 def write_truth(truths: Mapping[str, Truth], path: str | PathLike[str]) -> None:
     """Write the true loads of several recordings, by the stem of each recording's file, as JSON.
 
-    Keys: ``position_m`` (0.5 to 20 mm, relative to the sensor's zero) and ``logs``: stem: ``load_N``, ``supply_Pa``,
-    and ``wear_m``, ``cycles``, ``ambient_K``, ``zero_m`` (mechanical position of the sensor's zero), ``touch_m``.
+    Keys: ``position_m`` (0.5 to 20 mm of travel from the vented rest) and ``logs``: stem: ``load_N``, ``supply_Pa``,
+    and ``wear_m``, ``cycles``, ``ambient_K``, ``zero_m`` (mechanical position of the sensor's zero), ``rest_shift_m``
+    (what the sensor reads more than this travel), ``touch_m``.
 
     Raises
     ------
@@ -90,5 +95,6 @@ def _entry(truth: Truth) -> dict[str, Any]:
         "cycles": truck.cycles,
         "ambient_K": truck.T_0,
         "zero_m": truth.zero,
+        "rest_shift_m": truth.shift,
         "touch_m": truth.touch,
     }

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.strokes.vented_rest import VentedRest
 from clutchid.uncertainty.conditions import NOT_RECORDED, Conditions
 
 
@@ -93,6 +94,8 @@ class Calibration:
         Of the calibration recordings, where the vehicle measures them.
     nis : 1
         Mean normalised innovation squared of an observer of the calibration recordings, NaN if it is not known.
+    rest : VentedRest, optional
+        Of the calibration recordings: where travel is counted from. None without a rest, or in an older file.
     """
 
     names: tuple[str, ...]
@@ -106,6 +109,7 @@ class Calibration:
     origin: Origin | None = None
     conditions: Conditions = NOT_RECORDED
     nis: float = float("nan")
+    rest: VentedRest | None = None
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`; 0 for those that were not calibrated."""

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import NamedTuple
 
+from clutchid.strokes.vented_rest import QUANTILE
 from clutchid.wear.history import Dated
 from clutchid.wear.measurement import Leak, Reading
+from clutchid.wear.rest import RestMove
 from clutchid.wear.settings import AGED, AS_NEW, DEPARTED, LEAKING, LEAKS
-from clutchid.wear.trend import QUANTILE, Band, Step
+from clutchid.wear.trend import Band, Step
 
 
 class Alarm(NamedTuple):
@@ -17,7 +19,8 @@ class Alarm(NamedTuple):
 
     `after` is empty where it happened before the first one.
     `kind` is "replaced" where the load jumped and the clutch is like new, "sudden" where it jumped else; "leak" where
-    chamber A begins to leak, with its conductance in m³/(Pa·s); "departed" from where the calibration does not hold.
+    chamber A begins to leak, with its conductance in m³/(Pa·s); "departed" from where the calibration does not hold;
+    "sensor moved" where the vented rest moved as wear does not move it, by `rest` in m.
     """
 
     after: str
@@ -27,12 +30,17 @@ class Alarm(NamedTuple):
     shift: float
     load: float
     leak: float = 0.0
+    rest: float = 0.0
 
 
 def alarms(
-    dated: Sequence[Dated], readings: Sequence[Reading], steps: Sequence[Step], then: dict[str, Band]
+    dated: Sequence[Dated],
+    readings: Sequence[Reading],
+    steps: Sequence[Step],
+    then: dict[str, Band],
+    rests: Sequence[RestMove],
 ) -> tuple[Alarm, ...]:
-    """All alarms in the order of the recordings; `then` is the trend as known at each."""
+    """All alarms in the order of the recordings; `then` is the trend as known at each, `rests` how the rest moved."""
     leaks = [one.leak is not None and _is_fault(one.leak) for one in readings]
     found = [(k, _jump(dated, steps, then, k)) for k, step in enumerate(steps) if step.outcome == "jump"]
     for kind, flags, least in (
@@ -44,7 +52,18 @@ def alarms(
             size = leak.conductance if kind == "leak" and leak else 0.0
             after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].has_result), "")
             found.append((k, Alarm(after, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
+    for k, rest in enumerate(rests):
+        if rest.sudden:
+            after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].rest is not None), "")
+            found.append((k, Alarm(after, dated[k].name, dated[k].begin, "sensor moved", 0.0, 0.0, rest=rest.move)))
     return tuple(alarm for _, alarm in sorted(found, key=lambda one: one[0]))
+
+
+def replaced(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band]) -> frozenset[int]:
+    """Numbers of the recordings before which the load became that of a new clutch."""
+    return frozenset(
+        k for k, step in enumerate(steps) if step.outcome == "jump" and _jump(dated, steps, then, k).kind == "replaced"
+    )
 
 
 def _is_fault(leak: Leak) -> bool:

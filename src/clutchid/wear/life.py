@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.wear.alarms import Alarm, alarms
+from clutchid.strokes.vented_rest import QUANTILE
+from clutchid.wear.alarms import Alarm, alarms, replaced
 from clutchid.wear.forecast import Remaining, remaining
 from clutchid.wear.history import Axis, Dated, History
 from clutchid.wear.measurement import Reading
+from clutchid.wear.rest import RestMove, rest_moves
 from clutchid.wear.settings import LIFE
-from clutchid.wear.trend import QUANTILE, Band, Function, TrendModel, WearTable, follow, smoothed, trend_model
+from clutchid.wear.trend import Band, Function, TrendModel, WearTable, follow, smoothed, trend_model
 
 
 class Curve(NamedTuple):
@@ -32,7 +34,8 @@ class Wear:
 
     Quantities are shift [m], relative load and, with a table, wear [m]: as known at each recording (`then`), and given
     all of them (`now`); `rate` is the latter's. `outcomes` say what became of each measurement. `left` is None without
-    a limit.
+    a limit, and after a sudden change. `rests` are the moves of the vented rest. Wear in m is not known beyond
+    `end_of_table`, and cut off there.
     """
 
     vehicle: str
@@ -48,6 +51,14 @@ class Wear:
     limit: float | None
     left: Remaining | None
     warnings: tuple[str, ...]
+    rests: tuple[RestMove, ...] = ()
+    end_of_table: float | None = None
+
+    @property
+    def sudden(self) -> Alarm | None:
+        """A sudden change of the load after which nothing replaced the clutch: what is left is not known after it."""
+        jumps = [alarm for alarm in self.alarms if alarm.kind in ("replaced", "sudden")]
+        return jumps[-1] if jumps and jumps[-1].kind == "sudden" else None
 
 
 def wear_of(
@@ -74,19 +85,26 @@ def wear_of(
     model = trend_model(life, table)
     steps = follow(model, history.s, [one.measurement for one in ordered])
     later = smoothed(steps)
-    then = _bands(model, [(step.mean, step.covariance) for step in steps])
+    then = _bands(model, [(step.mean, step.covariance) for step in steps], table)
     name, end = _limit(table, limit)
     q = 2 * model.quantities.index(name) if name in model.quantities else 0
     last = steps[-1]
     any_used = any(step.outcome in ("used", "jump") for step in steps)
-    left = None
-    if end is not None and any_used:
-        left = remaining(name, last.mean[q : q + 2], last.covariance[q : q + 2, q : q + 2], end, life)
-    return Wear(
-        vehicle, history.axis, history.s, dated, tuple(ordered), tuple(step.outcome for step in steps),
-        then, _bands(model, later), _rates(model, later), alarms(dated, ordered, steps, then),
-        limit if table is None else end, left, history.warnings,
+    moves = rest_moves(
+        history.s, life, [one.rest for one in ordered], [one.measurement for one in ordered],
+        replaced(dated, steps, then),
     )  # fmt: skip
+    found = alarms(dated, ordered, steps, then, moves)
+    wear = Wear(
+        vehicle, history.axis, history.s, dated, tuple(ordered), tuple(step.outcome for step in steps),
+        then, _bands(model, later, table), _rates(model, later), found,
+        limit if table is None else end, None, history.warnings, tuple(moves),
+        None if table is None else float(table.wear[-1]),
+    )  # fmt: skip
+    if end is None or not any_used or wear.sudden:
+        return wear
+    left = remaining(name, last.mean[q : q + 2], last.covariance[q : q + 2, q : q + 2], end, life)
+    return replace(wear, left=left)
 
 
 def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | None]:
@@ -99,15 +117,18 @@ def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | N
     return "wear", float(table.wear[beyond[0] if beyond.size else -1])
 
 
-def _bands(model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]]) -> dict[str, Band]:
-    """Quantities with their bands; with a table also the shift and the load that belong to the wear."""
+def _bands(
+    model: TrendModel, states: Sequence[tuple[FloatArray, FloatArray]], table: WearTable | None
+) -> dict[str, Band]:
+    """Quantities with their bands; with a table also the shift and the load that belong to the wear, up to its end."""
     values = np.array([mean for mean, _ in states])
     std = np.sqrt(np.array([np.diag(P) for _, P in states]))
     found = {name: _band(values[:, 2 * q], std[:, 2 * q]) for q, name in enumerate(model.quantities)}
-    if "wear" not in found:
+    if table is None:
         return found
     channels = zip(("shift", "load"), model.channels, strict=True)
-    return {**found, **{name: _mapped(function, found["wear"]) for name, (_, function) in channels}}
+    mapped = {name: _mapped(function, found["wear"]) for name, (_, function) in channels}
+    return {"wear": Band(*(np.minimum(side, table.wear[-1]) for side in found["wear"])), **mapped}
 
 
 def _mapped(function: Function, band: Band) -> Band:

@@ -9,9 +9,10 @@ import numpy as np
 from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate.result import Fit
 from clutchid.log import Log
+from clutchid.strokes.vented_rest import QUANTILE, RestShift
 
 #: Width of a 95 % interval in standard deviations.
-WIDTH = 2 * 1.959964
+WIDTH = 2 * QUANTILE
 
 
 class Measurement(NamedTuple):
@@ -43,7 +44,7 @@ class Reading(NamedTuple):
     """What became of one recording: status and sentence as in every result, trust, and its measurement, if any.
 
     `leak` is that of chamber A, if one is probable; `departs` says that the truck is farther from its calibration than
-    a change explains.
+    a change explains; `rest` how far the vented rest has moved since, if that is known.
     """
 
     status: str
@@ -52,6 +53,7 @@ class Reading(NamedTuple):
     measurement: Measurement | None
     leak: Leak | None = None
     departs: bool = False
+    rest: RestShift | None = None
 
     @property
     def has_result(self) -> bool:

@@ -54,6 +54,10 @@ REFERENCE = 293.15
 #: Share of false alarms among recordings.
 FALSE_ALARMS = 1e-3
 
+#: Fall of the vented rest in m over a life of a clutch without an adjuster, whose rest falls by 6.3 times the wear of a
+#: facing of 3.5 mm; and how many times faster than so far the rest may fall. Guesses on the generous side.
+FALL, FASTER = 22e-3, 5.0
+
 #: A jump that ends within this share of the former change from the new clutch is a replaced clutch.
 AS_NEW = 0.4
 

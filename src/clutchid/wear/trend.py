@@ -31,10 +31,6 @@ Function = Callable[[FloatArray], FloatArray]
 CHANNELS = ("shift", "load")
 
 
-#: 95 % quantile of the normal distribution.
-QUANTILE = 1.959964
-
-
 class Band(NamedTuple):
     """A quantity by recording with its 95 % band, arrays (n,)."""
 

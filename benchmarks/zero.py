@@ -1,0 +1,159 @@
+"""A position zero that moves: ``python benchmarks/zero.py --family A --trucks 8``, and with ``--loads`` what it costs.
+
+First the level of the vented rest against that of a calibration, when nothing has moved: error in µm and the half width
+of its interval, for recordings with and without a rest at the stop, over changes of the truck. With ``--loads`` every
+truck is calibrated once with pressure, and its clutch read from position alone with a zero that is learned or kept,
+with and without wear and an offset of the sensor, subtracted or kept: error of the load over 5 to 8 mm in % of the peak
+(median / worst), points from 0.5 to 20 mm in the 95 % band, and the shift of half-load (median / worst error in µm).
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from clutchid.assess.half_load import half_load
+from clutchid.assess.verdict import ENGAGING
+from clutchid.errors import ClutchidError
+from clutchid.estimate import Fit, fit
+from clutchid.strokes.vented_rest import rest_shift, vented_rest
+from clutchid.truck import GRID, Drive, drive, truck
+
+#: Length of a recording in s, and strokes for a metre of wear.
+SECONDS, STROKES = 30.0, 3e8
+
+#: The truck and its sensor, for the levels.
+LEVELS: Mapping[str, Mapping[str, Any]] = {
+    "the same": {},
+    "worn by 3 mm": {"wear": 3e-3, "cycles": 9e5},
+    "supply": {"change": "supply"},
+    "cold": {"change": "cold"},
+    "warm": {"change": "warm"},
+    "valves": {"change": "valves"},
+    "seals": {"change": "seals"},
+    "offset +0.3 mm": {"offset": 3e-4},
+    "offset -0.3 mm, seals": {"offset": -3e-4, "change": "seals"},
+    "kept zero, worn by 2 mm": {"zero": "kept", "wear": 2e-3, "cycles": 6e5},
+}
+
+#: The truck and its sensor, for the loads, and whether a moved rest is subtracted.
+LOADS: Mapping[str, tuple[Mapping[str, Any], Literal["subtract", "keep"]]] = {
+    "new, learned": ({}, "subtract"),
+    "new, offset +0.3 mm": ({"offset": 3e-4}, "subtract"),
+    "new, offset +0.3 mm, kept": ({"offset": 3e-4}, "keep"),
+    "worn by 2 mm, learned": ({"wear": 2e-3}, "subtract"),
+    "worn by 2 mm, kept zero": ({"wear": 2e-3, "zero": "kept"}, "subtract"),
+    "worn by 2 mm, offset +0.3 mm": ({"wear": 2e-3, "offset": 3e-4}, "subtract"),
+    "worn by 2 mm, offset +0.3 mm, kept": ({"wear": 2e-3, "offset": 3e-4}, "keep"),
+    "worn by 2 mm, kept zero, offset -0.3 mm": ({"wear": 2e-3, "zero": "kept", "offset": -3e-4}, "subtract"),
+}
+
+
+class Read(NamedTuple):
+    """A load that was read: error in % of the peak, share of points covered, error of half-load in µm, and trust."""
+
+    error: float
+    covered: float
+    half: float
+    trust: str
+
+
+def recording(number: int, family: str, case: int, options: Mapping[str, Any]) -> Drive:
+    """A drive of a case; cases have seeds of their own, alike for all trucks."""
+    wear = options.get("wear", 0.0)
+    return drive(
+        truck(number, family), seconds=SECONDS, seed=100 + case, pressure=False, **{"cycles": wear * STROKES, **options}
+    )
+
+
+def levels(family: str, numbers: Sequence[int]) -> list[str]:
+    """Rows of the table of levels."""
+    rows = [f"{'levels of the rest':<26}{'at the stop':>34}{'after strokes only':>40}"]
+    rows += [
+        f"{'':<26}{'rms, worst [µm]':>18}{'± [µm]':>8}{'covered':>8}"
+        + f"{'rms, worst [µm]':>24}{'± [µm]':>8}{'covered':>8}"
+    ]
+    before = {n: vented_rest(drive(truck(n, family), seconds=SECONDS, seed=1).log) for n in numbers}
+    for case, (name, options) in enumerate(LEVELS.items()):
+        row = f"{name:<26}"
+        for begin in (0, 1000):
+            errors, halves, covered = [], [], 0
+            for n in numbers:
+                done = recording(n, family, case, options)
+                now, known = vented_rest(done.log.slice(begin, len(done.log))), before[n]
+                shift = rest_shift(known, now) if known and now else None
+                if shift is not None:
+                    errors.append(1e6 * (shift.value - done.truth.shift))
+                    halves.append(1e6 * (shift.high - shift.low) / 2)
+                    covered += shift.low <= done.truth.shift <= shift.high
+            rms, worst = float(np.sqrt(np.mean(np.square(errors)))), max(errors, key=abs)
+            row += f"{f'{rms:.0f}, {worst:+.0f}':>{18 if begin == 0 else 24}}{median(halves):>8.0f}"
+            row += f"{f'{covered}/{len(errors)}':>8}"
+        rows.append(row)
+    return rows
+
+
+def read(done: Drive, once: Fit, zero: Literal["subtract", "keep"]) -> Read | None:
+    """A load from position alone against the truth; None where it cannot be read."""
+    try:
+        found = fit(done.log, once.actuator, calibration=once.calibration, zero=zero)
+    except ClutchidError:
+        return None
+    curve, truth = found.load_curve, done.truth.load(GRID)
+    force, low, high = (np.interp(GRID, curve.position, side) for side in (curve.force, curve.low, curve.high))
+    engaging = (ENGAGING[0] <= GRID) & (ENGAGING[1] >= GRID)
+    error = 100.0 * float(np.abs(force - truth)[engaging].max() / truth.max())
+    fine = np.linspace(0.0, 0.02, 4001)
+    at = half_load(fine, done.truth.load(fine))
+    compared = found.comparison
+    half = 1e6 * (compared.half_now.position - at) if compared else float("nan")
+    return Read(error, float(np.mean((low <= truth) & (truth <= high))), half, found.verdict.trust)
+
+
+def loads(family: str, numbers: Sequence[int]) -> list[str]:
+    """Rows of the table of loads."""
+    found: dict[str, list[Read | None]] = {name: [] for name in LOADS}
+    for n in numbers:
+        log = drive(truck(n, family), seconds=SECONDS, seed=1, name="calibration").log
+        once = fit(log, measure=("position", "pressure_a"), free=("auto",))
+        for name, (options, zero) in LOADS.items():
+            case = 50 + int(bool(options.get("wear")))  # the same drive with every sensor
+            found[name].append(read(recording(n, family, case, options), once, zero))
+        print(
+            f"truck {n}: {', '.join(f'{one[-1].error:.2f}' if one[-1] else '-' for one in found.values())}", flush=True
+        )
+    rows = [f"{'load':<42}{'error [%]':>14}{'covered':>9}{'half-load [µm]':>18}{'good':>6}{'refused':>9}"]
+    for name, results in found.items():
+        known = [one for one in results if one is not None]
+        if not known:
+            rows.append(f"{name:<42}{'':>47}{len(results):>9}")
+            continue
+        errors, halves = [one.error for one in known], [one.half for one in known]
+        rows.append(
+            f"{name:<42}{f'{median(errors):.2f} / {max(errors):.2f}':>14}"
+            f"{f'{100 * np.mean([one.covered for one in known]):.0f} %':>9}"
+            f"{f'{median(np.abs(halves)):.0f} / {max(np.abs(halves)):.0f}':>18}"
+            f"{sum(one.trust == 'good' for one in known):>6}{len(results) - len(known):>9}"
+        )
+    return rows
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--family", default="A", choices=("A", "B"))
+    parser.add_argument("--trucks", type=int, default=8)
+    parser.add_argument("--seed", type=int, default=0, help="number of the first truck")
+    parser.add_argument("--loads", action="store_true", help="calibrate and read as well")
+    given = parser.parse_args()
+    numbers = range(given.seed, given.seed + given.trucks)
+    rows = loads(given.family, numbers) if given.loads else levels(given.family, numbers)
+    print(f"family {given.family}, trucks {numbers[0]} to {numbers[-1]}", *rows, sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""The zero of the position sensor, learned or kept, an offset of it, and duty cycles that are recorded late."""
+
+import json
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.truck import drive, truck
+
+WEAR = 2e-3
+
+
+@pytest.fixture(scope="module", params="AB")
+def kind(request):
+    return truck(2, request.param)
+
+
+def shift_drive(kind, **options):
+    return drive(kind, manoeuvre="gear-shift", seconds=3, seed=1, **options)
+
+
+def rest(done) -> float:
+    """What the sensor reads before the first stroke, in m."""
+    return float(np.median(done.log["position"][:200]))
+
+
+def test_a_learned_zero_does_not_show_wear_and_a_kept_one_falls_by_the_ratio_of_the_rest_times_the_wear(kind):
+    new, learned, kept = (
+        rest(shift_drive(kind, wear=wear, zero=zero))
+        for wear, zero in ((0.0, "kept"), (WEAR, "learned"), (WEAR, "kept"))
+    )
+    assert learned == pytest.approx(new, abs=kind.q_y)
+    assert kept - new == pytest.approx(-kind.i_w * WEAR, abs=2 * kind.q_y)
+
+
+@pytest.mark.parametrize("zero", ["learned", "kept"])
+def test_an_offset_is_read_by_recorder_and_controller_and_moves_the_rest_by_as_much(kind, zero):
+    without, with_ = (shift_drive(kind, wear=WEAR, zero=zero, offset=off) for off in (0.0, 3e-4))
+    assert rest(with_) - rest(without) == pytest.approx(3e-4, abs=2 * kind.q_y)
+    assert with_.truth.shift - without.truth.shift == pytest.approx(3e-4, abs=1e-12)
+    # the controller goes to the same readings, so the piston stops short
+    top = [done.truth.states["position"].max() - done.truth.shift for done in (without, with_)]
+    assert top[0] - top[1] == pytest.approx(3e-4, abs=2.5e-4)
+
+
+def test_the_true_load_over_the_travel_from_the_vented_rest_does_not_depend_on_the_zero(kind, tmp_path):
+    travel = np.linspace(0, 0.02, 21)
+    loads = [
+        shift_drive(kind, wear=WEAR, zero=zero, offset=offset)
+        for zero, offset in (("learned", 0.0), ("kept", 0.0), ("kept", -3e-4))
+    ]
+    for done in loads[1:]:
+        assert done.truth.load(travel) == pytest.approx(loads[0].truth.load(travel), rel=1e-12)
+        assert done.truth.touch == pytest.approx(loads[0].truth.touch, abs=1e-15)
+    loads[-1].write_truth(tmp_path / "truth.json", "x")
+    written = json.loads((tmp_path / "truth.json").read_text())["logs"]["x"]
+    assert written["rest_shift_m"] == loads[-1].truth.shift
+    assert written["rest_shift_m"] == pytest.approx(-kind.i_w * WEAR - 3e-4, abs=1e-5)
+
+
+def test_late_duty_cycles_are_those_of_the_drive_some_samples_later(kind):
+    now, later = shift_drive(kind), shift_drive(kind, late=3e-3)
+    assert np.array_equal(later.log["position"], now.log["position"])
+    for name in ("duty_supply", "duty_exhaust"):
+        assert np.array_equal(later.log[name][3:], now.log[name][:-3])
+        assert np.all(later.log[name][:3] == now.log[name][0])
+
+
+def test_a_supply_pressure_replaces_that_of_the_truck(kind):
+    assert shift_drive(kind, supply=7.5e5).truth.supply == 7.5e5
+    assert shift_drive(kind, supply=8e5, change="supply").truth.supply == pytest.approx(7.6e5)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"offset": 0.3}, "offset = 300 mm: at most 5 mm"),
+        ({"offset": float("nan")}, "offset = nan mm"),
+        ({"zero": "moved"}, "zero = 'moved': must be learned or kept"),
+        ({"late": 0.5e-3}, "late = 0.5 ms: must be a whole number of ms"),
+        ({"late": -1e-3}, "late = -1 ms"),
+        ({"late": float("nan")}, "late = nan ms"),
+    ],
+)
+def test_impossible_faults_of_the_sensors_are_refused(options, sentence):
+    with pytest.raises(ParameterError, match=sentence):
+        drive(truck(0), seconds=1, **options)

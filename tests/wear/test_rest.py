@@ -1,0 +1,107 @@
+"""The vented rest over a life: wear lets it fall slowly, a sensor moves it at once, a new clutch lifts it again."""
+
+import numpy as np
+import pytest
+
+from clutchid.report.wear_text import alarm_words, left_words, wear_lines
+from clutchid.strokes.vented_rest import RestShift
+from clutchid.wear.history import Listed, arranged
+from clutchid.wear.life import wear_of
+from clutchid.wear.measurement import Measurement, Reading
+from clutchid.wear.rest import rest_moves
+from clutchid.wear.trend import WearTable
+
+#: Strokes of a life, and from a recording to the next; fall of the rest in m from one to the next.
+LIFE, WEEK, FALL = 1e6, 7e3, 7.4e-6
+
+
+def rest(value: float) -> RestShift | None:
+    return None if np.isnan(value) else RestShift(value, value - 1.7e-5, value + 1.7e-5)
+
+
+def causes(values, *, apart=WEEK, replaced=(), measurements=None) -> list[str]:
+    s = apart * np.arange(len(values))
+    found = rest_moves(s, LIFE, [rest(v) for v in values], measurements or [None] * len(values), replaced)
+    return [("!" if one.sudden else "") + one.cause for one in found]
+
+
+def test_a_learned_zero_never_moves():
+    assert causes(np.zeros(30)) == [""] * 30
+
+
+def test_a_kept_zero_falls_with_wear():
+    found = causes(-FALL * np.arange(60))
+    assert found[0] == ""
+    assert found[-1] == "wear"
+    assert not any("!" in one for one in found)
+
+
+@pytest.mark.parametrize("step", [3e-4, -3e-4])
+@pytest.mark.parametrize("pace", [0.0, FALL])
+def test_a_sensor_moves_at_once_upwards_or_faster_than_wear(step, pace):
+    values = -pace * np.arange(40) + step * (np.arange(40) >= 20)
+    found = causes(values)
+    assert found[20] == "!sensor"
+    assert sum("!" in one for one in found) == 1
+
+
+def test_a_step_is_found_across_recordings_without_a_rest():
+    values = np.where(np.arange(12) < 6, 0.0, 3e-4)
+    values[5:7] = np.nan
+    assert causes(values)[7] == "!sensor"
+
+
+def test_a_fall_that_a_long_time_explains_is_wear():
+    assert "!" not in "".join(causes([0.0, -3e-4], apart=1e5))
+    assert causes([0.0, -3e-4], apart=1e3)[1] == "!sensor"
+
+
+def test_a_new_clutch_lifts_a_rest_that_had_fallen():
+    values = np.concatenate([-FALL * np.arange(60), -FALL * np.arange(5)])
+    new = Measurement(0.0, 2e-5, 0.0, 0.01, np.nan)
+    worn = Measurement(2e-4, 2e-5, 0.08, 0.01, np.nan)
+    assert causes(values, measurements=[worn] * 60 + [new] * 5)[60] == "new clutch"
+    assert causes(values, measurements=[worn] * 65)[60] == "!sensor", "the load is not as new"
+    assert causes(values, replaced={60})[60] == "new clutch"
+
+
+def life(shifts, rests, *, loads=None, table=None, limit=1e-3):
+    names = [f"r{k:02d}" for k in range(len(shifts))]
+    listed = {name: Listed(name, strokes=WEEK * k) for k, name in enumerate(names)}
+    loads = 20.0 * np.asarray(shifts) if loads is None else loads
+    readings = [
+        Reading("ok", "", "good", Measurement(shift, 3e-5, load, 0.01, np.nan), rest=rest(r))
+        for shift, load, r in zip(shifts, loads, rests, strict=True)
+    ]
+    return wear_of("V1", arranged(names, [""] * len(names), listed), readings, table, limit)
+
+
+def test_a_sensor_that_moves_is_an_alarm_of_its_own_and_no_wear():
+    found = life(1e-6 * np.arange(30), np.where(np.arange(30) < 15, 0.0, 3e-4))
+    (alarm,) = found.alarms
+    assert (alarm.kind, alarm.after, alarm.before) == ("sensor moved", "r14", "r15")
+    assert alarm.rest == pytest.approx(3e-4)
+    assert "vented rest by +0.30 mm, which is no wear" in alarm_words(alarm)
+    assert found.left is not None
+    assert [one.cause for one in found.rests].count("sensor") == 1
+
+
+def test_what_is_left_is_unknown_after_a_sudden_change():
+    shifts = 1e-6 * np.arange(40) + 3e-4 * (np.arange(40) >= 20)
+    found = life(shifts, np.zeros(40))
+    assert [alarm.kind for alarm in found.alarms] == ["sudden"]
+    assert found.left is None
+    assert left_words(found) == "unknown after the load changed suddenly before r20: find the cause"
+    assert any("unknown after" in line for line in wear_lines(found))
+
+
+def test_no_wear_is_given_beyond_the_end_of_its_table():
+    wear = np.linspace(0.0, 3.5e-3, 8)
+    table = WearTable(wear, 0.05 * wear, 20.0 * wear)
+    true = 1e-4 * np.arange(60)
+    found = life(0.05 * true, np.zeros(60), loads=20.0 * true, table=table, limit=None)
+    for band in (found.then["wear"], found.now["wear"]):
+        assert max(side.max() for side in band) == 3.5e-3
+    (line,) = [line for line in wear_lines(found) if line.startswith("now")]
+    assert "facing worn beyond the end of its table, 3.50 mm" in line
+    assert found.left.median == 0.0
