@@ -45,11 +45,11 @@ def memory() -> Memory:
     return Memory(process.memory_info().rss / 1e6, max(workers, default=0) / 1e6)
 
 
-def timed(count: int, work: Callable[[Callable[[int], None]], None]) -> tuple[float, list[Memory]]:
+def timed(count: int, work: Callable[[Callable[[int, int], None]], None]) -> tuple[float, list[Memory]]:
     """Time in s of `count` items, and the memory after each fifth of them."""
     seen: list[Memory] = []
 
-    def progress(done: int) -> None:
+    def progress(done: int, _all: int) -> None:
         if done * 5 // count > (done - 1) * 5 // count:
             seen.append(memory())
 
@@ -103,10 +103,10 @@ def nothing(item: int) -> int:
     return item
 
 
-def counted(on: Cluster, count: int, progress: Callable[[int], None]) -> None:
+def counted(on: Cluster, count: int, progress: Callable[[int, int], None]) -> None:
     """Do empty work, and count it."""
     for k, _ in enumerate(results(on, nothing, range(count)), start=1):
-        progress(k)
+        progress(k, count)
 
 
 def empty(count: int, workers: Sequence[int]) -> None:

@@ -128,7 +128,7 @@ def figure(log: Log, truth: FloatArray, ways: dict[str, Way], file: Path) -> Non
     label(axes[1], y="pressure A [bar]")
     label(axes[2], "time [s]", "error [kPa]")
     axes[2].set_ylim(-LARGEST, LARGEST)
-    legend(axes[1], "above", 3)
+    legend(axes[1], 3)
     drawn.savefig(file)
 
 

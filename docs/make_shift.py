@@ -48,7 +48,7 @@ def main() -> None:
     draw(axes[3], t[at], truth["temperature_a"][at], plant)
     draw(axes[3], t[at], np.full(at.sum(), 293.0), paper)
     label(axes[3], "time [s]", "temperature A [K]")
-    legend(axes[0], "above", 2)
+    legend(axes[0], 2)
     legend(axes[1])
     figure.savefig(IMAGE)
     for column, scale, unit in (("position", 1e-3, "mm"), ("pressure_a", 1e5, "bar")):

@@ -69,6 +69,7 @@ def _words(unit: str, spellings: str) -> dict[str, str]:
 
 #: Other spellings of these units, in lower case and without blanks. ``MPa`` and ``mPa`` are not distinguished.
 SPELLINGS: dict[str, str] = {
+    **{name.casefold(): name for name in _PRESSURES},
     **_ABSOLUTE_PRESSURES,
     **_GAUGE_PRESSURES,
     **_words("1", "- [-] ratio fraction"),
@@ -78,7 +79,8 @@ SPELLINGS: dict[str, str] = {
     **_words("us", "usec usecs µsec µsecs microsec microsecs microsecond microseconds mikrosekunde mikrosekunden"),
     **_words("min", "mins minute minutes minuten"),
     **_words("h", "hr hrs hour hours stunde stunden"),
-    **_words("°C", "deg.c celsius \N{DEGREE CELSIUS}"),
+    **_words("°C", "°c deg.c celsius c gradc grdc \N{DEGREE CELSIUS}"),
+    **_words("degC", "degc"),
     **_words("m", "meter meters metre metres"),
     **_words("cm", "centimeter centimeters centimetre centimetres"),
     **_words("mm", "millimeter millimeters millimetre millimetres"),

@@ -46,10 +46,12 @@ def read_recordings(
     reading: Reading,
     equipment: Equipment | None = None,
     required: Sequence[str] | None = None,
+    measured: Sequence[str] = (),
 ) -> list[Log]:
     """Read recordings with the `required` columns.
 
-    By default these are the time, the position, and the duty cycles of the existing valves.
+    By default these are the time, the position, and the duty cycles of the existing valves; with a channel map also
+    those `measured`.
 
     Raises
     ------
@@ -64,6 +66,10 @@ def read_recordings(
 
         channels = read_map(reading.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
+    if channels is not None:
+        from clutchid.io.map.picking import OPTIONAL
+
+        needed = (*needed, *(name for name in measured if name in OPTIONAL))
 
     def one(path: Path) -> Log:
         log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=needed)

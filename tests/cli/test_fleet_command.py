@@ -80,6 +80,11 @@ def test_every_recording_is_a_row_with_a_status_and_a_sentence(tracked):
     assert "cut.parquet" in found["cut"]["message"]
     assert "its file is not there" in found["gone"]["message"]
     assert "no calibration of type 'T2'" in found["other"]["message"]
+    assert {name: bool(row["reason"]) for name, row in found.items()} == {
+        "r0": False, "r0_again": True, "r1": False, "r2": False, "cut": True, "gone": True, "other": True,
+    }  # fmt: skip
+    worn = pl.read_parquet(tracked / "wear.parquet")
+    assert worn["reason"].to_list() == rows["reason"].to_list()
     for k in range(len(WEAR)):
         row = found[f"r{k}"]
         assert row["peak_low_N"] < row["peak_N"] < row["peak_high_N"]

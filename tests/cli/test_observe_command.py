@@ -1,6 +1,7 @@
 """``clutchid observe``: files, the resumed run, one sentence for bad input, and nothing half-written."""
 
 import json
+import re
 
 import numpy as np
 import polars as pl
@@ -40,14 +41,20 @@ def call(folder, tmp_path, monkeypatch, capsys):
     return run
 
 
-def test_it_writes_samples_and_strokes_and_says_what_was_found_on_one_line(call, tmp_path, plant):
+def test_it_writes_samples_and_strokes_and_says_what_was_found_with_the_load_and_its_trust_at_the_end(
+    call, tmp_path, plant
+):
     code, said, errors = call("worn.parquet")
     assert (code, errors) == (0, "")
-    first, *written = said.splitlines()
+    first, load, *trust = [line for line in said.splitlines() if not line.startswith("written: ")]
+    written = [line for line in said.splitlines() if line.startswith("written: ")]
     assert first.startswith("observed worn: load at 12.5 mm ")
     assert " N (+" in first
     assert first.endswith(" strokes; no flags; supply pressure assumed")
     assert [line.rpartition("/")[2] for line in written] == ["est.parquet", "est.load.parquet"]
+    assert re.fullmatch(r"load     at 5, 6, 7, 8 mm: (\d+ ± \d+, ){3}\d+ ± \d+ N", load)
+    assert trust[0] == "trust    with care"
+    assert "the supply pressure was not recorded" in " ".join(" ".join(trust).split())
     samples, strokes = pl.read_parquet(tmp_path / "est.parquet"), pl.read_parquet(tmp_path / "est.load.parquet")
     states = {f"{row.column} [{row.unit}]" for row in plant.state_rows.values()}
     bands = {
@@ -95,6 +102,8 @@ def test_the_json_object_has_the_load_at_the_end_and_the_health(call, plant, tmp
     assert 0.0 < answer["errors"]["pressure_a_rms_Pa"] < 2e4
     assert answer["calibration"]["name"] == "cal.toml"
     assert answer["method"] == "joint"
+    assert answer["trust"] == "with care"
+    assert "the supply pressure was not recorded" in answer["reasons"][0]
 
 
 def test_faults_of_the_signals_are_named_and_make_the_status_a_warning(call, folder, recorded_by, plant, tmp_path):
@@ -111,6 +120,7 @@ def test_with_the_method_states_nothing_adapts(call):
     answer = json.loads(said)
     assert (code, answer["parameters"], answer["method"]) == (0, {}, "states")
     assert answer["load_curve"] == answer["calibrated_load_curve"]
+    assert answer["trust"] == "none"
 
 
 def spoiled(log, name):

@@ -86,7 +86,7 @@ def test_plots_are_figures_that_pyplot_does_not_know_and_that_a_notebook_shows(f
     figure, content = fitted.plot(), BytesIO()
     figure.savefig(content, format="png")
     assert content.getvalue().startswith(b"\x89PNG")
-    assert [axis.get_ylabel() for axis in figure.axes] == ["load [kN]"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["load [N]"]
     assert picture(figure._repr_svg_()).tag.endswith("svg")
 
 

@@ -36,6 +36,7 @@ def test_the_readme_names_every_verb_of_the_command_line():
         "observe_live",
         "observe_output",
         "observe_sinks",
+        "progress",
         "terminal",
         "completion",
     }

@@ -64,6 +64,7 @@ def test_faults_are_added_up_block_by_block(joint, log):
     assert run.health["late"] == pytest.approx(2 * 24e-3)
     assert run.health["unreadable"] == pytest.approx(24e-3)
     assert run.health["time_missing"] == 0.0
+    assert run.recent().seconds == pytest.approx(len(log) * joint.spacing)
 
 
 def test_a_block_without_samples_only_counts(joint, log):

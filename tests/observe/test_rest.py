@@ -1,6 +1,5 @@
 """The vented rest on line: a sensor that moved is found rest by rest, and subtracted, however the samples are cut."""
 
-
 import numpy as np
 import pytest
 

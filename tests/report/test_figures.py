@@ -48,7 +48,7 @@ def _picture() -> bytes:
     figure, (axis,) = new_figure([1.0])
     draw(axis, np.arange(5.0), np.array([0.0, 1.0, np.nan, 1.0, 0.0]), Line(STYLE.blue, "curve"))
     label(axis, "time [s]", "position [mm]", "title")
-    legend(axis, "above")
+    legend(axis)
     return png(figure)
 
 
@@ -118,10 +118,10 @@ def test_the_band_of_the_pressure_is_drawn_where_there_is_one(fitted):
     assert edges.min() == (pressure.min() - 1e4) / 1e5
 
 
-def test_the_load_figure_shows_kilonewtons_over_millimetres(fitted):
+def test_the_load_figure_shows_newtons_over_millimetres(fitted):
     (axis,) = load_figure(fitted).axes
-    assert axis.lines[0].get_ydata().max() == fitted.load_curve.force.max() / 1e3
-    assert (axis.get_xlabel(), axis.get_ylabel()) == ("position [mm]", "load [kN]")
+    assert axis.lines[0].get_ydata().max() == fitted.load_curve.force.max()
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("position [mm]", "load [N]")
     assert axis.get_xlim()[1] == 25.0
 
 

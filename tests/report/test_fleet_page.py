@@ -90,7 +90,7 @@ def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by
         tmp_path / "index.html",
     )
     html = (tmp_path / "index.html").read_text(encoding="utf-8")
-    for heading in ("Wear", "Soonest at their limit", "Odd vehicles", "Recordings without a result", "All vehicles"):
+    for heading in ("Wear", "Soonest at their limit", "Odd vehicles", "Recordings that do not count", "All vehicles"):
         assert f"<h2>{heading}</h2>" in html
     assert "3 vehicles, 30 recordings: 18 ok, 10 bad_input, 2 failed" in html
     assert "2 of 3 vehicles have readings of the clutch. Their shift is 0.100 and 0.100 mm" in html
@@ -208,7 +208,7 @@ def test_an_empty_fleet_and_one_vehicle_have_a_page():
     assert "0 vehicles, 0 recordings" in render(page_of([], [], "c"))
     one = render(page_of([vehicle("V1")], [], "c"))
     assert "1 vehicle, 10 recordings" in one
-    assert "Every recording has a result." in one
+    assert "Every recording counts." in one
     assert "No vehicle stands out." in one
 
 

@@ -54,16 +54,16 @@ def test_the_load_is_drawn_before_and_after_with_bands_and_the_change_below(run)
     upper, lower = figure.axes
     before, after = (line.get_ydata() for line in upper.lines[:2])
     assert len(upper.collections) == 2
-    assert lower.lines[0].get_ydata() == pytest.approx(1e3 * (after - before))
+    assert lower.lines[0].get_ydata() == pytest.approx(after - before)
     assert upper.get_ylim()[1] < 1.5 * max(before.max(), after.max())
 
 
 def test_a_stroke_is_a_point_and_the_load_before_the_recording_the_first(run):
     axes = strokes_figure(run).axes
-    assert [axis.get_ylabel() for axis in axes] == ["at 3 mm [kN]", "at 6 mm [kN]", "at 12 mm [kN]"]
+    assert [axis.get_ylabel() for axis in axes] == ["at 3 mm [N]", "at 6 mm [N]", "at 12 mm [N]"]
     for axis in axes:
         assert axis.lines[0].get_xdata().tolist() == list(range(len(run.strokes) + 1))
-    at_6_mm = [row.curve.force[12] / 1e3 for row in run.strokes]
+    at_6_mm = [row.curve.force[12] for row in run.strokes]
     assert axes[1].lines[0].get_ydata()[1:].tolist() == at_6_mm
 
 

@@ -8,9 +8,13 @@ import pytest
 
 from clutchid.estimate import Estimate, LoadCurve
 from clutchid.estimate.changes import Change
+from clutchid.report.fit_json import fit_json
+from clutchid.report.fit_page import page_of
 from clutchid.report.fit_text import fit_text
+from clutchid.report.html import render
 from clutchid.report.summary import LARGEST_HALF, baseline_name, other_warnings, summary, with_interval
 from clutchid.uncertainty.calibration import Origin
+from clutchid.uncertainty.conditions import Assumption
 from fixtures.baselines import ORIGIN, calibration_like, with_baseline
 
 VALVES = "valves"
@@ -55,6 +59,23 @@ def test_the_load_has_its_peak_half_and_a_table_of_the_positions_where_the_clutc
     assert heading.split() == ["5", "mm", "6", "mm", "7", "mm", "8", "mm"]
     shown = [int(number) for number in re.findall(r"(\d+) ±", loads)]
     assert shown == pytest.approx([np.interp(mm * 1e-3, curve.position, curve.force) for mm in (5, 6, 7, 8)], abs=0.5)
+
+
+def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is_worth(fitted):
+    assumed = (Assumption("P_S", ("first",), 8.9e5, 0.54e5, False), Assumption("T_0", ("first",), 293.15, 13.6, True))
+    fit = replace(with_baseline(fitted), assumed=assumed)
+    supply, air = rows_of(fit, "assumed")
+    worth = fit_json(fit)["load_per_supply"]
+    assert supply.startswith("supply pressure not recorded: as calibrated, 8.90 ± 0.54 bar; 1 % of it is ")
+    assert f"1 % of it is {worth:.1f} % of the load" in supply
+    assert air == "air temperature not recorded in the calibration: as calibrated, 20 ± 14 °C"
+    assert {supply, air} <= set(fit_json(fit)["notes"])
+    assert supply in fit_text(fit, 1000)
+    page = render(page_of(fit, "clutchid fit"))
+    assert f"S{supply[1:]}." in page
+    assert rows_of(with_baseline(fitted), "assumed") == []
+    peak = fit.load_curve.force.max()
+    assert worth == pytest.approx(1.0 + fit.actuator.parameters.A_A * fit.actuator.parameters.P_0 / peak)
 
 
 @pytest.mark.parametrize("half", [np.inf, np.nan, LARGEST_HALF])

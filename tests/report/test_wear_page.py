@@ -55,7 +55,8 @@ def test_only_a_life_with_an_alarm_says_what_its_red_line_means_and_notices_begi
 
 
 def test_a_recording_has_a_message_only_where_something_was_wrong_with_it():
-    fine, failed = (Reading(status, f"it {status}", "", None) for status in ("ok", "failed"))
+    measurement = Measurement(0.0, 3e-5, 0.0, 0.01, np.nan)
+    fine, failed = Reading("ok", "it ok", "good", measurement), Reading("failed", "it failed", "none", None)
     life = wear_of("V", arranged(["a", "b"], ["", ""], {}), [fine, failed], None, 1e-3)
     assert recordings_table(life).column("message") == ("", "it failed")
 
@@ -70,3 +71,16 @@ def test_what_is_left_names_the_options_that_are_missing_for_it():
 def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):
     wear_page(life_of([0.0, 1e-5], "r\udcff"), [], "c", tmp_path / "x.html")
     assert "r?0" in (tmp_path / "x.html").read_text(encoding="utf-8")
+
+
+def test_a_recording_that_does_not_count_has_its_reason_on_the_page_and_in_the_object():
+    life = life_of([0.0, 1e-5, 5e-4, 2e-5, np.nan, 3e-5, 4e-4])
+    assert life.outcomes == ("used", "used", "left out", "used", "missing", "used", "left out")
+    left_out, last = "the next recording fits the trend without it", "the next recording will say"
+    expected = ("", "", left_out, "", "not determined", "", last)
+    found = recordings_table(life).column("message")
+    of_object = [log["reason"] for log in wear_json(life)["logs"].values()]
+    for words, shown, reason in zip(expected, found, of_object, strict=True):
+        assert words in shown
+        assert bool(words) == bool(shown)
+        assert shown == reason

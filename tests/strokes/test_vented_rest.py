@@ -65,6 +65,13 @@ def test_a_recording_without_strokes_may_rest_at_the_stop_or_above():
     assert shift.low <= 0.0 <= shift.high
 
 
+def test_without_any_rest_at_the_stop_the_friction_is_a_guess():
+    before, now = VentedRest(3e-4, 3.1e-4, 1e-5), VentedRest(6e-4, 6.1e-4, 1e-5)
+    shift = rest_shift(before, now)
+    assert shift.moved
+    assert shift.low < 2e-4 < 4e-4 < shift.high
+
+
 def test_what_lies_further_than_a_sensor_can_move_is_not_compared():
     assert rest_shift(VentedRest(0.0, 3e-4, 0.0), VentedRest(2 * FURTHEST, 2 * FURTHEST + 3e-4, 0.0)) is None
 

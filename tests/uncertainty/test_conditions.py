@@ -7,10 +7,14 @@ from clutchid.errors import DataError
 from clutchid.inspection import inspect
 from clutchid.log import Log
 from clutchid.model import Actuator
+from clutchid.uncertainty.change_prior import HYPOTHESES, assumed_change, change_covariance, log_odds
 from clutchid.uncertainty.conditions import (
     ACCURACY,
     NOT_RECORDED,
+    Assumption,
     Conditions,
+    assumed_conditions,
+    by_supply,
     condition_warnings,
     conditions_of,
     known_conditions,
@@ -115,3 +119,35 @@ def test_the_estimated_supply_is_the_mean_of_the_samples_that_the_recorded_one_i
         (Conditions(supply=9e5), estimated.without("pressure_supply")),
     ):
         assert with_estimated_supply(conditions, [log], [states]) == conditions
+
+
+def test_what_is_not_known_is_assumed_as_calibrated_within_the_prior_of_its_change():
+    logs = [recorded(name="a"), recorded(280.0, 9e5, name="b")]
+    supply, air = assumed_conditions(logs, ["T_0@b", "P_S@b"], ACTUATOR)
+    assert (supply.name, supply.recordings, supply.recorded) == ("P_S", ("a",), False)
+    assert (supply.value, air.value) == (ACTUATOR.value("P_S"), ACTUATOR.value("T_0"))
+    assert supply.half_width == pytest.approx(assumed_change("P_S") * supply.value)
+    # recorded, but not in the calibration
+    assert [one.recorded for one in assumed_conditions(logs[1:], [], ACTUATOR)] == [True, True]
+    # measured, or fitted for all recordings together
+    assert assumed_conditions(logs, ["P_S", "T_0@a", "T_0@b"], ACTUATOR) == ()
+    assert all(isinstance(one, Assumption) for one in (supply, air))
+
+
+def test_the_assumed_change_covers_95_of_100_draws_of_the_prior():
+    generator = np.random.default_rng(1)
+    weights = np.exp([log_odds(hypothesis) for hypothesis in HYPOTHESES])
+    drawn = generator.choice(len(HYPOTHESES), 200_000, p=weights / weights.sum())
+    for name in ("P_S", "T_0"):
+        variance = [change_covariance(ACTUATOR, [name], hypothesis)[0, 0] for hypothesis in HYPOTHESES]
+        changes = np.sqrt(variance)[drawn] * generator.standard_normal(drawn.size) / ACTUATOR.value(name)
+        # three standard deviations of a share of 5 % in as many draws
+        assert np.mean(np.abs(changes) > assumed_change(name)) == pytest.approx(
+            0.05, abs=3 * np.sqrt(0.05 * 0.95 / drawn.size)
+        )
+
+
+def test_a_supply_of_1_percent_more_balances_a_load_that_is_larger_by_its_own_and_by_that_of_the_ambient_pressure():
+    p, force = ACTUATOR.parameters, 4000.0
+    pressure = p.P_0 + force / p.A_A
+    assert 1.01 * pressure * p.A_A - p.P_0 * p.A_A == pytest.approx(force + 0.01 * by_supply(ACTUATOR, force))

@@ -95,11 +95,18 @@ def _less_worn(fit: Fit) -> bool:
 def rest_reasons(fit: Fit) -> list[Reason]:
     """A reason for each rest that has moved while the position was kept as recorded."""
     return [
+        reason for one in moved_rests(fit) if not one.subtracted for reason in kept_rest(one.shift.value, one.recording)
+    ]
+
+
+def kept_rest(shift: float, recording: str = "") -> list[Reason]:
+    """The reason for a rest that has moved by `shift` in m while the position was kept; none where it has not."""
+    if shift == 0.0:
+        return []
+    return [
         Reason(
-            f"{one.recording}: the vented rest has moved by {one.shift.value * 1e3:+.2f} mm since the calibration, and "
-            "was kept (--zero keep): the load is over another zero, and may have errors that its interval does not "
-            "include."
+            f"{recording}{': ' if recording else ''}the vented rest has moved by {shift * 1e3:+.2f} mm since the "
+            "calibration, and was kept (--zero keep): the load is over another zero, and may have errors that its "
+            "interval does not include."
         )
-        for one in moved_rests(fit)
-        if one.subtracted == 0.0
     ]

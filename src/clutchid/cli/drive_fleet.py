@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from clutchid.cli.common import progress_bar
+from clutchid.cli.progress import progress_of
 from clutchid.errors import ParameterError
 
 
@@ -81,5 +81,5 @@ def drive_fleet(service: Service, types: Types, out: Path, seconds: float, alone
         option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
         raise ParameterError(f"--{option}: belongs to a single recording; what happens to a fleet is drawn by --seed.")
     plan = visits(service.fleet, service.months, types.family, types.first, service.types, types.seed, service.days)
-    with progress_bar("drive") as show:
-        write_fleet(out, plan, seconds, service.workers, show)
+    with progress_of("drive") as progress:
+        write_fleet(out, plan, seconds, service.workers, progress)

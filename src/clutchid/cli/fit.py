@@ -188,8 +188,9 @@ def _work(
         workflow.check_save(files.save)
     actuator, request = workflow.start_of(files.start, model_of(model), asked())
     reading = workflow.Reading(pressure(how.ambient, actuator.parameters.P_0), how.channel_map, how.dbc)
-    read = workflow.read_recordings([*files.logs, *files.verify], reading, actuator.equipment)
-    outcome = _fitted(read[: len(files.logs)], actuator, request, read[len(files.logs) :], how.force)
+    read = workflow.read_recordings(files.logs, reading, actuator.equipment, measured=request.measure)
+    verify = workflow.read_recordings(files.verify, reading, actuator.equipment)
+    outcome = _fitted(read, actuator, request, verify, how.force)
     reading_options = (*how.options, *_own_model(model))
     command = Command(
         tuple(sys.argv[1:]), files.logs, files.start, files.save, files.report, reading_options, how.force

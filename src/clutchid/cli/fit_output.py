@@ -9,21 +9,18 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 from clutchid.cli.common import DONE, EMPTY, FAILED, print_json, print_written
-from clutchid.cli.terminal import WIDTH, printable_lines
+from clutchid.cli.terminal import WIDTH, print_rows, printable_lines
 from clutchid.errors import ExportError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
     from clutchid.report.next_step import Command
-    from clutchid.report.summary import Row
     from clutchid.workflow import Outcome
 
 #: Most warnings of a summary.
 MOST_WARNINGS = 3
 
 Writers = Mapping[Path | None, Callable[[Path], None]]
-
-_COLOURS = {"good": "bold green", "with care": "bold yellow", "none": "bold red", "": ""}
 
 
 def answer_json(outcome: Outcome, writers: Writers) -> int:
@@ -55,7 +52,7 @@ def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) 
     if failures:
         return FAILED
     why, what = next_step(fit, command)
-    _print_rows([Row("next", f"{why}:")])
+    print_rows([Row("next", f"{why}:")])
     print(printable(f"  {what}"))
     return DONE
 
@@ -64,7 +61,7 @@ def _print_result(outcome: Outcome, verbose: bool) -> None:
     from clutchid.report.fit_text import fit_text
     from clutchid.report.summary import summary
 
-    _print_rows(summary(outcome.fit, outcome.single, in_full=verbose))
+    print_rows(summary(outcome.fit, outcome.single, in_full=verbose))
     if verbose:
         print(f"\n{printable_lines(fit_text(outcome.fit, WIDTH))}")
     sys.stdout.flush()
@@ -86,21 +83,6 @@ def _write(writers: Writers) -> tuple[list[Path], list[str]]:
         except ExportError as error:
             failures.append(str(error))
     return written, failures
-
-
-def _print_rows(rows: Sequence[Row]) -> None:
-    """Rows with labels, wrapped at words; coloured on a terminal."""
-    from rich.console import Console
-    from rich.text import Text
-
-    console = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
-    width = min(WIDTH, console.width) if console.is_terminal else WIDTH
-    for row in rows:
-        text = printable_lines(row.text)
-        lines = text.splitlines() if row.fixed else fill(text, max(width - 9, 20), break_on_hyphens=False).splitlines()
-        for number, line in enumerate(lines):
-            shown = Text(f"{row.label if number == 0 else '':<9}", style="bold")
-            console.print(shown.append(line, style=_COLOURS[row.mood] or "not bold"))
 
 
 def _warn(warnings: Sequence[str], most: int) -> None:

@@ -8,12 +8,12 @@ import sys
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, pressure, print_json, progress_bar
+from clutchid.cli.progress import progress_of
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ParameterError
 from clutchid.names import printable
@@ -144,19 +144,13 @@ def _run(place: Place, todo: list[Task], kept: Store) -> None:
     from clutchid.fleet.run import run
     from clutchid.fleet.warming import warm
 
-    with progress_bar("fleet") as show, cluster(place) as on:
-        warm({task.how.start for task in todo})  # after the scheduler has answered, which is not known at once
+    with cluster(place) as on:
+        with progress_bar("fleet"):  # after the scheduler has answered, which is not known at once
+            warm({task.how.start for task in todo})
         if on.dashboard:
             print(f"dashboard: {printable(on.dashboard)}", file=sys.stderr)
-        begin = monotonic()
-
-        def progress(count: int) -> None:
-            rate = count / max(monotonic() - begin, 1e-3)
-            left = (len(todo) - count) / rate
-            words = f"{count:,} of {len(todo):,} recordings, {rate:.2g} a second, {_span(left)} left"
-            show(words, count / len(todo))
-
-        run(on, todo, kept, progress)
+        with progress_of("fleet") as progress:
+            run(on, todo, kept, progress)
 
 
 def _written(
@@ -169,14 +163,6 @@ def _written(
     command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
     statuses = write_results(found, kept, out)
     return statuses, write_vehicles(vehicles_of(found, kept, ends), command, out, trends=trends)
-
-
-def _span(seconds: float) -> str:
-    """A time in words."""
-    for size, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.0f} {unit}"
-    return f"{seconds:.0f} s"
 
 
 def _limits(found: Fleet, start: Path, limit: float | None) -> dict[str, Limits]:

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure, print_written
 from clutchid.cli.terminal import sentences
+from clutchid.errors import DataError
 from clutchid.parameters import Parameters
 from clutchid.workflow import start_file
 
@@ -76,18 +77,26 @@ def look(
 def _checks(
     file: Path, contents: Look, given: ChannelMap | None, ambient: float, content: ParameterFile | None = None
 ) -> str:
-    """Results of the checks before a fit on the recording, or on its first million samples."""
+    """Results of the checks before a fit on the recording, or on its first million samples.
+
+    A file that needs a channel map and has none is read with the proposed one.
+    """
     from clutchid.inspection import inspect
     from clutchid.io import read_pieces
 
-    if given is None and contents.needs_map and not contents.proposal.complete:
-        return "\nNot checked: the recording cannot be read without a channel map."
     if contents.problems:
         return "\nNot checked: the recording has problems."
     proposed = contents.proposal.channels
     channels = replace(given, dbc=proposed.dbc) if given else proposed if contents.needs_map else None
-    log = next(read_pieces(file, ambient=ambient, channels=channels, required=("time", "position")))
-    if content is None:
-        return f"\n{inspect(log).table()}"
-    calibration = content.calibration
-    return f"\n{inspect(log, content.actuator, calibration.rest if calibration else None).table()}"
+    if channels is proposed and "position" not in proposed.channels:
+        return "\nNot checked: no channel could be identified as the position; a channel map is needed."
+    try:
+        log = next(read_pieces(file, ambient=ambient, channels=channels, required=("time", "position")))
+    except DataError as error:
+        if given or contents.proposal.complete:
+            raise
+        return f"\nNot checked, because the proposed channel map does not fit:\n{error}"
+    how = "" if contents.proposal.complete or channels is not proposed else " with the proposed channel map"
+    calibration = content.calibration if content else None
+    found = inspect(log, content.actuator if content else None, calibration.rest if calibration else None)
+    return f"\n{found.table(how)}"

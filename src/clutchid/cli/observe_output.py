@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from clutchid.cli.common import EMPTY, check_outputs, print_json, print_written
-from clutchid.cli.terminal import printable_lines
+from clutchid.cli.terminal import print_rows, printable_lines
 from clutchid.errors import ParameterError
 from clutchid.names import printable
 from clutchid.workflow import start_file
@@ -100,7 +100,7 @@ def answer(
     `to` is where sentences go, standard output by default.
     """
     from clutchid.report.observe_json import observe_json
-    from clutchid.report.observe_text import observe_sentence
+    from clutchid.report.observe_text import end_rows, observe_sentence
 
     if as_json:
         ended = {"status": "bad_input", "message": trouble} if trouble else {}
@@ -109,5 +109,6 @@ def answer(
     for warning in run.log.warnings:
         print(f"warning: {printable_lines(warning)}", file=sys.stderr)
     print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), file=to)
+    print_rows(end_rows(run), to)
     published = files.results_dbc if files.publishes_frames else None
     print_written(files.out, files.by_stroke, files.save, files.report, published, to=to)

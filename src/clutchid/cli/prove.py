@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, guarded, print_written, progress_bar
+from clutchid.cli.common import DONE, FAILED, guarded, print_written
+from clutchid.cli.progress import progress_of
+from clutchid.cli.terminal import WIDTH
 from clutchid.errors import ParameterError
 
 
@@ -61,13 +64,13 @@ def prove(
         if trucks < 1 or seed < 0:
             raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
         numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
-        with progress_bar("prove") as show:
-            results = run(workflow, numbers, out, conditions, workers=workers, scheduler=scheduler, progress=show)
+        with progress_of("prove", "trucks") as progress:
+            results = run(workflow, numbers, out, conditions, workers=workers, scheduler=scheduler, progress=progress)
         everyone = kept(out, numbers)
         table = standings(everyone)
         write_text(to_csv(table), out / "standings.csv")
         write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
-        print(to_text(table), table.note, sep="\n\n")
+        print(to_text(table, WIDTH), fill(table.note, WIDTH), sep="\n\n")
         print_written(out / "recordings.csv")
         return FAILED if all(result["failed"] for result in results) else DONE
 

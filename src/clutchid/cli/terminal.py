@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from shutil import get_terminal_size
 from textwrap import fill
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from clutchid.names import printable
 
+if TYPE_CHECKING:
+    from clutchid.report.summary import Row
+
 #: Most columns of a terminal that are used.
 WIDTH = 80
+
+#: Columns of the labels of rows, and how a mood is coloured.
+LABEL = 9
+_COLOURS = {"good": "bold green", "with care": "bold yellow", "none": "bold red", "": ""}
 
 
 def columns() -> int:
@@ -36,3 +44,19 @@ def _wrapped(line: str) -> str:
         return line
     indent = " " * (bullet.end() if bullet else 0)
     return fill(line, columns(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or line
+
+
+def print_rows(rows: Sequence[Row], to: TextIO | None = None) -> None:
+    """Rows with labels, wrapped at words, on standard output by default; coloured on a terminal."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(file=to, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    width = min(WIDTH, console.width) if console.is_terminal else WIDTH
+    for row in rows:
+        text = printable_lines(row.text)
+        short = max(width - LABEL, 20)
+        lines = text.splitlines() if row.fixed else fill(text, short, break_on_hyphens=False).splitlines()
+        for number, line in enumerate(lines):
+            shown = Text(f"{row.label if number == 0 else '':<{LABEL}}", style="bold")
+            console.print(shown.append(line, style=_COLOURS[row.mood] or "not bold"))

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, check_outputs, guarded, pressure, print_json, print_written, progress_bar
+from clutchid.cli.common import DONE, check_outputs, guarded, pressure, print_json, print_written
+from clutchid.cli.progress import progress_of
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
@@ -87,8 +88,8 @@ def track(
         paths = tracking.recordings_of(logs, (out, tracking.curves_path(out)))
         vehicle = tracking.vehicle_of(paths, rows, str(table))
         how = How(start, pressure(ambient, content.actuator.parameters.P_0), map_, tuple(dbc or ()), zero=zero)
-        with progress_bar("track") as show:
-            found = tracking.track(paths, how, rows, ends, workers, show, vehicle=vehicle)
+        with progress_of("track") as progress:
+            found = tracking.track(paths, how, rows, ends, workers, progress, vehicle=vehicle)
         _write(found, out, report)
         _say(found, (out, tracking.curves_path(out), report), as_json=json)
         return DONE

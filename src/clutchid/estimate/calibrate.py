@@ -26,11 +26,13 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
+from clutchid.smoother.problem import FitProblem
 from clutchid.strokes.vented_rest import merged, vented_rest
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.conditions import (
     CONDITIONS,
     Conditions,
+    assumed_conditions,
     condition_warnings,
     conditions_of,
     with_estimated_supply,
@@ -80,7 +82,8 @@ def fit_with_priors(
     if method.check and request.checks:
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
-        return _with_condition_warnings(replace(result, calibration=request.calibration), logs, free)
+        kept = replace(result, calibration=request.calibration)
+        return _with_conditions(kept, search_result.problem, logs, free)
     return _with_calibration(method, result, logs, actuator, conditions, progress)
 
 
@@ -104,13 +107,18 @@ def _with_calibration(
     return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
 
 
-def _with_condition_warnings(result: Fit, logs: Sequence[Log], free: FreeParameters) -> Fit:
-    """`result` with warnings about recorded conditions that its calibration lacks, if it has read a load."""
+def _with_conditions(result: Fit, problem: FitProblem, logs: Sequence[Log], free: FreeParameters) -> Fit:
+    """`result` with warnings about recorded conditions that its calibration lacks, and with what is assumed of others.
+
+    Only if it has read a load.
+    """
     if result.calibration is None or not free.reads_load(result.actuator):
         return result
     found = condition_warnings(logs, result.calibration.conditions, free.conditions)
     warnings = (*result.warnings, *found)
-    return replace(result, warnings=warnings, status="warning" if found and result.status == "ok" else result.status)
+    assumed = assumed_conditions(logs, (*free.names, *problem.known), problem.actuator)
+    status = "warning" if found and result.status == "ok" else result.status
+    return replace(result, warnings=warnings, status=status, assumed=assumed)
 
 
 def _searched(

@@ -17,6 +17,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.strokes.vented_rest import RestShift
 from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.conditions import Assumption
 
 if TYPE_CHECKING:
     import polars as pl
@@ -105,7 +106,8 @@ class Fit:
     parameters. `notes` say which parameters the data determine, `calibration` serves later fits of the same actuator.
     `converged` says that the search ended within its limits, `search` how, with what a later search needs to continue
     it. `baseline` is the calibration that the fit started from, `changes` are what has changed, or may have, since,
-    and `departure` says how far a load from position alone departs from it.
+    and `departure` says how far a load from position alone departs from it. `assumed` are the conditions of the
+    recordings that are not known.
     """
 
     status: Status
@@ -129,6 +131,7 @@ class Fit:
     baseline: Calibration | None = None
     search: SearchState | None = None
     departure: Departure | None = None
+    assumed: tuple[Assumption, ...] = ()
 
     def __repr__(self) -> str:
         names = [repr(name) for name in self.recordings]

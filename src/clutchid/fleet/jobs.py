@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.fleet.reading import ABSENT
 from clutchid.fleet.tracking import SUFFIXES, recording_files
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
@@ -140,7 +141,7 @@ def _job(
     calibration = start if calibrations is None else calibrations.get(vehicle) or calibrations.get(kind)
     problem = ""
     if path is None:
-        problem = "the table names it, but its file is not there, or several have its name."
+        problem = ABSENT
     elif calibration is None:
         what = f"type '{kind}'" if kind else f"vehicle '{vehicle}'"
         problem = f"there is no calibration of {what}: {start / (kind or vehicle)}.toml."

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid.fleet.jobs import Fleet, Job
-from clutchid.fleet.reading import Read
+from clutchid.fleet.reading import Read, counted_as, without_file
 from clutchid.fleet.store import Kept, Store
 from clutchid.io.files import write_frame
 from clutchid.wear.life import Curve
@@ -40,16 +40,20 @@ def rows_of(fleet: Fleet, kept: Store) -> Iterator[Row]:
     done, first = _merged(fleet.jobs, kept.results()), dict[str, Job]()
     for job, result in done:
         if result is None:
-            message = job.problem or "was not read; run the same command again to go on."
-            reading = Reading("bad_input" if job.problem else "failed", message, "none", None)
-            yield Row(job, Read(Path(job.recording), reading), float("nan"))
+            yield Row(job, _without_result(job), float("nan"))
             continue
         read = result.read
         other = first.setdefault(read.sha256, job) if read.sha256 and read.reading.has_result else job
         if other is not job:
-            sentence = f"the same recording as {other.recording} of {other.vehicle}; it counts once."
-            read = read._replace(reading=read.reading._replace(status="warning", message=sentence, measurement=None))
+            read = counted_as(read, f"{other.recording} of {other.vehicle}")
         yield Row(job, read, result.seconds)
+
+
+def _without_result(job: Job) -> Read:
+    if job.path is None:
+        return without_file(job.recording)
+    message = job.problem or "was not read; run the same command again to go on."
+    return Read(job.path, Reading("bad_input" if job.problem else "failed", message, "none", None))
 
 
 def _merged(jobs: Iterable[Job], results: Iterator[Kept]) -> Iterator[tuple[Job, Kept | None]]:
@@ -94,7 +98,7 @@ def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
 
 
 #: Columns of text that may be empty throughout.
-_TEXT = ("changes", "sha256", "message")
+_TEXT = ("changes", "sha256", "message", "reason")
 
 
 def _result(row: Row) -> Mapping[str, object]:
@@ -111,7 +115,7 @@ def _result(row: Row) -> Mapping[str, object]:
         "shift_mm": 1e3 * shift[0], "shift_std_mm": 1e3 * shift[1],
         "load_change": load[0], "load_change_std": load[1],
         "temperature_K": measured.temperature if measured else float("nan"),
-        "changes": ", ".join(read.changes), "sha256": read.sha256,
+        "changes": ", ".join(read.changes), "sha256": read.sha256, "reason": read.reading.unmeasured,
     }  # fmt: skip
 
 

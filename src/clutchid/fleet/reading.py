@@ -18,11 +18,17 @@ from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
 from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import Reading, leak_of, measured
+from clutchid.wear.measurement import Reading, leak_of, measured, unmeasured
 
 if TYPE_CHECKING:
     from clutchid.estimate.parameter_file import ParameterFile
     from clutchid.log import Log
+
+#: What is wrong with a row of a table without a file.
+ABSENT = "the table names it, but its file is not there, or several have its name."
+
+#: Why a recording that was observed gives no measurement.
+_ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
 
 #: No half-load position.
 UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
@@ -81,6 +87,19 @@ def without_result(path: Path, lost: Lost) -> Read:
     return Read(path, Reading(lost.status, lost.message, "none", None), "", checksum_of(path))
 
 
+def without_file(recording: str) -> Read:
+    """A row of a table whose file is not there."""
+    return Read(Path(recording), Reading("bad_input", ABSENT, "none", None))
+
+
+def counted_as(read: Read, other: str) -> Read:
+    """A recording that is the same as another one, and gives no measurement of its own."""
+    sentence = f"the same recording as {other}; it counts once."
+    return read._replace(
+        reading=read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
+    )
+
+
 def checksum_of(path: Path) -> str:
     """SHA-256 of a file, or an empty string where it cannot be read."""
     try:
@@ -99,16 +118,18 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     message = fit.message if trust == "good" or not fit.verdict.reasons else fit.verdict.reasons[0]
     status = "warning" if fit.warnings or trust != "good" else "ok"
     # a load that is only uncertain counts in the trend by its band
-    measurement = measured(fit, log) if fit.converged and not fit.verdict.flawed else None
+    reason = unmeasured(fit)
+    measurement = None if reason else measured(fit, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     curves = Curve(curve.position, curve.force, curve.low, curve.high)
     rest = next((one.rest for one in fit.recordings.values()), None)
-    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit), rest)
+    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
     return Read(path, reading, curve=curves, half_load=half, changes=changes)
 
 
 def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
+    from clutchid.assess.observed import indicators, observed_verdict
     from clutchid.observe.observer import observer
     from clutchid.observe.recording import observe_recording, spacing, too_slow
     from clutchid.report.observe_text import loads, observe_sentence
@@ -122,8 +143,8 @@ def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     after = loads(run).after
     half = half_load_band(LoadCurve(*after), float(np.nanmax(checked["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"
-    trust = "with care" if status == "warning" else "good"
-    reading = Reading(status, observe_sentence(run), trust, None, rest=from_rest(log, rest, zero).shift)
+    trust, shift = observed_verdict(indicators(run)).trust, from_rest(log, rest, zero).shift
+    reading = Reading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
     return Read(path, reading, curve=Curve(*after), half_load=half)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -68,13 +68,13 @@ def tasks(fleet: Fleet, options: Options, kept: Store, *, retry: bool = False) -
     return found
 
 
-def run(on: Cluster, todo: Iterable[Task], kept: Store, progress: Callable[[int], None]) -> None:
+def run(on: Cluster, todo: Sequence[Task], kept: Store, progress: Callable[[int, int], None]) -> None:
     """Read recordings, and keep every result as it comes.
 
     Parameters
     ----------
     progress
-        Is called with the number of recordings that have been read.
+        Is called with the numbers of recordings that have been read, and of all.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def run(on: Cluster, todo: Iterable[Task], kept: Store, progress: Callable[[int]
         for done in results(on, _work, todo):
             kept.put(_result(done))
             last, count = kept.saved(last), count + 1
-            progress(count)
+            progress(count, len(todo))
     finally:
         kept.saved()
 

@@ -179,7 +179,7 @@ def _content(read: Read) -> dict[str, object]:
     return {
         "trust": one.trust, "measurement": one.measurement and list(one.measurement), "clock": read.clock,
         "half_load": list(read.half_load), "changes": list(read.changes), "leak": one.leak and list(one.leak),
-        "departs": one.departs, "rest": one.rest and list(one.rest),
+        "departs": one.departs, "rest": one.rest and list(one.rest), "reason": one.reason,
     }  # fmt: skip
 
 
@@ -190,6 +190,7 @@ def _read(
     reading = Reading(
         status, message, str(content["trust"]), Measurement(*measured) if measured else None,
         Leak(*leak) if leak else None, bool(content.get("departs")), RestShift(*rest) if rest else None,
+        str(content.get("reason", "")),
     )  # fmt: skip
     half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
     return Read(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)

@@ -13,7 +13,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.fleet import pool
 from clutchid.fleet.alone import Lost
-from clutchid.fleet.reading import How, Read, read_recording, without_result
+from clutchid.fleet.reading import How, Read, counted_as, read_recording, without_file, without_result
 from clutchid.fleet.store import STORE
 from clutchid.io.files import write_frame
 from clutchid.wear.history import History, Listed, arranged
@@ -47,8 +47,8 @@ class Tracked:
     @property
     def curves(self) -> list[tuple[str, Curve]]:
         """The loads of the recordings that count in the trend, by name."""
-        counted = zip(self.reads, self.wear.outcomes, strict=True)
-        return [(one.path.stem, one.curve) for one, outcome in counted if one.curve and outcome in ("used", "jump")]
+        reads = zip(self.reads, self.wear.counted, strict=True)
+        return [(one.path.stem, one.curve) for one, counts in reads if one.curve and counts]
 
 
 def recording_files(folder: Path) -> list[Path]:
@@ -105,7 +105,7 @@ def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) 
     Raises
     ------
     DataError
-        If they belong to several vehicles, or the table has rows of the vehicle whose files are not there.
+        If they belong to several vehicles, or to none of the table.
     """
     if not table:
         folders = {path.resolve().parent for path in paths}
@@ -118,10 +118,6 @@ def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) 
         some = ", ".join(sorted(vehicles)[:3])
         raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}, ...); track follows one.")
     (vehicle,) = vehicles
-    missing = [name for name, row in table.items() if row.vehicle == vehicle and name not in names]
-    if missing:
-        some = ", ".join(sorted(missing)[:3])
-        raise DataError(f"{source}: {len(missing)} recordings of vehicle '{vehicle}' are not there: {some}.")
     return vehicle
 
 
@@ -131,7 +127,7 @@ def track(
     table: Mapping[str, Listed],
     limits: Limits = NO_LIMIT,
     workers: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
     *,
     vehicle: str = "",
 ) -> Tracked:
@@ -143,7 +139,8 @@ def track(
         Recordings, see `recordings_of`; one that cannot be read is a row with its reason, the same one twice counts
         once.
     table
-        Rows of the table of recordings by stem, see `clutchid.wear.tables.read_table`.
+        Rows of the table of recordings by stem, see `clutchid.wear.tables.read_table`; one of the vehicle whose file is
+        not there is a row with that reason.
 
     Raises
     ------
@@ -155,9 +152,11 @@ def track(
     for path, read in pool.results(partial(read_recording, how), paths, workers):
         found[path] = without_result(path, read) if isinstance(read, Lost) else read
         if progress:
-            progress(f"{len(found)} of {len(paths)} recordings", len(found) / len(paths))
-    reads = _once([found[path] for path in paths])
-    history = arranged([read.path.stem for read in reads], [read.clock for read in reads], table)
+            progress(len(found), len(paths))
+    names = [path.stem for path in paths]
+    absent = sorted(name for name, row in table.items() if row.vehicle == vehicle and name not in set(names))
+    reads = [*_once([found[path] for path in paths]), *(without_file(name) for name in absent)]
+    history = arranged([*names, *absent], [read.clock for read in reads], table)
     history = _with_folders(history, paths, table)
     wear = wear_of(vehicle, history, [read.reading for read in reads], limits.table, limits.shift)
     return Tracked(wear, tuple(reads[i] for i in history.order))
@@ -183,9 +182,7 @@ def _once(reads: Sequence[Read]) -> list[Read]:
     for read in reads:
         other = first.setdefault(read.sha256, read.path) if read.sha256 and read.reading.has_result else read.path
         if other != read.path:
-            sentence = f"the same recording as {other.name}; it counts once."
-            reading = read.reading._replace(status="warning", message=sentence, measurement=None)
-            read = read._replace(reading=reading)  # noqa: PLW2901
+            read = counted_as(read, other.name)  # noqa: PLW2901
         found.append(read)
     return found
 
@@ -206,6 +203,7 @@ def table_of(tracked: Tracked) -> pl.DataFrame:
         "message": [one.message for one in wear.readings],
         "trust": [one.trust for one in wear.readings],
         "outcome": list(wear.outcomes),
+        "reason": list(wear.reasons),
         "alarm": [", ".join(a.kind for a in wear.alarms if a.before == one.name) or None for one in wear.dated],
         "half_load [m]": [read.half_load[0] for read in tracked.reads],
         "half_load low [m]": [read.half_load[1] for read in tracked.reads],

@@ -125,7 +125,7 @@ def _page(tracked: Tracked, table: object, before: Mapping[str, str], command: s
 def _row(one: Vehicle, page: str) -> VehicleRow:
     """The state of a vehicle at its last recording."""
     wear = one.tracked.wear
-    counted = sum(outcome in ("used", "jump") for outcome in wear.outcomes)
+    counted = sum(wear.counted)
 
     def now(name: str) -> tuple[float, float, float]:
         band = wear.then.get(name)
@@ -156,10 +156,11 @@ _SIDES = ("", "_low", "_high")
 
 
 def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) -> None:
-    """Count why recordings have no result, without what is particular to one of them."""
-    for dated, reading in zip(tracked.wear.dated, tracked.wear.readings, strict=True):
-        if not reading.has_result or (reading.trust == "none" and reading.measurement is None):
-            sentence = _PARTICULAR.sub("…", reading.message.splitlines()[0] if reading.message else "")
+    """Count why recordings do not count, without what is particular to one of them."""
+    wear = tracked.wear
+    for dated, reading, reason in zip(wear.dated, wear.readings, wear.reasons, strict=True):
+        if reason:
+            sentence = _PARTICULAR.sub("…", reason.splitlines()[0])
             reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(dated.name)
 
 

@@ -45,7 +45,7 @@ def write_fleet(
     vehicles: Iterable[Sequence[Visit]],
     seconds: float = 30.0,
     workers: int = 1,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> int:
     """Drive all recordings of a fleet and write them to a new folder; the number of recordings.
 
@@ -84,7 +84,7 @@ def write_fleet(
             raise SolveError(f"{visit.recording}: {row.message}")
         found[visit.recording] = row
         if progress:
-            progress(f"{len(found):,} of {len(visits):,} recordings", len(found) / len(visits))
+            progress(len(found), len(visits))
     _write_csv(out / TRUTH, [found[visit.recording] for visit in visits])
     _write_csv(out / TABLE, [row for visit in visits for row in _listed(visit)])
     return len(visits)

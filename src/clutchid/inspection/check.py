@@ -25,10 +25,11 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """Results of all checks of the recording `name`."""
+    """Results of all checks of the recording `name`, and `notes` on what it lacks without being faulty."""
 
     name: str
     checks: tuple[Check, ...]
+    notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return self.table()
@@ -44,8 +45,13 @@ class Inspection:
         """The sentence of each check that is "bad": a fit would be wrong."""
         return tuple(check.sentence for check in self.checks if check.grade == "bad")
 
-    def table(self) -> str:
+    def table(self, how: str = "") -> str:
         """All checks as a text table for a terminal, followed by the sentences of those that are not good.
+
+        Parameters
+        ----------
+        how
+            Said of the recording behind its name: how it was read.
 
         Returns
         -------
@@ -66,8 +72,9 @@ class Inspection:
         count = len(self.checks)
         grades = [check.grade for check in poor]
         counted = ", ".join(f"{grades.count(g)} {g}" for g in ("bad", "suspect", "undetermined") if g in grades)
-        lines = [f"{self.name}: {count} check{'' if count == 1 else 's'}, {counted or 'all good'}"]
+        lines = [f"{self.name}{how}: {count} check{'' if count == 1 else 's'}, {counted or 'all good'}"]
         lines += text_table([_TITLES, *((check.name, check.value, check.grade) for check in self.checks)], len(_TITLES))
-        if poor:
-            lines += ["", *(f"  - {check.name}: {check.sentence}" for check in poor)]
+        sentences = [*(f"{check.name}: {check.sentence}" for check in poor), *self.notes]
+        if sentences:
+            lines += ["", *(f"  - {sentence}" for sentence in sentences)]
         return "\n".join(lines)

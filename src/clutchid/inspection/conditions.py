@@ -1,10 +1,29 @@
-"""Conditions that the vehicle records: ambient temperature and supply pressure, where there are such columns."""
+"""Conditions that the vehicle may record: ambient temperature and supply pressure, and what is assumed without."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from clutchid.inspection.check import Check
 from clutchid.inspection.reading import Reading
+from clutchid.parameters import Parameters
+from clutchid.uncertainty.change_prior import assumed_change
 from clutchid.uncertainty.conditions import condition_problems, conditions_of
+
+_RECORD = "record it here and in the calibration"
+
+#: What is assumed of a condition that is not recorded, and what it would be worth: docs/derivations.md, "Known
+#: conditions".
+_MISSING = {
+    "pressure_supply": (
+        "supply pressure not recorded: a reading assumes that of its calibration "
+        f"within {100 * assumed_change('P_S'):.0f} %, with twice as wide a band if it changed; {_RECORD} (J1939: AIR1)."
+    ),
+    "temperature_ambient": (
+        "air temperature not recorded: a reading assumes that of its calibration "
+        f"within {assumed_change('T_0') * Parameters().T_0:.0f} K; {_RECORD} (J1939: AMB)."
+    ),
+}
 
 
 def conditions(reading: Reading) -> list[Check]:
@@ -22,3 +41,9 @@ def conditions(reading: Reading) -> list[Check]:
         for column, value in values.items()
         if value is not None
     ]
+
+
+def missing_conditions(reading: Reading) -> tuple[str, ...]:
+    """What is assumed of each condition that a recording of an actuator lacks, and what it would be worth."""
+    recorded = [name for name, values in reading.log.columns.items() if np.isfinite(values).any()]
+    return tuple(text for column, text in _MISSING.items() if reading.driven and column not in recorded)

@@ -6,6 +6,7 @@ import numpy as np
 
 from clutchid.inspection.check import Check, Grade
 from clutchid.inspection.reading import Reading
+from clutchid.io.source import UNIT_KEY
 from clutchid.units import UNITS, known_units
 
 CHECK = "unit of pressure_a"
@@ -36,7 +37,9 @@ def pressure_unit(reading: Reading) -> Check:
         return Check(
             CHECK, f"{value} Pa", "good", f"pressure_a ranges from {value} Pa, plausible for an absolute pressure."
         )
-    fitting = _fitting(low, high, p.P_0, p.P_S)
+    written = UNITS.get(reading.log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"])
+    base = float(reading.log.metadata.get("ambient_Pa", p.P_0)) if written.gauge else 0.0
+    fitting = _fitting((low - base) / written.scale, (high - base) / written.scale, p.P_0, p.P_S)
     grade: Grade = "bad" if high < p.P_0 or high > HIGHEST * p.P_S or fitting else "suspect"
     guess = f"it looks like {' or '.join(fitting)}: give that unit" if fitting else "check its unit and its zero"
     sentence = (
@@ -47,7 +50,10 @@ def pressure_unit(reading: Reading) -> Check:
 
 
 def _fitting(low: float, high: float, ambient: float, supply: float) -> list[str]:
-    """Units in which the range would be plausible; of these, the ones whose lowest pressure is nearest to ambient."""
+    """Units in which the range would be plausible; of these, the ones whose lowest pressure is nearest to ambient.
+
+    `low` and `high` are as written in the file.
+    """
     lowest = {}
     for name in known_units("Pa"):
         offset = ambient if UNITS[name].gauge else 0.0

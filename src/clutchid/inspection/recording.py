@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from clutchid.inspection.check import Check, Inspection
-from clutchid.inspection.conditions import conditions
+from clutchid.inspection.conditions import conditions, missing_conditions
 from clutchid.inspection.direction import direction
 from clutchid.inspection.motion import motion
 from clutchid.inspection.position_range import position_range
@@ -66,4 +66,4 @@ def inspect(log: Log, actuator: Actuator | None = None, rest: VentedRest | None 
         checks.append(pressure_unit(reading))
     checks += [time_shift(reading), supply_pressure(reading), *conditions(reading)]
     checks += [rest_check(rested)] if rest else []
-    return Inspection(log.name, tuple(checks))
+    return Inspection(log.name, tuple(checks), missing_conditions(reading))

@@ -15,7 +15,7 @@ from clutchid.io.columns import QUANTITIES, REQUIRED
 from clutchid.io.files import atomic_write, digest, polars_errors
 from clutchid.io.guard.limits import MEMORY_VARIABLE, memory
 from clutchid.io.opening import open_source
-from clutchid.io.source import BLOCK, Source, in_contract
+from clutchid.io.source import BLOCK, Source, in_contract, with_unit
 from clutchid.log import Log
 from clutchid.names import printable
 
@@ -194,7 +194,8 @@ def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: 
         columns = dict(checked.columns)
         warnings = (*source.warnings, *checked.warnings)
         edges = {name: samples for name, samples in source.edges.items() if name in columns}
-        yield Log(columns.pop("time"), columns, source.name, dict(source.metadata), warnings, edges)
+        metadata = with_unit(source.metadata, table.headings)
+        yield Log(columns.pop("time"), columns, source.name, metadata, warnings, edges)
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:

@@ -16,7 +16,7 @@ from clutchid.io.clock import Clock, repair
 from clutchid.io.columns import Heading
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.map.picking import COUNTED, Pick, pick
-from clutchid.io.source import Source
+from clutchid.io.source import Source, with_unit
 from clutchid.io.table import Places, Rows, Table
 from clutchid.log import HOLE, FloatArray, Log, Samples
 
@@ -64,12 +64,14 @@ def pieces(
     if channels.raster is not None:
         _, clock = _stream(source, fastest, ambient, rows, _Messages())
         base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
-    yield from _logs(source, aligned(base, others), messages)
+    read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
+    described = replace(source, metadata=with_unit(source.metadata, read))
+    yield from _logs(described, aligned(base, others), messages)
 
 
 def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
     """Channels that the map selects from the file, and all problems of the map, also for `required` quantities."""
-    picks, problems = pick(source, channels)
+    picks, problems = pick(source, channels, required)
     missing = [name for name in required if name not in channels.channels and name != "time"]
     if missing:
         problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add [{missing[0]}] to the map.")

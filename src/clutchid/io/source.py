@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -11,6 +11,9 @@ from clutchid.io.columns import REQUIRED, Heading
 from clutchid.io.table import Table
 from clutchid.log import Samples
 from clutchid.names import printable
+
+#: Metadata: the unit in which the chamber pressure is written in the file.
+UNIT_KEY = "pressure_a_unit"
 
 #: Samples per block when a recording is read in pieces.
 BLOCK = 1 << 20
@@ -77,3 +80,17 @@ class Source:
 def in_contract(source: Source) -> bool:
     """Whether a file is one table whose columns have the standard names, so that it needs no channel map."""
     return len(source.rasters) == 1 and {heading.name for heading in source.rasters[0].headings}.issuperset(REQUIRED)
+
+
+def with_unit(metadata: Mapping[str, str], headings: Iterable[Heading]) -> dict[str, str]:
+    """Metadata of a recording with the unit in which the chamber pressure is written, unless that is Pa.
+
+    Examples
+    --------
+    >>> from clutchid.io.columns import headings
+    >>> with_unit({"start": "2026"}, headings(["pressure_a [bar]"])), with_unit({}, headings(["pressure_a [Pa]"]))
+    ({'start': '2026', 'pressure_a_unit': 'bar'}, {})
+    """
+    unit = next((heading.unit for heading in headings if heading.name == "pressure_a"), None)
+    kept = {key: text for key, text in metadata.items() if key != UNIT_KEY}
+    return kept if unit in (None, "Pa") else {**kept, UNIT_KEY: str(unit)}

@@ -14,7 +14,7 @@ from clutchid.observe.by_stroke import StrokeRow
 from clutchid.observe.following import Observed
 from clutchid.observe.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observe.observer import Observer, ObserverState
-from clutchid.observe.recording import ObservedRecording, follow_block, too_slow, usable
+from clutchid.observe.recording import ObservedRecording, duration, follow_block, too_slow, usable
 from clutchid.observe.supply import unused_supply
 
 #: Time in s of the samples, and number of the strokes, that are kept for a report.
@@ -53,7 +53,8 @@ class LiveRun:
         samples = Observed(*(np.concatenate(each) for each in zip(*(part.samples for part in self.parts), strict=True)))
         found = replace(log, warnings=self.checked or ())
         health = self.health or dict.fromkeys((*FLAGS, *LIVE_FLAGS), 0.0)
-        return ObservedRecording(self.observer, found, self.before, self.after, samples, self.strokes, health)
+        seconds = duration(self.observer, np.array([self.begin, self.latest]))
+        return ObservedRecording(self.observer, found, self.before, self.after, samples, self.strokes, health, seconds)
 
 
 def live_run(observer: Observer, state: ObserverState) -> LiveRun:

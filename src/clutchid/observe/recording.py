@@ -34,7 +34,7 @@ INNOVATION = {
 class ObservedRecording:
     """A recording that an observer has followed from the state `before` to the state `after`.
 
-    `health` are the seconds of each fault, see `clutchid.observe.health`.
+    `health` are the seconds of each fault, see `clutchid.observe.health`, of the `seconds` that were followed.
     """
 
     observer: Observer
@@ -44,6 +44,7 @@ class ObservedRecording:
     samples: Observed
     strokes: tuple[StrokeRow, ...]
     health: Mapping[str, float]
+    seconds: float
 
     @property
     def assumes_supply(self) -> bool:
@@ -152,6 +153,11 @@ def observe_recording(observer: Observer, log: Log, state: ObserverState | None 
     return found
 
 
+def duration(observer: Observer, time: FloatArray) -> float:
+    """Time in s from the first sample to the end of the last one, 0 without samples."""
+    return float(time[-1] - time[0]) + observer.spacing if time.size else 0.0
+
+
 def check_pace(observer: Observer, log: Log) -> None:
     """Check that a recording, or its first samples, is sampled at the rate of the observer.
 
@@ -187,4 +193,4 @@ def follow_block(observer: Observer, before: ObserverState, log: Log) -> Observe
     """
     after, samples, rows = follow_strokes(observer, before, log)
     found = health(observer, before.tail.time, log, samples)
-    return ObservedRecording(observer, log, before, after, samples, tuple(rows), found)
+    return ObservedRecording(observer, log, before, after, samples, tuple(rows), found, duration(observer, log.time))

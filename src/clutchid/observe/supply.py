@@ -15,7 +15,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.conditions import ACCURACY, NOT_RECORDED
+from clutchid.uncertainty.conditions import ACCURACY, NOT_RECORDED, by_supply
 
 #: Standard deviation of a supply that is not recorded from that of the calibration, as a share of it: what its governor
 #: leaves after minutes. Provenance: docs/derivations.md.
@@ -30,12 +30,8 @@ class Supply(NamedTuple):
 
 
 def load_deviation(share: float, actuator: Actuator, load: Load, position: FloatArray) -> FloatArray:
-    """Standard deviation in N that a supply known to a `share` of it leaves to the load at positions in m.
-
-    The motion stays the same if all absolute pressures scale with that of the supply: A_A p_A = f + A_A P_0 at rest.
-    """
-    p = actuator.parameters
-    return share * (load.force(position) + p.A_A * p.P_0)
+    """Standard deviation in N that a supply known to a `share` of it leaves to the load at positions in m."""
+    return share * by_supply(actuator, load.force(position))
 
 
 def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:

@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
+import numpy as np
+
+from clutchid.assess.evidence import reach
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Fit
 from clutchid.report.rest import rest_sentences
+from clutchid.report.style import BAR
+from clutchid.uncertainty.conditions import Assumption, by_supply
 
 #: Most groups of changes that a summary shows with their values, and most parameters of a group.
 MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
@@ -17,13 +22,43 @@ LIKELY = 0.5
 
 
 def notes_of(fit: Fit) -> list[str]:
-    """Notes on a result: changes since the calibration, then what the data determine."""
-    return [*since_calibration(fit), *fit.notes]
+    """Notes on a result: changes since the calibration, what is assumed, then what the data determine."""
+    return [*since_calibration(fit), *assumed_sentences(fit), *fit.notes]
 
 
 def since_calibration(fit: Fit) -> list[str]:
     """A sentence for each vented rest that has moved, and each group of parameters that has changed, or may have."""
     return [*rest_sentences(fit), *change_sentences(fit.changes)]
+
+
+def assumed_sentences(fit: Fit) -> list[str]:
+    """What is assumed of the conditions of the recordings, and what the supply pressure is worth."""
+    return [_assumed(one, supply_worth(fit), len(fit.recordings)) for one in fit.assumed]
+
+
+def _assumed(one: Assumption, worth: float | None, of: int) -> str:
+    """A sentence on a condition that is not known in some of several recordings."""
+    supply = one.name == "P_S"
+    where = f" in {', '.join(one.recordings)}" if len(one.recordings) < of else ""
+    value = (
+        f"{one.value / BAR:.2f} ± {one.half_width / BAR:.2f} bar"
+        if supply
+        else f"{one.value - 273.15:.0f} ± {one.half_width:.0f} °C"
+    )
+    text = f"{'supply pressure' if supply else 'air temperature'} not recorded"
+    text += f"{' in the calibration' if one.recorded else where}: as calibrated, {value}"
+    if not supply or worth is None:
+        return text
+    return f"{text}; 1 % of it is {worth:.1f} % of the load, and recorded in both it may halve the band"
+
+
+def supply_worth(fit: Fit) -> float | None:
+    """By how many % the greatest load within the recorded positions changes for 1 % of the supply; None if unknown."""
+    curve = fit.load_curve
+    if not (fit.load_is_fitted and fit.recordings and np.isfinite(curve.force).any()):
+        return None
+    peak = curve.force[curve.peak(reach(fit))]
+    return float(by_supply(fit.actuator, peak) / peak) if peak > 0.0 else None
 
 
 def change_sentences(changes: Sequence[Change]) -> list[str]:

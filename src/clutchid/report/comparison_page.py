@@ -13,11 +13,11 @@ from clutchid.assess.verdict import ENGAGING
 from clutchid.estimate import Fit
 from clutchid.estimate.result import LoadCurve
 from clutchid.log import FloatArray
-from clutchid.report.changes import since_calibration
+from clutchid.report.changes import assumed_sentences, since_calibration
 from clutchid.report.figures import draw, label, legend, mark_span, new_figure, svg
 from clutchid.report.html import Block, Bullets, Notice, Picture, Section, Text, escape
 from clutchid.report.load_tables import STEP
-from clutchid.report.style import KN, MM, STYLE, Line
+from clutchid.report.style import MM, STYLE, Line
 from clutchid.report.summary import POSITIONS, of_the_paper
 from clutchid.report.tables import Cell, Column, Table
 from clutchid.uncertainty.calibration import Calibration
@@ -55,6 +55,7 @@ def comparison_sections(fit: Fit, single: Mapping[str, Fit]) -> list[Section]:
     if single:
         blocks.append(readings_table(single))
     sentences = since_calibration(fit) or ["Besides the load no change was found."]
+    sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
     return [Section("New against worn", (*blocks, Bullets(tuple(map(escape, sentences)))))]
 
 
@@ -97,11 +98,11 @@ def comparison_figure(found: Comparison) -> Figure:
     _band(difference, x, change.low[inside], change.high[inside], STYLE.red)
     draw(difference, x, change.force[inside], Line(STYLE.red, "now less calibration", 1.6))
     difference.axhline(0.0, color=STYLE.ink, linewidth=0.7)
-    label(loads, y="load [kN]")
+    label(loads, y="load [N]")
     label(difference, "position [mm]", "change [N]")
     loads.set_xlim(0, max(found.reach / MM, 1.0))
     for axis in (loads, difference):
-        legend(axis, "above", 4)
+        legend(axis, 4)
     figure.align_ylabels()
     return figure
 
@@ -109,10 +110,10 @@ def comparison_figure(found: Comparison) -> Figure:
 def _draw_load(axis: Axes, curve: LoadCurve, half: HalfLoad, reach: float, line: Line) -> None:
     inside = curve.position <= reach
     x = curve.position[inside] / MM
-    _band(axis, x, curve.low[inside] / KN, curve.high[inside] / KN, line.colour)
-    draw(axis, x, curve.force[inside] / KN, line)
+    _band(axis, x, curve.low[inside], curve.high[inside], line.colour)
+    draw(axis, x, curve.force[inside], line)
     if np.isfinite(half.position):
-        force = float(np.interp(half.position, curve.position, curve.force)) / KN
+        force = float(np.interp(half.position, curve.position, curve.force))
         axis.plot([half.position / MM], [force], "o", color=line.colour, markersize=5, zorder=4)
 
 

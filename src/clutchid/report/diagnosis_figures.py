@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchid.assess.diagnostics import ColumnDiagnosis, Diagnosis
 from clutchid.log import FloatArray
-from clutchid.report.figures import label, legend, new_figure
+from clutchid.report.figures import label, new_figure, shared_legend
 from clutchid.report.style import MM, STYLE
 
 if TYPE_CHECKING:
@@ -22,21 +22,23 @@ _WAYS = (("opening", STYLE.blue), ("closing", STYLE.orange), ("hold", STYLE.meas
 
 
 def colour_figure(diagnosis: Diagnosis) -> Figure:
-    """Autocorrelation of the residuals and their correlation with both valves, one row per measured column."""
+    """Autocorrelation of the residuals and their correlation with both valves, three panels a measured column."""
     columns = list(diagnosis.columns.items())
-    figure, axes = new_figure([2.05] * len(columns), 3, share_x=False, share_y=False)
+    figure, axes = new_figure([1.6] * 3 * len(columns), share_x=False)
     for row, (name, column) in enumerate(columns):
         own, supply, exhaust = axes[3 * row : 3 * row + 3]
         fast = column.fast
         _stems(own, fast.lag[1:], fast.autocorrelation[1:], fast.bound[1:])
-        label(own, "lag [ms]", "correlation [1]", f"{SHOWN[name][0]}: autocorrelation")
+        label(own, y="correlation [1]", title=f"{SHOWN[name][0]}: autocorrelation")
         for axis, key in ((supply, "duty_supply"), (exhaust, "duty_exhaust")):
             found = fast.inputs.get(key)
             if found is not None:
                 _stems(axis, found.lag, found.correlation, found.bound)
             else:
                 axis.text(0.5, 0.5, "constant", ha="center", va="center", transform=axis.transAxes)
-            label(axis, "lag [ms]", "", f"with the {key.removeprefix('duty_')} valve")
+            label(axis, y="correlation [1]", title=f"{SHOWN[name][0]}: with the {key.removeprefix('duty_')} valve")
+    label(axes[-1], "lag [ms]")
+    figure.align_ylabels()
     return figure
 
 
@@ -53,12 +55,11 @@ def _stems(axis: Axes, lag: FloatArray, values: FloatArray, bound: FloatArray) -
 def region_figure(diagnosis: Diagnosis) -> Figure:
     """Rms error by stroke region and direction, one panel per measured column."""
     columns = list(diagnosis.columns.items())
-    figure, axes = new_figure([2.3], len(columns), share_x=False, share_y=False)
+    figure, axes = new_figure([2.4] * len(columns), share_x=False)
     for axis, (name, column) in zip(axes, columns, strict=True):
         _bars(axis, column, SHOWN[name][1])
         label(axis, "measured position [mm]", f"rms [{SHOWN[name][2]}]", f"error of {SHOWN[name][0]}")
-    axes[0].set_ylim(0.0, 1.45 * axes[0].get_ylim()[1])
-    legend(axes[0], "best", 2)
+    shared_legend(axes[0])
     return figure
 
 

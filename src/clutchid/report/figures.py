@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from io import BytesIO
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,14 +15,19 @@ from clutchid.report.style import STYLE, Line, Style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
-LegendPosition = Literal["best", "upper left", "lower right", "lower center", "above"]
+#: Handles and words of a legend.
+Entries = tuple[Sequence[Any], Sequence[str]]
 
 #: Style of all lines of matplotlib's SVG; in a style sheet within an HTML page it would apply to the whole page.
 _JOINTS = "stroke-linejoin: round; stroke-linecap: butt"
 
 #: Curves with more samples than twice this are decimated before they are drawn.
 BINS = 1500
+
+#: Greatest share of the width of a figure that a legend has, beside the labels of the axis.
+LEGEND_SHARE = 0.85
 
 
 def new_figure(
@@ -65,21 +71,45 @@ def label(axis: Axes, x: str = "", y: str = "", title: str = "") -> None:
         axis.set_title(title, fontsize=STYLE.font_size + 0.5, color=STYLE.ink, loc="left", fontweight="bold")
 
 
-def legend(axis: Axes, position: LegendPosition = "best", columns: int = 1) -> None:
-    """Legend of the labelled curves of a panel; `position` as in matplotlib, or 'above' the panel."""
-    if not axis.get_legend_handles_labels()[0]:
+def legend(axis: Axes, columns: int = 4, entries: Entries | None = None) -> None:
+    """Legend of a panel above it, where it covers no curve, in as many columns as fit.
+
+    Parameters
+    ----------
+    entries
+        Handles and words; those of the labelled curves by default, and without any no legend.
+    """
+    place = partial(axis.legend, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
+    _in_columns(axis, columns, entries or axis.get_legend_handles_labels(), place)
+
+
+def shared_legend(axis: Axes, columns: int = 4) -> None:
+    """Legend above the figure of a panel, for several with the same curves, or with titles of their own."""
+    place = partial(_figure_of(axis).legend, loc="outside upper left")
+    _in_columns(axis, columns, axis.get_legend_handles_labels(), place)
+
+
+def _figure_of(axis: Axes) -> Figure:
+    figure = axis.get_figure(root=True)
+    assert figure is not None
+    return figure
+
+
+def _in_columns(axis: Axes, columns: int, entries: Entries, place: Callable[..., Legend]) -> None:
+    """A legend with at most so many columns that it is not wider than the panels."""
+    if not entries[0]:
         return
-    size = STYLE.font_size - 0.5
-    if position == "above":
-        axis.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize=size, frameon=False, borderaxespad=0.1,
-            handlelength=1.6, columnspacing=1.3,
-        )  # fmt: skip
-    else:
-        axis.legend(
-            loc=position, ncols=columns, fontsize=size, framealpha=0.9, edgecolor="white", handlelength=1.8,
-            markerscale=2.5,
-        )  # fmt: skip
+    figure = _figure_of(axis)
+    most = LEGEND_SHARE * figure.get_figwidth() * figure.dpi
+    for number in range(min(columns, len(entries[0])), 0, -1):
+        found = place(
+            *entries, ncols=number, fontsize=STYLE.font_size - 0.5, frameon=False, handlelength=1.6, columnspacing=1.3
+        )
+        for text in found.get_texts():
+            text.set_parse_math(False)  # a name of a recording may have a $
+        if number == 1 or found.get_window_extent().width <= most:
+            return
+        found.remove()
 
 
 def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:

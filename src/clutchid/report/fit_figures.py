@@ -14,7 +14,7 @@ from clutchid.estimate import Fit
 from clutchid.estimate.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
-from clutchid.report.style import BAR, KN, MM, STYLE, Line
+from clutchid.report.style import BAR, MM, STYLE, Line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,11 +25,11 @@ def load_figure(fit: Fit) -> Figure:
     """Load over position with its 95 % band where finite, half its peak, and the reach of the recordings."""
     curve, furthest = fit.load_curve, reach(fit)
     figure, (axis,) = new_figure([3.7])
-    x, force = curve.position / MM, curve.force / KN
-    mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM, "where the clutch engages, 5 to 8 mm")
+    x, force = curve.position / MM, curve.force
+    mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM, "the clutch engages, 5 to 8 mm")
     banded = np.isfinite(curve.low) & np.isfinite(curve.high)
     band = {"where": banded.tolist(), "color": STYLE.blue, "alpha": 0.2, "linewidth": 0}
-    axis.fill_between(x, curve.low / KN, curve.high / KN, label="95 % band", **band)
+    axis.fill_between(x, curve.low, curve.high, label="95 % band", **band)
     inside = curve.position <= furthest
     draw(axis, x[inside], force[inside], Line(STYLE.blue, "load", 2.0))
     outside = curve.position >= (curve.position[inside][-1] if inside.any() else 0.0)
@@ -38,17 +38,17 @@ def load_figure(fit: Fit) -> Figure:
             axis,
             x[outside],
             force[outside],
-            Line(STYLE.blue, "load beyond the reach of the recordings", 1.4, (0, (4, 3))),
+            Line(STYLE.blue, "load beyond the reach", 1.4, (0, (4, 3))),
         )
     _mark_half(axis, fit, furthest)
     words = f"reach of the recordings, {furthest / MM:.1f} mm"
     axis.axvline(furthest / MM, color=STYLE.ink, linewidth=1.0, linestyle=":", label=words)
     axis.set_xlim(0, x[-1])
     known = banded & inside if np.any(banded & inside) else banded
-    band_edges = np.concatenate([curve.low[known], curve.high[known]]) / KN
+    band_edges = np.concatenate([curve.low[known], curve.high[known]])
     axis.set_ylim(*_limits(np.append(force[inside] if inside.any() else force, 0.0), band_edges))
-    label(axis, "position [mm]", "load [kN]")
-    legend(axis, "lower center")
+    label(axis, "position [mm]", "load [N]")
+    legend(axis, 2)
     return figure
 
 
@@ -57,7 +57,7 @@ def _mark_half(axis: Axes, fit: Fit, furthest: float) -> None:
     at = half_load_band(fit.load_curve, furthest)
     if not np.isfinite(at.position):
         return
-    force = float(np.interp(at.position, fit.load_curve.position, fit.load_curve.force)) / KN
+    force = float(np.interp(at.position, fit.load_curve.position, fit.load_curve.force))
     ends = np.clip([at.position - at.low, at.high - at.position], 0.0, None) / MM
     error = ends[:, None] if np.isfinite(ends).all() else None
     axis.errorbar(
@@ -101,7 +101,7 @@ def recording_figure(recording: Recording, reliable: NDArray[np.bool_] | None = 
     label(duty, "time [s]", "duty cycle [1]")
     duty.set_xlim(float(t[0]), float(t[-1]))
     for axis in (position, pressure, duty):
-        legend(axis, "above", 4)
+        legend(axis, 4)
     figure.align_ylabels()
     return figure
 

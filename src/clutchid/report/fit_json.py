@@ -13,7 +13,7 @@ from clutchid.assess.diagnostics import ColumnDiagnosis, remarks
 from clutchid.estimate import Fit
 from clutchid.estimate.changes import Change
 from clutchid.estimate.result import Errors, LoadCurve
-from clutchid.report.changes import notes_of
+from clutchid.report.changes import notes_of, supply_worth
 from clutchid.report.rest import rests_json
 from clutchid.signals.residual_colour import CrossCorrelation
 from clutchid.uncertainty.calibration import Origin
@@ -42,6 +42,7 @@ def fit_json(result: Fit, single: Mapping[str, Fit] = MappingProxyType({})) -> d
         "method": result.method,
         "notes": notes_of(result),
         "changes": [_change_json(change) for change in result.changes],
+        "load_per_supply": supply_worth(result),
         "verdict": verdict_json(result),
         "trust": result.verdict.trust,
         "reasons": list(result.verdict.reasons),

@@ -30,7 +30,7 @@ from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, es
 from clutchid.report.parameter_page import parameter_blocks
 from clutchid.report.pressure_span import reliable
 from clutchid.report.provenance import provenance
-from clutchid.report.style import BAR, KN, MM
+from clutchid.report.style import BAR, MM
 from clutchid.report.tables import Cell, Column, Table
 
 #: No recordings read one by one.
@@ -131,12 +131,12 @@ def _sentence(fit: Fit) -> str:
     low, high = (float(np.interp(y, curve.position, curve.force)) for y in ENGAGING)
     text = (
         f"Within the recorded {furthest / MM:.1f} mm the load is greatest at {curve.position[at] / MM:.1f} mm, "
-        f"{curve.force[at] / KN:.2f} kN.{_half_sentence(fit)}"
+        f"{curve.force[at]:.0f} N.{_half_sentence(fit)}"
     )
     if not furthest >= ENGAGING[1]:
         return f"{text} The {ENGAGING[1] / MM:.0f} mm to where the clutch engages were not reached."
     text += (
-        f" Where the clutch engages it goes from {low / KN:.2f} kN at {ENGAGING[0] / MM:.0f} mm to {high / KN:.2f} kN "
+        f" Where the clutch engages it goes from {low:.0f} N at {ENGAGING[0] / MM:.0f} mm to {high:.0f} N "
         f"at {ENGAGING[1] / MM:.0f} mm"
     )
     engaging = (curve.position >= ENGAGING[0]) & (curve.position <= ENGAGING[1])

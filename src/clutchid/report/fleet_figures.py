@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.names import printable
-from clutchid.report.figures import label, new_figure
+from clutchid.report.figures import label, legend, new_figure
 from clutchid.report.fleet_values import Spans, VehicleRow, left_shown
 from clutchid.report.style import MM, STYLE
 
@@ -106,10 +106,4 @@ def _name_types(axis: Axes, names: Sequence[str]) -> None:
 
     marks = [Patch(color=colour) for colour, _ in zip(_COLOURS, names, strict=False)]
     words = [f"type {printable(name)[:24]}" if name else "no type" for name in names]
-    columns = TYPES if sum(map(len, words)) < 60 else 3
-    found = axis.legend(
-        marks, words, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize=STYLE.font_size - 0.5,
-        frameon=False, borderaxespad=0.1, handlelength=1.0, columnspacing=1.3,
-    )  # fmt: skip
-    for text in found.get_texts():
-        text.set_parse_math(False)
+    legend(axis, TYPES, (marks, words))

@@ -61,7 +61,7 @@ def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[Reason], command: 
         heading = "Soonest at their limit" if limited else "Most worn"
         sections.append(Section(heading, (worst_table(vehicles, spans),)))
     sections.append(Section("Odd vehicles", _odd(odd)))
-    sections.append(Section("Recordings without a result", _failures(reasons)))
+    sections.append(Section("Recordings that do not count", _failures(reasons)))
     if vehicles:
         sections.append(Section("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
     return Page("Wear of a fleet", _subtitle(vehicles), tuple(sections), provenance([], command))
@@ -119,7 +119,7 @@ def _odd(odd: Sequence[Odd]) -> tuple[Block, ...]:
 
 
 def _failures(reasons: Sequence[Reason]) -> tuple[Block, ...]:
-    return (reasons_table(reasons),) if reasons else (Notice("Every recording has a result.", "ok"),)
+    return (reasons_table(reasons),) if reasons else (Notice("Every recording counts.", "ok"),)
 
 
 def _number(number: int, noun: str) -> str:

@@ -93,7 +93,7 @@ def odd_tables(odd: Sequence[Odd]) -> list[Table]:
 
 
 def reasons_table(reasons: Sequence[Reason]) -> Table:
-    """Why recordings have no result, the most frequent reason first."""
+    """Why recordings do not count, the most frequent reason first."""
     columns = (
         Column("status", "status"), Column("recordings", "recordings", decimals=0), Column("reason", "reason"),
         Column("example", "for example"),

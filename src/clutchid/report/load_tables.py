@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.estimate import LoadCurve
-from clutchid.report.style import KN, MM
+from clutchid.report.style import MM
 from clutchid.report.tables import Cell, Column, Table
 
 #: Step of the positions in a table of the load in m.
@@ -15,9 +15,9 @@ STEP = 1e-3
 def load_table(curve: LoadCurve, reach: float) -> Table:
     """The load and its band on a grid of positions up to the reach in m."""
     columns = (
-        Column("position [m]", "position [mm]", MM, 0), Column("force [N]", "load [kN]", KN, 3),
-        Column("low [N]", "from [kN]", KN, 3, group="95 % band"),
-        Column("high [N]", "to [kN]", KN, 3, group="95 % band"),
+        Column("position [m]", "position [mm]", MM, 0), Column("force [N]", "load [N]", 1.0, 0),
+        Column("low [N]", "from [N]", 1.0, 0, group="95 % band"),
+        Column("high [N]", "to [N]", 1.0, 0, group="95 % band"),
     )  # fmt: skip
     last = min(reach, float(curve.position[-1])) if np.isfinite(reach) else 0.0
     rows: list[tuple[Cell, ...]] = []

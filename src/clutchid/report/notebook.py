@@ -52,7 +52,7 @@ def log_figure(log: Log) -> Figure:
             if name in log:
                 draw(axis, log.time, log[name] / unit, line)
         label(axis, y=y)
-        legend(axis, "above", 4)
+        legend(axis, 4)
     label(axes[-1], "time [s]")
     if len(log) > 1:
         axes[-1].set_xlim(float(log.time[0]), float(log.time[-1]))

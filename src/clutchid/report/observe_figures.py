@@ -13,7 +13,7 @@ from clutchid.observe.by_stroke import BAND, Curve, curve, positions
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
 from clutchid.report.observe_text import Loads
-from clutchid.report.style import BAR, KN, MM, STYLE, Line
+from clutchid.report.style import BAR, MM, STYLE, Line
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,18 +40,18 @@ def loads_figure(found: Loads) -> Figure:
     for axis in (loads, change):
         mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
     for one, colour, words in ((before, STYLE.orange, "before"), (after, STYLE.blue, "after")):
-        fill(loads, x, one.low / KN, one.high / KN, Line(colour, f"95 % band {words}", opacity=0.2))
-        draw(loads, x, one.force / KN, Line(colour, f"{words} the recording", 1.8))
+        fill(loads, x, one.low, one.high, Line(colour, f"95 % band {words}", opacity=0.2))
+        draw(loads, x, one.force, Line(colour, f"{words} the recording", 1.8))
     fill(change, x, after.low - before.force, after.high - before.force, Line(STYLE.red, opacity=0.2))
     draw(change, x, after.force - before.force, Line(STYLE.red, "after less before, with the band after", 1.6))
     change.axhline(0.0, color=STYLE.ink, linewidth=0.7)
-    label(loads, y="load [kN]")
+    label(loads, y="load [N]")
     label(change, "position [mm]", "change [N]")
     loads.set_xlim(0.0, float(x[-1]))
-    _limit(loads, np.concatenate([before.force, after.force, [0.0]]) / KN, 0.15)
+    _limit(loads, np.concatenate([before.force, after.force, [0.0]]), 0.15)
     _limit(change, np.append(after.force - before.force, 0.0), 1.0)
     for axis in (loads, change):
-        legend(axis, "above", 4)
+        legend(axis, 4)
     figure.align_ylabels()
     return figure
 
@@ -74,15 +74,15 @@ def strokes_figure(run: ObservedRecording) -> Figure:
     places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
     figure, axes = new_figure([1.25] * len(places))
     for axis, at in zip(axes, places, strict=True):
-        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) / KN for side in Curve._fields[1:])
+        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in Curve._fields[1:])
         fill(axis, number, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
         draw(axis, number, force, Line(STYLE.blue, "load", 1.6))
         axis.plot(number, force, "o", color=STYLE.blue, markersize=2.8)
         _limit(axis, np.concatenate([force, low[1:], high[1:]]), 0.2)
-        label(axis, y=f"at {grid[at] / MM:.0f} mm [kN]")
+        label(axis, y=f"at {grid[at] / MM:.0f} mm [N]")
     axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
     label(axes[-1], "stroke")
-    legend(axes[0], "above", 4)
+    legend(axes[0], 4)
     figure.align_ylabels()
     return figure
 
@@ -116,7 +116,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
     label(pressure, y="pressure A,\nabsolute [bar]")
     label(innovation, y=f"innovation\n[{INNOVATION[run.observer.joint.rule.compares][0]}]")
     for axis in axes:
-        legend(axis, "above", 4)
+        legend(axis, 4)
     figure.align_ylabels()
     return figure
 

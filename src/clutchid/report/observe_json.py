@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from clutchid.assess.observed import indicators, observed_verdict
 from clutchid.estimate.result import LoadCurve, errors_over
 from clutchid.observe.by_stroke import known
 from clutchid.observe.recording import ObservedRecording
@@ -19,6 +20,7 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     calibrated, _, after = loads(run)
     errors = errors_json(errors_over([(run.travel, run.estimates())]))
     warnings = list(run.log.warnings)
+    judged = observed_verdict(indicators(run))
     return {
         "status": "warning" if warnings or any(run.health.values()) else "ok",
         "message": observe_sentence(run),
@@ -34,6 +36,8 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
         "calibration": origin._asdict(),
         "strokes": run.after.strokes.ended,
         "health": dict(run.health),
+        "trust": judged.trust,
+        "reasons": list(judged.reasons),
         "nis_ratio": run.after.mismatch if run.observer.compares else None,
         "supply_assumed": run.assumes_supply,
         "rest_shift_m": run.after.rest.shift,

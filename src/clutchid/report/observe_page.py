@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 
+from clutchid.assess.observed import indicators, observed_verdict
 from clutchid.observe.by_stroke import Known, known
 from clutchid.observe.health import FLAGS, LIVE_FLAGS
 from clutchid.observe.recording import ObservedRecording
+from clutchid.report.diagnosis_page import verdict_blocks
 from clutchid.report.figures import png, svg
 from clutchid.report.files import write_text
 from clutchid.report.html import Block, Details, Notice, Page, Picture, Section, Text, escape, render
@@ -75,7 +77,8 @@ def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
 
 
 def _result(run: ObservedRecording) -> tuple[Block, ...]:
-    notices = [Notice(warning) for warning in run.log.warnings]
+    notices = verdict_blocks(observed_verdict(indicators(run)))
+    notices += [Notice(warning) for warning in run.log.warnings]
     raised = [f"{_MEANINGS[name]}: {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
     if raised:
         notices.append(Notice("Flags", "warning", tuple(raised)))

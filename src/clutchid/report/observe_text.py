@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.assess.observed import indicators, observed_verdict
 from clutchid.observe.by_stroke import Curve, curve
 from clutchid.observe.observer import start
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.style import MM
+from clutchid.report.summary import POSITIONS, Row, with_interval
 
 #: Points of a load curve.
 POINTS = 101
@@ -51,3 +53,13 @@ def load_sentence(run: ObservedRecording) -> str:
         f"load at {before.position[half] / MM:.1f} mm {before.force[half]:.0f} → {after.force[half]:.0f} N "
         f"({share:+.1f} % of the peak), {strokes} stroke{'' if strokes == 1 else 's'}"
     )
+
+
+def end_rows(run: ObservedRecording) -> list[Row]:
+    """The load at the end of a recording where the clutch engages, with its 95 % band, and the trust in it."""
+    at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS])
+    halves = ((at.high - at.low) / 2).tolist()
+    shown = ", ".join(with_interval(force, half) for force, half in zip(at.force.tolist(), halves, strict=True))
+    load = f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"
+    judged = observed_verdict(indicators(run))
+    return [Row("load", load), Row("trust", judged.trust, judged.trust), *(Row("", text) for text in judged.reasons)]

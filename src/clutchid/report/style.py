@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: Display units in SI: millimetre, bar, kilonewton.
-MM, BAR, KN = 1e-3, 1e5, 1e3
+#: Display units in SI: millimetre and bar. A force is shown in N everywhere, as on the command line and in files.
+MM, BAR = 1e-3, 1e5
 
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """Sizes in inches and points, colours that colour-blind readers can distinguish (Okabe and Ito)."""
+    """Sizes in inches and points, colours that colour-blind readers can distinguish (Okabe and Ito).
 
-    width: float = 7.4
+    A figure is as wide as its page allows: its text is 11 px high on a page of 500 px, 16 px where it is widest.
+    """
+
+    width: float = 6.0
     dpi: int = 144
-    font_size: float = 9.0
+    font_size: float = 10.0
     ink: str = "#1a1a1a"
     grid: str = "#e3e3e3"
     measured: str = "#8c8c8c"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from math import isfinite
 from types import MappingProxyType
@@ -16,7 +16,7 @@ from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.assess.rest import moved_rests
 from clutchid.estimate import Fit
 from clutchid.estimate.result import Estimate
-from clutchid.report.changes import short_changes
+from clutchid.report.changes import assumed_sentences, short_changes
 from clutchid.report.fit_text import errors_text, errors_words
 from clutchid.report.rest import rest_words
 from clutchid.report.style import MM
@@ -48,7 +48,7 @@ def summary(fit: Fit, single: Mapping[str, Fit] = MappingProxyType({}), *, in_fu
     """
     compared = fit.comparison
     rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
-    rows += [Row("alone" if i == 0 else "", line) for i, line in enumerate(_readings(single))]
+    rows += _labelled("alone", _readings(single))
     return rows if in_full else [*rows, *_others(fit), Row("errors", _errors(fit))]
 
 
@@ -149,9 +149,13 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
                   for one in moved_rests(fit)]  # fmt: skip
     if not (fit.changes and in_full):
         parts += short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
-    if not parts:
-        return []
-    return [Row("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")]
+    rows = [Row("since", f"{baseline_name(fit.baseline)}: {'; '.join(parts)}")] if parts else []
+    return rows if in_full else [*rows, *_labelled("assumed", assumed_sentences(fit))]
+
+
+def _labelled(label: str, lines: Sequence[str]) -> list[Row]:
+    """A row for each line, the first of them with the label."""
+    return [Row(label if i == 0 else "", line) for i, line in enumerate(lines)]
 
 
 def baseline_name(baseline: Calibration) -> str:

@@ -117,18 +117,43 @@ def _plain(cell: Cell) -> str:
     return cell if isinstance(cell, str) else repr(cell) if isinstance(cell, int) else repr(float(cell))
 
 
-def to_text(table: Table) -> str:
-    """The table as aligned text."""
-    heads = [(f"{c.group}: {c.heading}" if c.group else c.heading).replace("\n", " ") for c in table.columns]
-    cells = [heads, *[[c.shown(x) for c, x in zip(table.columns, row, strict=True)] for row in table.rows]]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(heads))]
-    numeric = [_is_numeric(table, i) for i in range(len(heads))]
+def to_text(table: Table, width: int) -> str:
+    """The table as aligned text; columns that exceed the width follow below, after the leading columns of text.
 
-    def line(row: list[str]) -> str:
-        padded = (x.rjust(w) if n else x.ljust(w) for x, w, n in zip(row, widths, numeric, strict=True))
-        return "  ".join(padded).rstrip()
+    Columns of a group stay together, under its name.
+    """
+    count = len(table.columns)
+    keys = next((i for i in range(count) if _is_numeric(table, i)), count)
+    leading = [_text_columns(table, [i]) for i in range(keys)]
+    blocks = [leading]
+    for _, members in groupby(range(keys, count), lambda i: table.columns[i].group or i):
+        added = _text_columns(table, list(members))
+        if len(blocks[-1]) > keys and sum(len(lines[0]) + 2 for lines in [*blocks[-1], added]) - 2 > width:
+            blocks.append(leading)
+        blocks[-1] = [*blocks[-1], added]
+    parts = [["  ".join(cells).rstrip() for cells in zip(*block, strict=True)] for block in blocks]
+    return "\n".join([table.title, "\n\n".join("\n".join(filter(None, lines)) for lines in parts)])
 
-    return "\n".join([table.title, line(heads), "  ".join("-" * w for w in widths), *[line(row) for row in cells[1:]]])
+
+def _text_columns(table: Table, members: list[int]) -> list[str]:
+    """The lines of a column, or of the columns of a group below its name, all of one length."""
+    columns = [_text_column(table, i) for i in members]
+    lines = ["  ".join(cells) for cells in zip(*columns, strict=True)]
+    group = table.columns[members[0]].group
+    if not any(column.group for column in table.columns):
+        return lines
+    width = max(len(group), len(lines[0]))
+    return [group.center(width), *(line.rjust(width) for line in lines)]
+
+
+def _text_column(table: Table, i: int) -> list[str]:
+    """The lines of a column: its heading, as high as the highest one, a rule, and the cells."""
+    heads = [column.heading.split("\n") for column in table.columns]
+    cells = [table.columns[i].shown(row[i]) for row in table.rows]
+    head = [*[""] * (max(map(len, heads)) - len(heads[i])), *heads[i]]
+    width = max(map(len, [*head, *cells]))
+    lines = [*head, "-" * width, *cells]
+    return [line.rjust(width) for line in lines] if _is_numeric(table, i) else [line.ljust(width) for line in lines]
 
 
 def to_html(table: Table) -> str:

@@ -11,7 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from clutchid.assess.verdict import ENGAGING
 from clutchid.log import FloatArray
 from clutchid.report.figures import draw, fill, label, legend, mark_span, new_figure
-from clutchid.report.style import KN, MM, STYLE, Line
+from clutchid.report.style import MM, STYLE, Line
 from clutchid.report.wear_text import AXIS
 from clutchid.wear.life import Curve, Wear
 
@@ -49,7 +49,7 @@ def trend_figure(wear: Wear) -> Figure:
         if limited and wear.limit is not None:
             draw(axis, s[[0, -1]], np.full(2, wear.limit / factor), Line(STYLE.orange, "limit", 1.2, (0, (5, 3))))
         label(axis, y=words)
-        legend(axis, "above", 5)
+        legend(axis, 5)
     label(axes[-1], unit)
     figure.align_ylabels()
     return figure
@@ -63,7 +63,8 @@ def _alarms(axis: Axes, s: FloatArray, wear: Wear, *, words: bool) -> None:
         axis.axvline(at, color=STYLE.red, linewidth=1.2, dashes=(4, 2))
         if words:
             axis.text(
-                at, 0.97, f"{alarm.kind} ", color=STYLE.red, rotation=90, ha="right", va="top", fontsize="small",
+                at, 0.97, f"{alarm.kind} ", color=STYLE.red, rotation=90, ha="right", va="top",
+                fontsize=STYLE.font_size - 0.5,
                 transform=axis.get_xaxis_transform(),
             )  # fmt: skip
 
@@ -76,7 +77,7 @@ def _scaled(s: FloatArray, unit: str) -> tuple[FloatArray, str]:
 def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -> None:
     """The measurements that count, and those that were left out."""
     values = np.array([getattr(one.measurement, name) if one.measurement else np.nan for one in wear.readings])
-    used = np.array([outcome in ("used", "jump") for outcome in wear.outcomes])
+    used = np.array(wear.counted)
     for chosen, mark, colour, words in (
         (used, ".", STYLE.measured, "readings"), (~used, "x", STYLE.red, "left out"),
     ):  # fmt: skip
@@ -91,15 +92,15 @@ def loads_figure(curves: Sequence[tuple[str, Curve]]) -> Figure:
     colours = LinearSegmentedColormap.from_list("life", STYLE.ordered)
     mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
     last = chosen[-1][1]
-    fill(axis, last.position / MM, last.low / KN, last.high / KN, Line(STYLE.measured, "95 % band, last", opacity=0.25))
+    fill(axis, last.position / MM, last.low, last.high, Line(STYLE.measured, "95 % band, last", opacity=0.25))
     for k, (name, curve) in enumerate(chosen):
         ends = name if k in (0, len(chosen) - 1) else ""
         share = k / max(len(chosen) - 1, 1)
         colour = "#{:02x}{:02x}{:02x}".format(*(round(255 * part) for part in colours(share)[:3]))
-        draw(axis, curve.position / MM, curve.force / KN, Line(colour, ends, 1.4))
-    top = max(float(np.nanmax(curve.force)) for _, curve in chosen) / KN
+        draw(axis, curve.position / MM, curve.force, Line(colour, ends, 1.4))
+    top = max(float(np.nanmax(curve.force)) for _, curve in chosen)
     axis.set_ylim(-0.05 * top, 1.15 * top)
     axis.set_xlim(0.0, float(last.position[-1]) / MM)
-    label(axis, "position [mm]", "load [kN]")
-    legend(axis, "above", 3)
+    label(axis, "position [mm]", "load [N]")
+    legend(axis, 3)
     return figure

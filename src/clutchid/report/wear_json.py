@@ -11,7 +11,7 @@ from clutchid.wear.settings import FALSE_ALARMS
 
 def wear_json(wear: Wear) -> dict[str, Any]:
     """The keys of every result, and `wear`: the trend at the end, alarms, how often they are false, what is left."""
-    counted = any(outcome in ("used", "jump") for outcome in wear.outcomes)
+    counted = any(wear.counted)
     troubled = wear.warnings or wear.alarms or any(one.status != "ok" for one in wear.readings)
     at_end = {
         name: {key: float(values[-1]) for key, values in band._asdict().items()} for name, band in wear.then.items()
@@ -23,8 +23,14 @@ def wear_json(wear: Wear) -> dict[str, Any]:
         "load_curve": None,
         "errors": None,
         "logs": {
-            dated.name: {"status": one.status, "message": one.message, "trust": one.trust, "outcome": outcome}
-            for dated, one, outcome in zip(wear.dated, wear.readings, wear.outcomes, strict=True)
+            dated.name: {
+                "status": one.status,
+                "message": one.message,
+                "trust": one.trust,
+                "outcome": outcome,
+                "reason": reason,
+            }
+            for dated, one, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
         },
         "warnings": list(wear.warnings),
         "wear": {

@@ -64,7 +64,7 @@ def page_of(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, home:
 
 def _result(wear: Wear) -> tuple[Block, ...]:
     blocks: list[Block] = [Notice(_capital(warning)) for warning in wear.warnings]
-    if not any(outcome in ("used", "jump") for outcome in wear.outcomes):
+    if not any(wear.counted):
         return (*blocks, Notice("No recording determines the wear.", "failed"))
     blocks += [Notice(f"{_capital(words)}.") for words in map(alarm_words, wear.alarms)]
     if not wear.alarms:
@@ -81,17 +81,17 @@ def _capital(words: str) -> str:
 
 
 def recordings_table(wear: Wear) -> Table:
-    """A row a recording, with a message where it is not only that the fit converged."""
+    """A row a recording, with why it does not count, or a message where it is not only that the fit converged."""
     columns = (
         Column("recording", "recording"), Column("begin", "begin", date=True),
         Column("strokes [1]", "strokes", decimals=0), Column("shift [m]", "shift\n[mm]", MM, 3),
         Column("load [1]", "load\n[%]", 0.01, 1), Column("trust", "trust"),
-        Column("outcome", "in the trend"), Column("message", "message"),
+        Column("outcome", "in the trend"), Column("message", "reason or message"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for dated, one, outcome in zip(wear.dated, wear.readings, wear.outcomes, strict=True):
+    for dated, one, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True):
         begin = f"{dated.begin:%Y-%m-%d}" if dated.begin else None
         shift, load = (one.measurement.shift, one.measurement.load) if one.measurement else (None, None)
-        message = "" if one.status == "ok" else one.message
+        message = reason or ("" if one.status == "ok" else one.message)
         rows.append((dated.name, begin, dated.strokes, shift, load, one.trust, outcome, message))
     return Table("Recordings in the order of the life", columns, tuple(rows))

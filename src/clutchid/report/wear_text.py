@@ -28,7 +28,7 @@ _ALARM = {
 def wear_lines(wear: Wear) -> list[str]:
     """The recordings, the change since the calibration, the alarms, and what is left: a line each."""
     lines = [f"recordings  {recordings_words(wear)}"]
-    if not any(outcome in ("used", "jump") for outcome in wear.outcomes):
+    if not any(wear.counted):
         return [*lines, "wear        no recording determines it"]
     lines.append(f"now         {change_words(wear)}")
     lines += [f"alarm       {alarm_words(alarm)}" for alarm in wear.alarms]

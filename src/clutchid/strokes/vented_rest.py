@@ -153,7 +153,7 @@ def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
     above the stop, so that they move with the friction of the seals too; or one of each, which may be as far apart.
     """
     level = QUANTILE * math.sqrt(2.0) * math.hypot(LEVEL, max(before.quantum, now.quantum) / math.sqrt(12.0))
-    held = float(np.nanmax([one.held for one in (before, now) if one.at_stop], initial=0.0)) or HELD
+    held = max((one.held for one in (before, now) if one.at_stop), default=HELD)
     if before.at_stop and now.at_stop:
         value, half = now.lowest - before.lowest, level
     elif np.isfinite(after_stroke := now.returned - before.returned):

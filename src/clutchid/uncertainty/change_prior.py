@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from math import exp
+from math import exp, sqrt
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import erfc
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -70,6 +72,29 @@ def prior_probability() -> dict[str, float]:
     """Probability that each group has changed, before a recording is read."""
     odds = {hypothesis: exp(log_odds(hypothesis)) for hypothesis in HYPOTHESES}
     return {group: sum(o for h, o in odds.items() if group in h) / sum(odds.values()) for group in GROUPS}
+
+
+def assumed_change(name: str) -> float:
+    """Half width of the 95 % interval of the change of a parameter before a recording is read, as a share of its value.
+
+    That of the mixture over all hypotheses, whose weights are the prior odds.
+
+    Examples
+    --------
+    >>> f"{100 * assumed_change('P_S'):.1f} %"
+    '6.1 %'
+    """
+    weights = np.exp([log_odds(hypothesis) for hypothesis in HYPOTHESES])
+    variances = [
+        DRIFT[name] ** 2 + sum(each.get(name, 0.0) ** 2 for group in hypothesis for each in GROUPS[group])
+        for hypothesis in HYPOTHESES
+    ]
+    stds = np.sqrt(variances)
+
+    def beyond(half: float) -> float:
+        return float(weights @ erfc(half / (sqrt(2.0) * stds)) / weights.sum()) - 0.05
+
+    return float(brentq(beyond, 0.0, 10.0 * stds.max()))
 
 
 def drift(actuator: Actuator, name: str) -> float:

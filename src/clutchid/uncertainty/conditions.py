@@ -6,15 +6,17 @@ difference between a recording and the calibration recordings is a measurement, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import hypot
 from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.errors import DataError
+from clutchid.io.map.ranges import PLAUSIBLE
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.uncertainty.change_prior import assumed_change, changeable
 from clutchid.uncertainty.coordinates import Prior
 
 #: Column of each parameter that a vehicle may measure.
@@ -24,11 +26,24 @@ CONDITIONS: Mapping[str, str] = {"T_0": "temperature_ambient", "P_S": "pressure_
 #: behind the engine, and a pressure sensor of a brake system (0.5 % of 10 bar). Guessed from data sheets.
 ACCURACY: Mapping[str, float] = {"T_0": 2.0, "P_S": 5e3}
 
-#: Air temperatures in K that trucks are built for, with a margin: -60 to 90 degC.
-COLDEST, WARMEST = 213.15, 363.15
+#: Air temperatures in K that can be right.
+COLDEST, WARMEST = PLAUSIBLE["temperature_ambient"]
 
 #: Largest range of the air temperature in a recording: 5 K, and 0.2 K more a second (out of a warm hall).
 SWING, RATE = 5.0, 0.2
+
+
+class Assumption(NamedTuple):
+    """A condition that is not known: T_0 or P_S, in which recordings, calibrated value and half width of its change.
+
+    In SI; the change is that of the prior, at 95 %. `recorded`: only the calibration lacks it.
+    """
+
+    name: str
+    recordings: tuple[str, ...]
+    value: float
+    half_width: float
+    recorded: bool
 
 
 class Conditions(NamedTuple):
@@ -148,6 +163,30 @@ def condition_warnings(logs: Sequence[Log], calibrated: Conditions, given: Mappi
         for name, column in CONDITIONS.items()
         if name not in given and calibrated.value(name) is None and _measured(log, column).size
     ]
+
+
+def assumed_conditions(logs: Sequence[Log], known: Collection[str], actuator: Actuator) -> tuple[Assumption, ...]:
+    """What is assumed of conditions that may have changed and are not known, for a load that is read from `logs`.
+
+    `known` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
+    """
+    found = []
+    for name in [name for name in ("P_S", "T_0") if name in changeable(actuator)]:
+        lacking = [log for log in logs if name not in known and f"{name}@{log.name}" not in known]
+        recorded = all(_measured(log, CONDITIONS[name]).size for log in lacking)
+        value = actuator.value(name)
+        one = Assumption(name, tuple(log.name for log in lacking), value, assumed_change(name) * value, recorded)
+        found += [one] if lacking else []
+    return tuple(found)
+
+
+def by_supply(actuator: Actuator, force: FloatArray) -> FloatArray:
+    """Derivative of a load in N with respect to the logarithm of the supply pressure, if the motion stays the same.
+
+    All absolute pressures scale with that of the supply: A_A p_A = f + A_A P_0 at rest.
+    """
+    p = actuator.parameters
+    return force + p.A_A * p.P_0
 
 
 def _measured(log: Log, column: str) -> FloatArray:

@@ -18,6 +18,13 @@ from clutchid.wear.rest import RestMove, rest_moves
 from clutchid.wear.settings import LIFE
 from clutchid.wear.trend import Band, Function, TrendModel, WearTable, follow, smoothed, trend_model
 
+#: Outcomes of the measurements that count in the trend.
+COUNTED = ("used", "jump")
+
+#: Why an outlier does not count: of the last recording, and of any other.
+_WAITS = "outlier: the trend does not expect it, and the next recording will say whether the clutch has changed."
+_ALONE = "outlier: the trend does not expect it, and the next recording fits the trend without it."
+
 
 class Curve(NamedTuple):
     """Load in N over the position in m with its 95 % band, each (n,)."""
@@ -60,6 +67,20 @@ class Wear:
         jumps = [alarm for alarm in self.alarms if alarm.kind in ("replaced", "sudden")]
         return jumps[-1] if jumps and jumps[-1].kind == "sudden" else None
 
+    @property
+    def counted(self) -> tuple[bool, ...]:
+        """Whether each recording counts in the trend."""
+        return tuple(outcome in COUNTED for outcome in self.outcomes)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why each recording does not count in the trend, in a sentence; empty for one that does."""
+        measured = [k for k, one in enumerate(self.readings) if one.measurement is not None]
+        return tuple(
+            "" if counts else one.unmeasured or (_WAITS if k == measured[-1] else _ALONE)
+            for k, (one, counts) in enumerate(zip(self.readings, self.counted, strict=True))
+        )
+
 
 def wear_of(
     vehicle: str,
@@ -89,7 +110,7 @@ def wear_of(
     name, end = _limit(table, limit)
     q = 2 * model.quantities.index(name) if name in model.quantities else 0
     last = steps[-1]
-    any_used = any(step.outcome in ("used", "jump") for step in steps)
+    any_used = any(step.outcome in COUNTED for step in steps)
     moves = rest_moves(
         history.s, life, [one.rest for one in ordered], [one.measurement for one in ordered],
         replaced(dated, steps, then),

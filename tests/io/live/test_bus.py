@@ -106,6 +106,14 @@ def test_a_message_that_does_not_come_is_said_after_ten_seconds(tmp_path):
         recorded(found, tmp_path)
 
 
+def test_a_pressure_of_the_map_that_does_not_come_is_done_without(tmp_path):
+    found = received([message(*frame) for frame in frames_of(ramp(4.0))[::4]])
+    with_pressure = ChannelMap({**MAP.channels, "pressure_a": Channel("Druck", unit="bar")})
+    columns = recorded(found, tmp_path, with_pressure)
+    assert sorted(columns) == sorted(NEEDED[1:])
+    assert columns["position"].size == recorded(found, tmp_path)["position"].size
+
+
 def test_without_a_map_the_signals_need_standard_names(tmp_path):
     found = received([message(*frame) for frame in frames_of(ramp(1.5))])
     with pytest.raises(DataError, match=r"(?s)no channel is assigned to position.*give a channel map with --map"):

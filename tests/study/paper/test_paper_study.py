@@ -13,7 +13,9 @@ from clutchid.study import PaperStudy, halves, paper_study
 from clutchid.study.paper import study as paper
 from clutchid.study.paper.deviations import DEVIATIONS
 from clutchid.study.paper.equation_21 import equation_21
+from clutchid.study.paper.figures import figure_5
 from clutchid.study.paper.results import FIGURES, TABLES, StudyResults
+from fixtures.figures import legends_on_the_engaging_range
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +52,13 @@ def test_the_page_loads_nothing_from_anywhere(html):
     assert all(address.startswith(("data:image/png;base64,", "#")) for address in addresses)
     text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", html)
     assert not re.search(r"https?://|url\(|@import|<script|<link|<iframe", text)
+
+
+def test_a_force_is_in_newtons_and_no_legend_covers_a_load_where_the_clutch_engages(study, html, logs):
+    figure = figure_5(study.cases, logs[0], None)
+    assert [axis.get_ylabel() for axis in figure.axes] == ["load [N]"] * 4
+    assert not re.search(r"\bkN\b", re.sub(r"base64,[A-Za-z0-9+/=]+", "", html))
+    assert legends_on_the_engaging_range(figure) == 0
 
 
 def test_every_number_of_every_table_stands_on_the_page(study, html):

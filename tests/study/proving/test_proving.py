@@ -13,6 +13,7 @@ from clutchid.assess.half_load import half_load
 from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
 from clutchid.fleet import pool
+from clutchid.report.tables import to_text
 from clutchid.study.proving import answers, workflows
 from clutchid.study.proving import ground as proving
 from clutchid.study.proving.answers import Answer, score
@@ -98,7 +99,7 @@ def test_results_do_not_depend_on_workers_and_a_stopped_run_goes_on(tmp_path, mo
     for a, b in zip(alone, pair, strict=True):
         # numbers, not times, are the same; logs hold curves, scores and parameters to the last digit
         assert json.dumps(a["logs"]) == json.dumps(b["logs"])
-    assert calls[-1] == ("3 of 3 trucks", 1.0)
+    assert calls == [(1, 2), (2, 2)]
     monkeypatch.setattr(pool, "ProcessPoolExecutor", lambda *a, **k: pytest.fail("a kept result was computed again"))
     assert proving.prove("paper", [0, 1, 2], tmp_path / "two") == pair
     assert proving.kept(tmp_path / "two", range(3)) == {"paper": pair}
@@ -204,6 +205,18 @@ def test_the_table_has_medians_worst_cases_and_ratios():
     assert table.column("half_load worst") == (0.1, 0.1)
     assert table.column("ratio") == (1.0, 0.25)
     assert answers.TOUCH == (5e-3, 8e-3)
+
+
+def test_the_printed_table_fits_in_80_columns():
+    scores = {"load": 11.76, "load_touch": 130.26, "half_load": -2.928, "pressure": 156.8, "coverage": 0.9}
+    every = {"truck": 0, "family": "B", "change": "supply + cold + valves + seals", "failed": None, "seconds": 1234.5}
+    one = {**every, "logs": {"worn1": {"score": scores, "wear_m": 1e-3}}}
+    found = {"paper": [one], "paper-every-200-q@B+supply": [one], "calibrated-known-phase": [one]}
+    table = standings(found)
+    text = to_text(table, 80)
+    assert max(map(len, text.splitlines())) <= 80
+    numbers = [column.shown(table.column(column.name)[0]) for column in table.columns[5:]]
+    assert all(number in text for number in numbers)
 
 
 def test_a_proof_of_the_other_family_under_a_change_has_a_folder_and_a_row_of_its_own(tmp_path, monkeypatch):

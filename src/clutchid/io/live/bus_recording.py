@@ -26,8 +26,9 @@ if TYPE_CHECKING:
     from clutchid.io.map.channel_map import ChannelMap
 
 #: Time in s, by the stamps, in which every message of the recording comes once; for which one is waited at most; and
-#: frames in which they all must have come.
-LEARNT, PATIENT, MOST = 1.0, 10.0, 1 << 17
+#: frames in which they all must have come. `SLOW` is the time for channels of a map that nothing needs: pressures and
+#: temperatures are sent once a second.
+LEARNT, SLOW, PATIENT, MOST = 1.0, 3.0, 10.0, 1 << 17
 
 _UNREADABLE = "error frame"
 
@@ -107,10 +108,12 @@ def _learnt(
         waited = latest - origin if sum(map(len, first)) < MOST else PATIENT
         if block is not None and not waited >= LEARNT:
             continue
+        late = block is None or waited >= PATIENT
+        wanted = required if late or waited >= SLOW or channels is None else (*required, *channels.channels)
         try:
-            rasters, picks = _picked(name, in_order(streams, messages), channels, required)
+            rasters, picks = _picked(name, in_order(streams, messages), channels, wanted)
         except DataError:
-            if block is None or waited >= PATIENT:
+            if late:
                 raise
         else:
             return first, _Bus(known, rasters, picks, float(origin))

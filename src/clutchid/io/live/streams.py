@@ -60,7 +60,7 @@ def picked_streams(
         if len(rasters) == 1 and not in_contract(source):
             raise DataError.of(name, [*heading_problems(rasters[0].headings, required), _ADVICE])
         channels = _by_names(rasters)
-    picks, found = pick(source, channels)
+    picks, found = pick(source, channels, required)
     problems += found
     missing = [wanted for wanted in required if wanted not in channels.channels and wanted != "time"]
     problems += [f"no channel is assigned to {', '.join(missing)}."] if missing else []

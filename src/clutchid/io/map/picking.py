@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from clutchid.io.columns import QUANTITIES, Heading, channel_name, unit_at_end, unit_spelled
 from clutchid.io.map.channel_map import Channel, ChannelMap, contradictions
 from clutchid.io.map.channel_words import means_no_time, means_time
+from clutchid.io.map.ranges import PLAUSIBLE
 from clutchid.io.source import Raster, Source
 from clutchid.units import UNITS, known_units
 
 _SHOWN = 8
+
+#: Quantities that a file may lack although a map names their channels: another recording of the vehicle has them.
+OPTIONAL = ("pressure_a", *PLAUSIBLE)
 
 #: Index of a time that is counted, sample / rate, not read.
 COUNTED = -1
@@ -33,14 +37,22 @@ class Pick:
     notes: tuple[str, ...] = ()
 
 
-def pick(source: Source, channels: ChannelMap) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
-    """Channels that the map selects from the file, and all problems of the map."""
+def pick(
+    source: Source, channels: ChannelMap, required: Sequence[str] = ()
+) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+    """Channels that the map selects from the file, and all problems of the map.
+
+    That the file lacks one of `OPTIONAL` is a note, unless it is `required`.
+    """
     problems = contradictions(channels)
     found: dict[tuple[int, float], dict[str, tuple[Heading, Channel]]] = {}
     clocks: dict[int, tuple[Heading, Channel]] = {}
     notes: list[str] = []
     for name, entry in channels.channels.items():
         places = list(_named(source, entry))
+        if not places and name in OPTIONAL and name not in required:
+            notes.append(f"{name}: this file has no channel '{entry.channel}', and is read without it.")
+            continue
         if len(places) != 1:
             problems.append(_misfit(source, name, entry, places))
             continue

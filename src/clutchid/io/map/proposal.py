@@ -6,18 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from clutchid.errors import DataError
-from clutchid.io.columns import QUANTITIES, REQUIRED, Heading, unit_at_end
+from clutchid.io.columns import QUANTITIES, REQUIRED
+from clutchid.io.map.candidates import STANDARD, Candidate, candidates, fits, gauge_as_well
 from clutchid.io.map.channel_map import Channel, ChannelMap
-from clutchid.io.map.channel_words import name_score
+from clutchid.io.map.channel_words import is_set_point, name_score
+from clutchid.io.map.conditions import implausible, is_sure, reason
 from clutchid.io.map.picking import own_clock
-from clutchid.io.map.ranges import Range, Ranges, gauge_unit, guessed_unit
-from clutchid.io.source import Raster, Source
+from clutchid.io.map.ranges import PLAUSIBLE, Ranges, guessed_unit
+from clutchid.io.source import Source
 from clutchid.io.table import and_more
 from clutchid.log import INPUTS
-from clutchid.units import UNITS
-
-#: Score of a channel with the standard name of the quantity.
-_STANDARD = 100.0
 
 #: Number of channels that are listed where one is missing.
 _LISTED = 8
@@ -27,7 +25,8 @@ _LISTED = 8
 class Proposal:
     """A proposed channel map; `open` lists what the user has to decide, `notes` what the names and samples imply.
 
-    A quantity is `certain` if its unit is known and no other channel matches as well.
+    A quantity is `certain` if its unit is known and no other channel matches as well. What is unclear about a condition
+    of the recording is a note: nobody has to decide it.
     """
 
     channels: ChannelMap
@@ -38,19 +37,17 @@ class Proposal:
     @property
     def complete(self) -> bool:
         """Whether nothing has to be decided, so that the file can be read with this map."""
-        return not self.open and all(name in self.certain for name in self.channels.channels)
+        return not self.open and all(name in self.certain for name in self.channels.channels if name not in PLAUSIBLE)
 
-
-@dataclass(frozen=True, slots=True)
-class _Candidate:
-    """A channel that may be a quantity, its score, its range, and its unit with the reason if that is a guess."""
-
-    raster: Raster
-    heading: Heading
-    score: float
-    seen: Range
-    unit: str | None
-    guess: str
+    @property
+    def without_uncertain(self) -> ChannelMap:
+        """The map without conditions that are not certain."""
+        kept = {
+            name: entry
+            for name, entry in self.channels.channels.items()
+            if name in self.certain or name not in PLAUSIBLE
+        }
+        return replace(self.channels, channels=kept)
 
 
 def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
@@ -70,23 +67,26 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     remarks: list[str] = []
     notes: list[str] = []
     comments: dict[str, str] = {}
-    unused: dict[str, list[_Candidate]] = {}
+    unused: dict[str, list[Candidate]] = {}
     for name in QUANTITIES:
-        found = [candidate for candidate in _candidates(source, name, ranges) if not _taken(candidate, channels)]
+        found = [candidate for candidate in candidates(source, name, ranges) if not _taken(candidate, channels)]
         ranked = _ranked(name, found)
+        notes += _left_out(name, found)
         if not ranked or (name == "time" and not source.tabular and timed):
             unused[name] = found
             continue
         best, *others = ranked
+        best = gauge_as_well(best, channels.get("pressure_a")) if name == "pressure_supply" else best
         channels[name] = _entry(source, best)
         comments[name] = _comment(best)
         remark = _remark(name, best, [other for other in others if other.score == best.score])
-        remarks += [remark] if remark else []
-        certain += [] if remark else [name]
-        notes += _notes(name, best)
+        (notes if name in PLAUSIBLE else remarks).extend([remark] if remark else [])
+        sure = name != "pressure_supply" or best.score >= STANDARD or is_sure(best.heading)
+        certain += [name] if sure and not remark else []
+        notes += _notes(name, best, others if not remark else ())
     for name in required:
         if name not in channels and not (name == "time" and timed):
-            remarks.append(_missing(name, unused[name]))
+            remarks.append(_missing(name, unused[name], _set_points(source, name)))
             comments[name] = _choice(source, name, channels)
             if name == "time":
                 comments["rate"] = "samples per second, for a file without time"
@@ -107,7 +107,7 @@ def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -
         return given
     proposal = propose(source, required)
     if proposal.complete:
-        return replace(proposal.channels, comments={"": "\n".join(_identified(source, proposal))})
+        return replace(proposal.without_uncertain, comments={"": "\n".join(_identified(source, proposal))})
     if source.tabular or not source.rasters:
         return None
     save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
@@ -116,7 +116,7 @@ def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -
 
 def _identified(source: Source, proposal: Proposal) -> list[str]:
     """Warnings about channels that were identified by other names than the standard ones."""
-    chosen = proposal.channels.channels
+    chosen = proposal.without_uncertain.channels
     standard = {heading.text: heading.name for raster in source.rasters for heading in raster.headings}
     if all(standard[entry.channel] == name for name, entry in chosen.items()):
         return list(proposal.notes)
@@ -137,54 +137,28 @@ def _timed(source: Source, ranges: Ranges) -> bool:
     return bool(source.rasters)
 
 
-def _taken(candidate: _Candidate, channels: Mapping[str, Channel]) -> bool:
+def _taken(candidate: Candidate, channels: Mapping[str, Channel]) -> bool:
     return any(
         entry.channel == candidate.heading.text and entry.group in (None, candidate.raster.name)
         for entry in channels.values()
     )
 
 
-def _candidates(source: Source, name: str, ranges: Ranges) -> Iterator[_Candidate]:
-    for index, raster in enumerate(source.rasters):
-        clock, _ = own_clock(raster)
-        texts = {text for text, _ in raster.others}
-        for heading in raster.headings:
-            if heading.text in texts or (clock is not None and heading.index == clock.index and name != "time"):
-                continue
-            score = _STANDARD if heading.name == name else name_score(name, heading.text)
-            if score <= 0.0 or not (heading.unit is None or _fits(name, heading.unit)):
-                continue
-            seen = ranges(index, heading, further=score < _STANDARD)
-            seen = seen._replace(constant=seen.constant and score < _STANDARD)
-            unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
-            yield _Candidate(raster, heading, score + (0.5 if unit else 0.0), seen, *_unit(name, unit, seen))
+def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates by falling score, without constant ones; a duty cycle of 0 remains if it is the only candidate.
 
-
-def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
-    """The unit of a channel, and the reason if it is a guess."""
-    gauge = gauge_unit(unit, seen.low)
-    if unit is None:
-        guess = guessed_unit(name, seen)
-        where = "intervals" if name == "time" else "range"
-        return guess, f"has no unit; [{guess}] is guessed from its {where}" if guess else ""
-    if gauge and not seen.constant:
-        return gauge, f"falls to {seen.low:.3g} {unit}, so that the gauge unit [{gauge}] is guessed instead of [{unit}]"
-    return unit, ""
-
-
-def _ranked(name: str, found: Sequence[_Candidate]) -> list[_Candidate]:
-    """Candidates by falling score, without constant ones; a duty cycle of 0 remains if it is the only candidate."""
+    A condition may be constant for all of a recording, but must be possible.
+    """
+    if name in PLAUSIBLE:
+        possible = [c for c in found if c.score >= STANDARD or not implausible(name, c.heading, c.unit, c.seen)]
+        return sorted(possible, key=lambda candidate: -candidate.score)
     chosen = [candidate for candidate in found if not candidate.seen.constant]
     if not chosen and name in INPUTS and len(found) == 1 and found[0].seen.high == 0.0:
         chosen = list(found)
     return sorted(chosen, key=lambda candidate: -candidate.score)
 
 
-def _fits(name: str, unit: str | None) -> bool:
-    return unit in UNITS and UNITS[unit].si == QUANTITIES[name]
-
-
-def _remark(name: str, best: _Candidate, equal: Sequence[_Candidate]) -> str:
+def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
     """What has to be decided about a proposed channel; empty if nothing."""
     text = best.heading.text
     if equal:
@@ -195,16 +169,37 @@ def _remark(name: str, best: _Candidate, equal: Sequence[_Candidate]) -> str:
     return "" if best.unit else f"{name}: '{text}' has no known unit; add it to the map."
 
 
-def _notes(name: str, best: _Candidate) -> Iterator[str]:
-    """What the name and the samples of a proposed channel imply."""
+def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
+    """Why channels that are called like a condition are none."""
+    if name not in PLAUSIBLE:
+        return []
+    named = [c for c in found if c.score < STANDARD]
+    return [text for c in named if (text := implausible(name, c.heading, c.unit, c.seen))]
+
+
+def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+    """What the name and the samples of a proposed channel imply, and why it is not one of the `others`."""
+    if name == "pressure_supply" and best.score < STANDARD:
+        why = reason(best.heading, [other.heading for other in others])
+        yield from [why] if why else []
+    if best.implied:
+        yield f"{name}: '{best.heading.text}' [{best.heading.unit or best.unit}] {best.implied}."
     if best.heading.unit is None and best.unit and not best.guess:
         yield f"{name}: the unit [{best.unit}] is taken from the name of the channel '{best.heading.text}'."
-    if best.seen.constant:
+    if best.seen.constant and name not in PLAUSIBLE:
         yield f"{name}: '{best.heading.text}' is constant at {best.seen.low:g}."
 
 
-def _missing(name: str, found: Sequence[_Candidate]) -> str:
-    """Remark on a quantity without a channel, of which only constant ones were `found`."""
+def _set_points(source: Source, name: str) -> list[str]:
+    """Channels that are what a controller asks of a quantity."""
+    headings = [heading for raster in source.rasters for heading in raster.headings]
+    return [h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and fits(name, h.unit)]
+
+
+def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str]) -> str:
+    """Remark on a quantity without a channel, of which only constant ones were `found`, or set points."""
+    if not found and set_points and name not in INPUTS:
+        return f"{name}: only a set point matches by name, '{set_points[0]}'; add the measured channel to the map."
     if not found:
         also = ", or rate = 1000.0 (Hz)" if name == "time" else ""
         return f"{name}: no channel name matches; add it to the map{also}."
@@ -221,18 +216,18 @@ def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
         for heading in raster.headings
         if heading.text and heading.text not in taken and heading.text not in dict(raster.others)
     ]
-    chosen = [heading for heading in free if _fits(name, heading.unit)] or [h for h in free if h.unit is None]
+    chosen = [heading for heading in free if fits(name, heading.unit)] or [h for h in free if h.unit is None]
     shown = [f"'{heading.text}'" for heading in chosen[:_LISTED]]
     return f"candidates: {and_more(shown, len(chosen) - len(shown))}" if shown else "no channel has a unit of it"
 
 
-def _entry(source: Source, best: _Candidate) -> Channel:
+def _entry(source: Source, best: Candidate) -> Channel:
     same = sum(heading.text == best.heading.text for raster in source.rasters for heading in raster.headings)
     entry = Channel(best.heading.text, group=best.raster.name if same > 1 else None)
     return replace(entry, unit=best.unit) if best.heading.unit != best.unit else entry
 
 
-def _comment(best: _Candidate) -> str:
+def _comment(best: Candidate) -> str:
     unit, remark = best.heading.unit, best.heading.comment
     shown_unit = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
     constant = ", constant" if best.seen.constant else ""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import islice
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,13 @@ _BLOCKS = 64
 
 #: An absolute pressure does not fall below this, in Pa; a gauge pressure is near 0 at rest.
 _LOWEST_ABSOLUTE = 5e4
+
+
+#: Range in SI of each condition of a recording: an air supply between its warning and its safety valve, and the air
+#: temperatures that trucks are built for, with a margin: -60 to 90 degC.
+PLAUSIBLE: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {"pressure_supply": (3e5, 1.6e6), "temperature_ambient": (213.15, 363.15)}
+)
 
 
 class Range(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.report.style import KN, MM
+from clutchid.report.style import MM
 from clutchid.study.paper.figures import SLOW
 from clutchid.study.paper.fits import Method, best_possible, load_error
 from clutchid.study.paper.results import StudyResults, bars, millimetres
@@ -67,7 +67,7 @@ def _figure_5(found: StudyResults) -> str:
     def spread(reading: str, carry: str) -> str:
         cases = [case for case in found.cases if (case.method.reading, case.method.carry) == (reading, carry)]
         at_8 = [case.fit.actuator.load.force(np.array([8e-3]))[0] for case in cases]
-        return f"{min(at_8) / KN:.2f} to {max(at_8) / KN:.2f} kN"
+        return f"{min(at_8):.0f} to {max(at_8):.0f} N"
 
     text = (
         "The load characteristics; shaded: 5 to 8 mm, where the clutch engages. At 8 mm the estimates range from "

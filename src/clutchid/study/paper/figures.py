@@ -9,8 +9,8 @@ import numpy as np
 
 from clutchid.log import FloatArray, Log
 from clutchid.model.weighted_load import Load
-from clutchid.report.figures import draw, label, legend, mark_span, new_figure
-from clutchid.report.style import BAR, KN, MM, STYLE, Line
+from clutchid.report.figures import draw, label, legend, mark_span, new_figure, shared_legend
+from clutchid.report.style import BAR, MM, STYLE, Line
 from clutchid.study.paper.fits import Case, chosen
 from clutchid.study.paper.pressure import static_estimate
 from clutchid.study.paper.printed import PRINTED_SLOPE, TABLE_1
@@ -44,7 +44,7 @@ def figure_2() -> Figure:
         )  # fmt: skip
     label(axis, "position [mm]", "basis function [mm]")
     axis.set_xlim(-0.3, 25)
-    legend(axis, "upper left")
+    shared_legend(axis, 2)
     return figure
 
 
@@ -87,7 +87,7 @@ def _over_time(axes: Sequence[Axes], cases: Sequence[Case], name: str, unit: flo
     for axis in axes[1:]:
         axis.axhline(0.0, color=STYLE.measured, linewidth=0.7)
     axes[0].set_xlim(float(t[0]), float(t[-1]))
-    legend(axes[0], "above", 7)
+    legend(axes[0], 7)
 
 
 def case_line(case: Case) -> Line:
@@ -98,7 +98,7 @@ def case_line(case: Case) -> Line:
 
 def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
     """All estimated loads, the printed ones in their basis, and the static estimate (25)."""
-    figure, axes = new_figure([3.1, 3.1], 2, share_x=False)
+    figure, axes = new_figure([2.6] * 4)
     actuator = cases[0].fit.actuator
     static = static_estimate(log, actuator, SLOW)
     y = np.linspace(0.0, actuator.parameters.y_max, 401)
@@ -108,14 +108,15 @@ def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
         ("(c) every N samples, q carried", _loads(chosen(cases, "ballistic", "every", carry="q"))),
         ("(d) printed Table 1, slope 0.001", _printed_loads()),
     ]
-    for number, (axis, (title, curves)) in enumerate(zip(axes, panels, strict=True)):
+    for axis, (title, curves) in zip(axes, panels, strict=True):
         _load_background(axis, static, truth)
         for line, load in curves:
-            draw(axis, y / MM, load.force(y) / KN, line)
-        label(axis, "position [mm]", "load [kN]" if number % 2 == 0 else "", title)
-        axis.set_xlim(0, float(y[-1]) / MM)
-        legend(axis, "lower right", 2)
-    everything = np.concatenate([load.force(y) / KN for _, curves in panels for _, load in curves])
+            draw(axis, y / MM, load.force(y), line)
+        label(axis, y="load [N]", title=title)
+    label(axes[-1], "position [mm]")
+    axes[-1].set_xlim(0, float(y[-1]) / MM)
+    shared_legend(axes[0])
+    everything = np.concatenate([load.force(y) for _, curves in panels for _, load in curves])
     for axis in axes:
         axis.set_ylim(min(0.0, 1.1 * float(everything.min())), 1.08 * float(everything.max()))
     return figure
@@ -138,10 +139,10 @@ def _load_background(axis: Axes, static: tuple[FloatArray, FloatArray], truth: T
     mark_span(axis, 5, 8)
     position, force = static
     if truth is not None:
-        draw(axis, truth.position / MM, truth.force / KN, Line(STYLE.orange, "true load", 3.4, opacity=0.8, layer=1.6))
+        draw(axis, truth.position / MM, truth.force, Line(STYLE.orange, "true load", 3.4, opacity=0.8, layer=1.6))
     if position.size:
         step = max(1, position.size // 3000)
         axis.plot(
-            position[::step] / MM, force[::step] / KN, "o", markersize=1.7, color=STYLE.measured, alpha=0.5,
+            position[::step] / MM, force[::step], "o", markersize=1.7, color=STYLE.measured, alpha=0.5,
             markeredgewidth=0, label="Eq. (25), slow", zorder=1.7,
         )  # fmt: skip

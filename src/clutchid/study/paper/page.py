@@ -8,7 +8,7 @@ from clutchid.estimate import Fit
 from clutchid.log import Log
 from clutchid.report.html import Bullets, Notice, Page, Picture, Section, Text, escape
 from clutchid.report.provenance import provenance
-from clutchid.report.style import KN, MM
+from clutchid.report.style import MM
 from clutchid.study.paper.captions import captions
 from clutchid.study.paper.deviations import DEVIATIONS
 from clutchid.study.paper.fits import Method, load_error
@@ -71,7 +71,7 @@ def _abstract(found: StudyResults) -> str:
         f"The load of a clutch was estimated from <i>{escape(found.fit_log.name)}</i> ({_length(found.fit_log)}) with "
         f"the position as the only measured quantity, and checked on <i>{escape(found.verify_log.name)}</i> "
         f"({_length(found.verify_log)}), which was not fitted. The ballistic fit gives θ = ({_weights(case.fit)})·10⁵ "
-        f"N/m, a load with a peak of {force[at] / KN:.2f} kN at {y[at] / MM:.1f} mm. A simulation with it has "
+        f"N/m, a load with a peak of {force[at]:.0f} N at {y[at] / MM:.1f} mm. A simulation with it has "
         f"an rms position error of {millimetres(first.position_rms)} on the first recording and "
         f"{millimetres(second.position_rms)} on the second"
     )

@@ -37,7 +37,7 @@ def states_figure(case: Case) -> Figure:
         label(axis, y=words)
     label(axes[-1], "time [s]")
     axes[-1].set_xlim(float(t[0]), float(t[-1]))
-    legend(axes[0], "above", 2)
+    legend(axes[0], 2)
     figure.align_ylabels()
     return figure
 
@@ -63,7 +63,7 @@ def figure_8(cases: Sequence[Case], found: Sequence[Pressures]) -> Figure:
         label(axes[2 * row], y="pressure A,\nabsolute [bar]", title=f"({'abc'[row]}) {title}")
     for axis in axes[-2:]:
         label(axis, "time [s]")
-    legend(axes[1], "above", 3)
+    legend(axes[1], 3)
     return figure
 
 

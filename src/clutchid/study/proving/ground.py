@@ -133,7 +133,7 @@ def prove(
     *,
     workers: int = 1,
     scheduler: str = "",
-    progress: Callable[[str, float], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
 
@@ -158,13 +158,12 @@ def prove(
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     work = partial(prove_one, name, conditions=conditions)
-    show = progress or (lambda _text, _fraction: None)
-    for number, found in shared(work, todo, Place(workers, scheduler)):
+    for count, (number, found) in enumerate(shared(work, todo, Place(workers, scheduler)), 1):
         result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, Lost) else found
         _write(folder / f"truck_{number:05d}.json", result)
         done[number] = result
-        ready = sum(r is not None for r in done.values())
-        show(f"{ready} of {len(requested)} trucks", ready / len(requested))
+        if progress:
+            progress(count, len(todo))
     return [result for result in done.values() if result is not None]
 
 

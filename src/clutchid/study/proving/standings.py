@@ -19,11 +19,12 @@ ERRORS = (
     ("pressure", "p_A [kPa]", 1),
 )
 
-NOTE = """\
-Load: rms error over 0.5 to 20 mm, and over 5 to 8 mm, in % of the true peak. Half load: error of the position where the
-rising load reaches half its peak. p_A: rms error of the chamber pressure. Ratio: median error over 5 to 8 mm relative
-to the paper's method. Covered: fraction of grid points where the 95 % band contains the true load, ± its 95 % interval
-for independent trucks. Time: median per truck."""
+NOTE = (
+    "Load: rms error over 0.5 to 20 mm, and over 5 to 8 mm, in % of the true peak. Half load: error of the position "
+    "where the rising load reaches half its peak. p_A: rms error of the chamber pressure. Ratio: median error over 5 "
+    "to 8 mm relative to the paper's method. Covered: fraction of grid points where the 95 % band contains the true "
+    "load, ± its 95 % interval for independent trucks. Time: median per truck."
+)
 
 #: Workflow that is the reference of all ratios.
 REFERENCE = "paper"
@@ -46,9 +47,9 @@ def standings(results: Mapping[str, Results]) -> Table:
         columns.append(Column(f"{key} worst", "worst", decimals=decimals, group=heading))
     columns += [
         Column("ratio [1]", "ratio"),
-        Column("coverage [1]", "covered [%]", scale=0.01, decimals=1),
+        Column("coverage [1]", "covered\n[%]", scale=0.01, decimals=1),
         Column("coverage error [1]", "±", scale=0.01, decimals=1),
-        Column("seconds [s]", "time [s]"),
+        Column("seconds [s]", "time\n[s]", decimals=1),
     ]
     rows = tuple(_row(name, one, results.get(_reference(name), ())) for name, one in results.items())
     return Table("Proving ground", tuple(columns), rows, note=NOTE)

@@ -11,8 +11,8 @@ import numpy as np
 from clutchid.io.columns import Heading, channel
 from clutchid.io.formats.can.dbc import Message
 from clutchid.io.formats.can.frames import CLASSIC, Frames, Rows
-from clutchid.io.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number
-from clutchid.io.formats.can.signals import Page, present
+from clutchid.io.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number, parameter_at
+from clutchid.io.formats.can.signals import Page, Signal, present
 
 #: What frames are that belong to no stream.
 UNKNOWN, PIECE = "unknown", "piece"
@@ -81,8 +81,19 @@ def in_order(streams: Iterable[Stream], messages: Sequence[Message]) -> list[Str
 
 def channels_of(stream: Stream) -> tuple[Heading, ...]:
     """The channels of a stream: its stamps, then its signals."""
-    signals = (channel(i, signal.name, signal.unit, signal.comment) for i, signal in enumerate(stream.page.signals, 1))
-    return (channel(0, "time", "s"), *signals)
+    signals = enumerate(stream.page.signals, 1)
+    named = (channel(i, one.name, one.unit, _comment(stream.message, one)) for i, one in signals)
+    return (channel(0, "time", "s"), *named)
+
+
+def _comment(message: Message, signal: Signal) -> str:
+    """The comment of the database on a signal, behind its parameter of the standard where it is one."""
+    if not message.extended or signal.signed or signal.ieee:
+        return signal.comment
+    group = group_number(message.identifier)
+    found = parameter_at(group, signal.begin, signal.length, signal.scale, signal.offset)
+    aligned = not signal.motorola or signal.length == 8  # a byte has the same place in both orders
+    return "; ".join(filter(None, (found.comment, signal.comment))) if found and aligned else signal.comment
 
 
 def keys(frames: Frames) -> Rows:

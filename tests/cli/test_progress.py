@@ -1,0 +1,57 @@
+"""Progress of work on many items: a line a minute where standard error is no terminal."""
+
+import pytest
+
+from clutchid.cli.progress import EVERY, progress_of, progress_words
+
+
+@pytest.fixture
+def passing():
+    """A clock, in s, that goes on as far as it is told."""
+
+    class Clock:
+        now = 1000.0
+
+        def __call__(self):
+            return self.now
+
+    return Clock()
+
+
+def test_a_line_a_minute_says_what_is_done_the_rate_and_the_time_left(passing, capsys):
+    with progress_of("fleet", clock=passing) as progress:
+        for done in range(1, 31):
+            passing.now += 10.0
+            progress(done, 120)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 30 * 10.0 / EVERY
+    assert lines[0] == "fleet: 6 of 120 recordings, 6 a minute, 19 min left"
+    assert lines[-1] == "fleet: 30 of 120 recordings, 6 a minute, 15 min left"
+
+
+def test_work_of_less_than_a_minute_says_nothing(passing, capsys):
+    with progress_of("track", clock=passing) as progress:
+        for done in range(1, 60):
+            passing.now += 1.0
+            progress(done, 60)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_on_a_terminal_there_is_a_bar_and_no_line(passing, capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    with progress_of("track", clock=passing) as progress:
+        passing.now += 61.0
+        progress(1, 2)
+    assert "\ntrack: 1 of 2 recordings" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("done", "seconds", "words"),
+    [
+        (50, 20.0, "50 of 1,000 trucks, 2.5 a second, 6 min left"),
+        (1, 600.0, "1 of 1,000 trucks, 6 an hour, 7 d left"),
+        (1000, 1.0, "1,000 of 1,000 trucks, 1,000 a second, 0 s left"),
+    ],
+)
+def test_a_rate_is_in_the_unit_of_time_in_which_it_is_one_or_more(done, seconds, words):
+    assert progress_words(done, 1000, "trucks", seconds) == words
