@@ -16,8 +16,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.assess.half_load import half_load
 from clutchid.assess.engaging import ENGAGING
+from clutchid.assess.half_load import half_load
 from clutchid.errors import ClutchidError
 from clutchid.estimate import Fit, fit
 from clutchid.strokes.vented_rest import rest_shift, vented_rest

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import fields
+from inspect import getdoc
 from pathlib import Path
 
 from clutchid.codegen.latex import latex_source
@@ -86,7 +87,7 @@ def _lines(variant: str) -> list[str]:
 
 def _formula(function: Callable[..., object]) -> str:
     """The formula in the docstring of `function`."""
-    found = re.search(r"\.\. math:: (.*?)\n\n", function.__doc__ or "", re.DOTALL)
+    found = re.search(r"\.\. math:: (.*?)\n\n", getdoc(function) or "", re.DOTALL)
     assert found, f"{function.__name__} has no formula"
     return found[1]
 

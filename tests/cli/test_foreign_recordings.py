@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ import pytest
 from clutchid import truck as virtual
 from clutchid.cli import main
 from clutchid.io import read, write
-from clutchid.log import Log
+from clutchid.log import INPUTS, Log
 
 DBC = """VERSION ""
 BU_: TCU
@@ -126,6 +128,64 @@ def test_an_mdf_of_two_rasters_is_fitted_by_its_names(tmp_path, log, peak):
     assert np.array_equal(made["duty_supply"][slow], log["duty_supply"][slow])
     assert np.array_equal(made["duty_supply"][2::5], log["duty_supply"][slow])
     assert fitted(path) == pytest.approx(peak, rel=0.05)  # valve edges up to 4 ms late
+
+
+def late_mdf(log: Log, folder: Path) -> tuple[Path, Path]:
+    """An MDF 4 file with German names whose duty cycles start a sample after the position, and its map."""
+    asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
+    path, chosen = folder / "Messung.mf4", folder / "MAP.toml"
+    names = {"position": "Kupplungsweg", "duty_supply": "TV_Belueften", "duty_exhaust": "TV_Entlueften"}
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.append([asammdf.Signal(1e3 * log["position"], log.time, unit="mm", name=names["position"])])
+        late = [(names[name], 100 * log[name][1:]) for name in INPUTS]
+        mdf.append([asammdf.Signal(values, log.time[1:], unit="%", name=name) for name, values in late])
+        mdf.save(path)
+    chosen.write_text("".join(f'[{name}]\nchannel = "{channel}"\n' for name, channel in names.items()))
+    return path, chosen
+
+
+def answered(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> dict[str, Any]:
+    """The JSON object of a command."""
+    capsys.readouterr()
+    assert call(*arguments, "--json") == 0
+    return dict(json.loads(capsys.readouterr().out))
+
+
+def test_duty_cycles_that_start_a_sample_late_give_the_load_of_the_csv_and_the_errors_of_its_simulation(
+    tmp_path, log, capsys
+):
+    write(log, tmp_path / "run.csv")
+    path, chosen = late_mdf(log, tmp_path)
+    assert np.isnan(read(path, channels=chosen)["duty_supply"]).nonzero()[0].tolist() == [0]
+    fits = [answered(capsys, "fit", tmp_path / "run.csv")]
+    fits.append(answered(capsys, "fit", path, "--map", chosen, "--save", tmp_path / "FIT.toml"))
+    assert [one["notes"] for one in fits] == [[], []]
+    # the sample at rest depends on no parameter; the search stops within 1e-9 of the least cost n / 2, so at 1e-9 n of
+    # the squared standard error
+    within = np.sqrt(1e-9 * len(log))
+    for name, one in fits[0]["parameters"].items():
+        assert fits[1]["parameters"][name]["value"] == pytest.approx(one["value"], rel=1e-6, abs=within * one["std"])
+    out = tmp_path / "SIM.parquet"
+    done = answered(capsys, "simulate", path, "--map", chosen, "--parameters", tmp_path / "FIT.toml", "--out", out)
+    assert done["errors"] == fits[1]["errors"]
+    simulated = read(out)
+    assert np.array_equal(simulated.time, read(path, channels=chosen).time)
+    assert np.isnan(simulated["position"]).nonzero()[0].tolist() == [0]
+
+
+def test_a_start_that_was_estimated_is_said_saved_and_used(tmp_path, log, capsys):
+    moving = int(np.argmax(log["position"] > 5e-3))
+    part = log.slice(moving, len(log))
+    late = {name: np.r_[np.nan, part[name][1:]] for name in INPUTS}
+    write(part.with_columns(**late), tmp_path / "moving.csv")
+    fit = answered(capsys, "fit", tmp_path / "moving.csv", "--save", tmp_path / "FIT.toml")
+    (note,) = fit["notes"]
+    assert note.startswith("moving: does not start vented and at rest, so that its start was estimated: position ")
+    starts = tomllib.loads((tmp_path / "FIT.toml").read_text())["recording"]["moving"]
+    assert f"position {1e3 * starts['position_start'][0]:.3g} mm" in note
+    assert f"pressure {1e-5 * starts['pressure_a_start'][0]:.4g} bar" in note
+    options = ("--parameters", tmp_path / "FIT.toml", "--out", tmp_path / "SIM.csv")
+    assert answered(capsys, "simulate", tmp_path / "moving.csv", *options)["errors"] == fit["errors"]
 
 
 def test_a_long_recording_is_cut_and_what_was_chosen_is_fitted(tmp_path, capsys):

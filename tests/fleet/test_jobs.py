@@ -85,8 +85,9 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
         fleet_of(path, tmp_path / "none")
 
 
-def test_a_row_that_stands_twice_with_the_same_values_counts_once(depot):
-    path = table(depot, "a,V1,T1,", "a,V1,T1,", head="recording,vehicle,type,strokes")
+@pytest.mark.parametrize("strokes", ["", "nan", "700"])
+def test_a_row_that_stands_twice_with_the_same_values_counts_once(depot, strokes):
+    path = table(depot, *[f"a,V1,T1,{strokes}"] * 2, head="recording,vehicle,type,strokes")
     assert keys(fleet_of(path, depot / "cal.toml")) == [("V1", "a")]
 
 

@@ -2,6 +2,7 @@
 
 import resource
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -99,7 +100,7 @@ def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
     with pytest.raises(ExportError, match="is not the file of a run, or was damaged"), store(tmp_path / "text", ABOUT):
         pass
     (tmp_path / "other").mkdir()
-    with sqlite3.connect(tmp_path / "other" / "run.sqlite") as base:
+    with closing(sqlite3.connect(tmp_path / "other" / "run.sqlite")) as base:
         base.execute("CREATE TABLE done (vehicle TEXT, name TEXT)")
     with pytest.raises(ExportError, match="is not from this version of clutchid"), store(tmp_path / "other", ABOUT):
         pass

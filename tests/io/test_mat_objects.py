@@ -6,8 +6,11 @@ import warnings
 import numpy as np
 import pytest
 from scipy.io import savemat
+from scipy.io.matlab import MatlabOpaque
 
 from clutchid.io.formats.mat import file as mat_file
+from clutchid.io.formats.mat.arrays import node
+from clutchid.io.formats.mat.tree import class_object
 
 N = 40
 T = np.arange(N) / 1000
@@ -33,9 +36,9 @@ def saved(tmp_path):
 
 def made(name, **properties):
     """An object of a class with these properties."""
-    from matio.utils import MatlabOpaque
+    from matio.utils import MatlabOpaque as Object
 
-    return MatlabOpaque(properties=properties, classname=name)
+    return Object(properties=properties, classname=name)
 
 
 def column(values):
@@ -152,6 +155,20 @@ def test_without_mat_io_objects_are_told_with_what_to_do(saved, monkeypatch, ver
     assert [list(named) for named in read(source)] == [["y"]]
     assert "'rec' (timetable)" in source.warnings[0]
     assert "'d' (duration)" in source.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("fields", "values"),
+    [
+        (("s0", "s1", "s2", "arr"), (b"d", b"MCOS", b"duration", T)),
+        (("_TypeSystem", "_Class", "_ObjectMetadata"), ("MCOS", "duration", T)),
+    ],
+    ids=["SciPy to 1.17", "SciPy from 1.18"],
+)
+def test_the_class_of_an_object_is_named_by_whatever_scipy_calls_its_field(fields, values):
+    value = np.empty(1, dtype=[(name, "O") for name in fields])
+    value[0] = values
+    assert node(value.view(MatlabOpaque)) == class_object("duration")
 
 
 def test_simulinks_dataset_and_timeseries_as_structs(tmp_path):

@@ -138,6 +138,24 @@ def test_gaps_in_an_input_give_one_warning_with_lines(recording, save, parser):
     assert np.isnan(log["duty_supply"][3])
 
 
+@pytest.mark.parametrize(
+    ("missing", "said"),
+    [
+        ((0, 1, 9), "lines 2-3, 11: the recording is used from its first to its last sample with all inputs."),
+        (
+            (0, 4),
+            "lines 2, 6: each gap ends a segment, and the recording is used from its first to its last sample with all "
+            "inputs.",
+        ),
+        (range(10), "lines 2-11: each gap ends a segment."),
+    ],
+)
+def test_inputs_that_are_missing_at_the_ends_end_no_segment(recording, save, parser, missing, said):
+    log = cio.read(save(recording(10, {(i, 2): "" for i in missing})))
+    assert len(log) == 10
+    assert log.warnings == (f"input 'duty_supply [1]' is missing in {said}",)
+
+
 def test_holes_in_time_give_one_warning_with_lines_and_length(recording, save, parser):
     log = cio.read(save(recording(10, {(8, 0): "0.500", (9, 0): "0.505"})))
     assert log.warnings == (

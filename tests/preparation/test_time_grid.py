@@ -115,3 +115,11 @@ def test_a_duty_cycle_that_is_missing_stays_missing():
     for one in (log, replace(log, edges=sent)):
         fine, _ = interpolated(one, 0.0, 0.005, CLOSED)
         assert np.isnan(fine["duty_supply"][(fine.time > 0.0229) & (fine.time < 0.0329)]).all()
+
+
+@pytest.mark.parametrize(
+    "finer", [lambda log: latched(log, PERIOD, 0.2, STEP, CLOSED), lambda log: interpolated(log, 1e-3, STEP, CLOSED)]
+)
+def test_the_warnings_of_the_recording_stay(finer):
+    log = replace(slow([0.0, 0.5, 0.8, 0.8]), warnings=("slow: the position is coarse.",))
+    assert finer(log)[0].warnings == log.warnings

@@ -13,13 +13,14 @@ from clutchid.estimate.automatic import AUTOMATIC
 from clutchid.estimate.methods import method_of
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
-from clutchid.estimate.verification import verified
+from clutchid.estimate.verification import on_samples, verified
 from clutchid.estimate.zero import with_rests
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
 from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.simulation.input_span import with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.uncertainty.calibration import Calibration
@@ -187,12 +188,15 @@ def fit_request(
     recordings, others = [one.log for one in rested], [one.log for one in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start)
-    done = method.fit(recordings, start, request, progress)
+    done = method.fit([with_inputs(log) for log in recordings], start, request, progress)
     if done.status == "failed":
         return done
     known = done.baseline is not None and len(done.baseline.theta) > 0 and done.load_is_fitted
     readings = _one_by_one(ready, start, request, progress) if len(recordings) > 1 and known else {}
-    return with_rests(verified(replace(done, readings=readings), others, request), [*rested, *checked])
+    whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings}
+    return with_rests(
+        verified(replace(done, recordings=whole, readings=readings), others, request), [*rested, *checked]
+    )
 
 
 def _one_by_one(

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit, Recording, errors_over
 from clutchid.estimate.simulation_error.fit import fit_simulation_error
@@ -15,6 +13,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
+from clutchid.simulation.input_span import at_samples, with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.sensors import with_sensors
@@ -49,12 +48,14 @@ def verification(
     """
     done: dict[str, Recording] = {}
     warnings: list[str] = []
-    for log in driven(logs, actuator.equipment):
+    for recording in driven(logs, actuator.equipment):
+        log = with_inputs(recording)
         used = tuple(name for name in measure if name in log) or ("position",)
         own = pulsed_without_sensors(log, actuator) if through_sensors else Pulsed(log, actuator)
         result = _with_starts(own.log, own.actuator, partition, used)
         for name, one in result.recordings.items():
-            done[name] = compared_at_sensors(one, log, own.actuator.parameters) if through_sensors else one
+            compared = compared_at_sensors(one, log, own.actuator.parameters) if through_sensors else one
+            done[name] = on_samples(compared, recording)
         warnings += [own.warning] if own.warning else []
         warnings += result.warnings if result.status != "failed" else [result.message]
     return done, warnings
@@ -70,7 +71,7 @@ def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) 
     SolveError
         If it cannot be simulated.
     """
-    log = actuator.equipment.driven(log)
+    log = with_inputs(actuator.equipment.driven(log))
     prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
     if all(segment.vented for segment in prepared.segments):
         return tuple((s.position_start, actuator.parameters.P_0) for s in prepared.segments)
@@ -84,12 +85,10 @@ def _with_starts(log: Log, actuator: Actuator, partition: Partition | None, meas
 
 
 def on_samples(one: Recording, log: Log) -> Recording:
-    """A result of a recording at the samples of `log`, if it was simulated on a finer time grid."""
+    """A result of a recording at all samples of `log`, if only those with inputs, or a finer grid, were simulated."""
     if len(one.measured) == len(log):
         return one
-    at = np.searchsorted(one.simulated.time, log.time)
-    columns = {name: values[at] for name, values in one.simulated.columns.items()}
-    return replace(one, measured=log, simulated=replace(one.simulated, time=log.time, columns=columns))
+    return replace(one, measured=log, simulated=at_samples(one.simulated, log))
 
 
 def compared_at_sensors(one: Recording, log: Log, p: Parameters) -> Recording:

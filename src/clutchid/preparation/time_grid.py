@@ -163,7 +163,7 @@ class _Grid:
             else:
                 columns[name] = np.full(self.time.size, np.nan)
                 columns[name][self.first] = values
-        return Log(self.time, columns, log.name, log.metadata)
+        return Log(self.time, columns, log.name, log.metadata, log.warnings)
 
 
 def _period_number(time: FloatArray, period: float, phase: float) -> FloatArray:

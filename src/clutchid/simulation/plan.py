@@ -13,6 +13,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.parameters import Parameters
 from clutchid.signals.excitation import VENTED_POSITION
+from clutchid.simulation.input_span import input_span
 from clutchid.simulation.mean_duties import mean_duties
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
@@ -105,11 +106,9 @@ def plan(
     Raises
     ------
     DataError
-        If the recording lacks an input, or no stretch has two samples with known inputs.
+        As `input_span`; and if no stretch has two samples with known inputs.
     """
-    missing = [name for name in INPUTS if name not in log]
-    if missing:
-        raise DataError(f"{log.name}: no column '{missing[0]}'; a simulation needs both duty cycles.")
+    first = input_span(log).start
     bounds = _stretches(log)
     if not bounds:
         raise DataError(f"{log.name}: no two neighbouring samples have both duty cycles; nothing can be simulated.")
@@ -119,7 +118,9 @@ def plan(
     uncertain = np.zeros(len(log) - 1) if open_std is None else open_std
     segments = tuple(
         replace(
-            _segment(log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure),
+            _segment(
+                log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure, start == first
+            ),
             open_std=uncertain[start : stop - 1],
         )
         for start, stop in bounds
@@ -190,13 +191,15 @@ def _segment(
     jump: NDArray[np.uint8],
     measured: FloatArray,
     use_pressure: bool,
+    begins: bool,
 ) -> Segment:
+    """The samples `start` to `stop` of a recording, which `begins` there, or goes on after a hole."""
     dt = np.diff(log.time[start:stop])
     inputs = held_inputs(log, actuator, start, stop)
     position = log["position"][start:stop] if "position" in log else np.full(stop - start, np.nan)
     pressure = log["pressure_a"][start:stop] if use_pressure else np.full(stop - start, np.nan)
     rest = _rest(log.time[start:stop], position, inputs[:, 0] <= actuator.parameters.R_0vs)
-    vented = start == 0 and _vented(rest[: max(2, int(REST_TIME / dt[0]))], position)
+    vented = begins and _vented(rest[: max(2, int(REST_TIME / dt[0]))], position)
     first = float(np.median(rest)) if vented and rest.size else _first_finite(position, 0.0)
     jump = jump.copy()
     jump[0] = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import TYPE_CHECKING, Literal
 
@@ -14,6 +14,7 @@ from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names, unknown_name
 from clutchid.simulation.failing_term import failing_term
+from clutchid.simulation.input_span import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Plan, Segment, plan
 from clutchid.simulation.run import (
@@ -94,7 +95,7 @@ def simulate(
     Raises
     ------
     DataError
-        If the recording lacks an input, or a partition is given without a recorded position.
+        If the recording lacks an input or no sample has both, or a partition is given without a recorded position.
     ParameterError
         For an unknown name in `sensitivities` or a wrong number of `starts`.
     SolveError
@@ -110,13 +111,15 @@ def simulate(
     '0.15 s'
     """
     log = actuator.equipment.driven(log if isinstance(log, Log) else _read(log, actuator))
-    prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
+    span = input_span(log)
+    prepared = plan(with_inputs(log), actuator, stiffness(actuator, top_speed(partition)), partition)
     if starts is not None and len(starts) != len(prepared.segments):
         raise ParameterError(f"starts: {len(starts)} given, the recording has {len(prepared.segments)} segments.")
     arrays, which = KernelArrays.of(actuator), columns(actuator, _known(sensitivities, actuator))
     names = actuator.states
-    states = np.full((len(log), len(names)), np.nan)
-    sens = np.full((len(log), len(names), len(which.names)), np.nan)
+    everywhere = np.full((len(log), len(names)), np.nan)
+    all_sens = np.full((len(log), len(names), len(which.names)), np.nan)
+    states, sens = everywhere[span], all_sens[span]
     message = ""
     for number, segment in enumerate(prepared.segments):
         x0 = start_state(segment, actuator, starts[number] if starts is not None else None)
@@ -127,15 +130,15 @@ def simulate(
         else:
             states[at], failed = run(segment, arrays, x0)
         if failed >= 0 and not message:
-            message = failure_message(log, segment, states[at], failed, names, actuator)
+            message = failure_message(prepared.log, segment, states[at], failed, names, actuator)
     if message and on_failure == "raise":
         raise SolveError(message)
     return Simulation(
-        log=simulated_log(prepared, states, actuator),
+        log=simulated_log(replace(prepared, log=log), everywhere, actuator),
         status="failed" if message else "ok",
         message=message or "simulated to the end",
-        warnings=prepared.warnings,
-        sensitivities={name: sens[:, :, c] for c, name in enumerate(which.names)},
+        warnings=(*cut_warnings(log, span), *prepared.warnings),
+        sensitivities={name: all_sens[:, :, c] for c, name in enumerate(which.names)},
     )
 
 

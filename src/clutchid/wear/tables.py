@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Callable, Hashable, Mapping
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeVar
@@ -15,9 +17,6 @@ from clutchid.wear.history import Listed
 from clutchid.wear.trend import WearTable
 
 Key = TypeVar("Key", bound=Hashable)
-
-#: One value for every empty cell, so that equal rows are equal.
-UNKNOWN = float("nan")
 
 #: Columns of a table of load against wear, in mm, mm and N.
 WEAR_COLUMNS = ("wear [mm]", "half_load [mm]", "load [N]")
@@ -58,11 +57,16 @@ def _by(path: Path, key: Callable[[Listed], Key]) -> dict[Key, Listed]:
         except ValueError as error:
             problems.append(f"line {line}: {error}")
             continue
-        if found.setdefault(key(one), one) != one:
+        if _known(found.setdefault(key(one), one)) != _known(one):
             problems.append(f"line {line}: '{one.recording}' stands there twice, with other values.")
     if problems:
         raise DataError.of(str(path), problems)
     return found
+
+
+def _known(row: Listed) -> dict[str, object]:
+    """The entries of a row without its empty cells, whose NaN equals no other."""
+    return {name: value for name, value in asdict(row).items() if not (isinstance(value, float) and math.isnan(value))}
 
 
 def read_wear_table(path: Path) -> WearTable:
@@ -120,6 +124,6 @@ def _listed(row: Mapping[str, str]) -> Listed:
 def _number(row: Mapping[str, str], name: str) -> float:
     text = row.get(name, "")
     try:
-        return float(text) if text else UNKNOWN
+        return float(text) if text else math.nan
     except ValueError:
         raise ValueError(f"{name} '{text}' is no number.") from None

@@ -15,6 +15,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
+from clutchid.simulation.run import PRESSURE_START
 from clutchid.uncertainty.covariance import Covariance, sandwich
 from clutchid.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 
@@ -52,8 +53,27 @@ def result(problem: Problem, solution: Solution, scales: Mapping[str, float]) ->
         bounds=bounds_in_si(problem),
         evaluations=solution.evaluations,
         warnings=tuple(warnings),
+        notes=_estimated_starts(problem, recordings),
         converged=converged,
     )
+
+
+def _estimated_starts(problem: Problem, recordings: Mapping[str, Recording]) -> tuple[str, ...]:
+    """A note for each recording whose start was estimated: a simulation needs the same start for the same errors."""
+    notes = []
+    for number, prepared in enumerate(problem.plans):
+        first = next(part for part in problem.segments if part.log == number)
+        if not first.start:
+            continue
+        name = prepared.log.name
+        position, pressure = recordings[name].starts[0]
+        estimated = f"position {position * 1e3:.3g} mm"
+        estimated += f" and pressure {pressure / 1e5:.4g} bar" if PRESSURE_START in first.start_names else ""
+        notes.append(
+            f"{name}: does not start vented and at rest, so that its start was estimated: {estimated}. A saved result "
+            f"has it for clutchid simulate; in Python pass starts=fit.recordings['{name}'].starts."
+        )
+    return tuple(notes)
 
 
 def furthest(logs: Sequence[Log]) -> float:

@@ -70,6 +70,7 @@ def samples(array: NDArray[Any], numbers: Numbers, channel: int, start: int, sto
 
 
 def _class_name(value: NDArray[Any]) -> str:
-    """Name of the class of an object that SciPy does not decode."""
-    name = value["s2"].ravel()[0] if value.size else b""
+    """Name of the class of an object that SciPy does not decode; the field has this name from SciPy 1.18 on."""
+    field = "_Class" if "_Class" in (value.dtype.names or ()) else "s2"
+    name = value[field].ravel()[0] if value.size else b""
     return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)

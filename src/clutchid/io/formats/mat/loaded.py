@@ -133,14 +133,14 @@ def _loaded(path: Path, names: list[str] | None) -> dict[str, Any]:
     codec: dict[str, Any] = {"uint16_codec": order} if order else {}
     with _quiet():
         found = loadmat(str(path), appendmat=False, variable_names=names, **codec)
-        if isinstance(found.get(_NAMELESS), MatlabOpaque):
+        if isinstance(found.get(_NAMELESS), MatlabOpaque) and "s0" in found[_NAMELESS].dtype.names:
             found |= _objects(path)
             del found[_NAMELESS]
     return {name: value for name, value in found.items() if name not in _OWN}
 
 
 def _objects(path: Path) -> dict[str, Any]:
-    """The objects of the file, to all of which SciPy gives one name, by their own."""
+    """The objects of the file, to all of which SciPy before 1.18 gives one name, by their own."""
     from scipy.io.matlab import loadmat, varmats_from_mat
 
     with path.open("rb") as file:
