@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from clutchid import Actuator, Fit, fit
-from clutchid.estimate.automatic import BALANCE, PAPER, STRIBECK
+from clutchid.estimation.automatic import BALANCE, PAPER, STRIBECK
 from clutchid.truck import drive, truck
 
 TWENTY_FIVE = ("load", *(name for name in (*PAPER, *BALANCE, *STRIBECK) if name not in ("K_z", "D_zdot", "v_S")))

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 import clutchid
-from clutchid.estimate.one_pass import with_window_steps
+from clutchid.estimation.one_pass import with_window_steps
 from clutchid.filter.joint_filter import follow, init, inputs
 from clutchid.filter.joint_setup import JointSettings, joint_filter
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare, tracks_with_steps

@@ -24,7 +24,7 @@ import numpy as np
 
 import clutchid
 from clutchid import fit
-from clutchid.estimate.parameter_file import ParameterFile
+from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observe.following import observe

@@ -17,7 +17,7 @@ import numpy as np
 from widening import CASES, WEAR
 
 import clutchid
-from clutchid.estimate import phase as estimated
+from clutchid.estimation import phase as estimated
 from clutchid.preparation import pulses
 from clutchid.preparation.carrier import centred
 from clutchid.signals.duty_cycle import grid_phase

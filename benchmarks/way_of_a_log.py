@@ -17,7 +17,7 @@ from typing import Any
 
 import clutchid
 from clutchid import Actuator, Fit, Log, fit
-from clutchid.estimate.simulation_error.problem import Problem, ProblemSegment
+from clutchid.estimation.simulation_error.problem import Problem, ProblemSegment
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.windows import Track
 from clutchid.smoother.problem import FitProblem

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from clutchid import DataError, Fit, Prior, SolveError, fit
-from clutchid.estimate.fit import MethodName
+from clutchid.estimation.fit import MethodName
 from clutchid.log import INPUTS
 from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.ground import SECONDS, STROKES

@@ -19,7 +19,7 @@ import numpy as np
 from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.half_load import half_load
 from clutchid.errors import ClutchidError
-from clutchid.estimate import Fit, fit
+from clutchid.estimation import Fit, fit
 from clutchid.strokes.vented_rest import rest_shift, vented_rest
 from clutchid.truck import GRID, Drive, drive, truck
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     __version__: str
     from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
-    from clutchid.estimate import Fit, fit
-    from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
+    from clutchid.estimation import Fit, fit
+    from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
     from clutchid.io import read, read_pieces, write
     from clutchid.io.look.look import look
     from clutchid.log import Log
@@ -34,7 +34,7 @@ _HOME = {
     "ClutchidError": "clutchid.errors",
     "DataError": "clutchid.errors",
     "ExportError": "clutchid.errors",
-    "Fit": "clutchid.estimate",
+    "Fit": "clutchid.estimation",
     "Load": "clutchid.model",
     "Log": "clutchid.log",
     "MissingExtra": "clutchid.errors",
@@ -45,15 +45,15 @@ _HOME = {
     "Simulation": "clutchid.simulation",
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
-    "fit": "clutchid.estimate",
+    "fit": "clutchid.estimation",
     "look": "clutchid.io.look.look",
-    "parameter_file": "clutchid.estimate.parameter_file",
+    "parameter_file": "clutchid.estimation.parameter_file",
     "read": "clutchid.io",
     "read_pieces": "clutchid.io",
-    "read_parameters": "clutchid.estimate.parameter_file",
+    "read_parameters": "clutchid.estimation.parameter_file",
     "simulate": "clutchid.simulation",
     "write": "clutchid.io",
-    "write_parameters": "clutchid.estimate.parameter_file",
+    "write_parameters": "clutchid.estimation.parameter_file",
 }
 
 __all__ = [

@@ -13,9 +13,9 @@ from clutchid.names import printable
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
-    from clutchid.estimate import Fit
-    from clutchid.estimate.parameter_file import ParameterFile
-    from clutchid.estimate.request import FitRequest
+    from clutchid.estimation import Fit
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.estimation.request import FitRequest
     from clutchid.model.actuator import Actuator
     from clutchid.model.compiled import Model
     from clutchid.model.equipment import Equipment
@@ -111,7 +111,7 @@ def start_file(path: Path, model: Model | None) -> ParameterFile:
     ParameterError
         If the file cannot be understood, or a different `model` is given.
     """
-    from clutchid.estimate.parameter_file import read_parameters
+    from clutchid.estimation.parameter_file import read_parameters
     from clutchid.model.own import OwnModel
 
     content = read_parameters(path, model if isinstance(model, OwnModel) else None)
@@ -129,8 +129,8 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
     ParameterError
         As `start_file`.
     """
-    from clutchid.estimate.automatic import AUTOMATIC
-    from clutchid.estimate.parameter_file import started
+    from clutchid.estimation.automatic import AUTOMATIC
+    from clutchid.estimation.parameter_file import started
     from clutchid.model.actuator import Actuator
 
     if path is None:
@@ -157,7 +157,7 @@ def fit_recordings(
     DataError, ParameterError, SolveError
         As `clutchid.fit`.
     """
-    from clutchid.estimate.fit import fit_request
+    from clutchid.estimation.fit import fit_request
 
     checked = inspected([*logs, *verify], actuator, force=force, rest=request.counted_from, zero=request.zero)
     return Outcome(fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised())
@@ -171,7 +171,7 @@ def check_save(path: Path) -> None:
     ExportError
         If the suffix is unknown, or MATLAB cannot use the name.
     """
-    from clutchid.estimate.parameter_file import MATLAB_SUFFIXES
+    from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
     from clutchid.report.matlab import check_name
 
     suffix = path.suffix.lower()
@@ -192,7 +192,7 @@ def save(outcome: Outcome, path: Path) -> None:
     ExportError
         If the suffix is unknown or the file cannot be written; an existing file is unchanged.
     """
-    from clutchid.estimate.parameter_file import MATLAB_SUFFIXES, parameter_file, write_parameters
+    from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, parameter_file, write_parameters
     from clutchid.report.matlab import write_matlab
 
     check_save(path)

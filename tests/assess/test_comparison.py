@@ -7,8 +7,8 @@ import pytest
 
 from clutchid.assess.comparison import SMALLEST_SHARE, comparison
 from clutchid.assess.evidence import reach
-from clutchid.estimate import LoadCurve, fit
-from clutchid.estimate.outcome import QUANTILE
+from clutchid.estimation import LoadCurve, fit
+from clutchid.estimation.outcome import QUANTILE
 from clutchid.uncertainty.calibration import Origin
 from fixtures.baselines import calibration_like, with_baseline
 

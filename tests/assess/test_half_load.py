@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.assess.half_load import half_load, half_load_band
-from clutchid.estimate import LoadCurve
+from clutchid.estimation import LoadCurve
 from clutchid.report.load_tables import load_table
 
 Y = np.linspace(0.0, 25e-3, 101)

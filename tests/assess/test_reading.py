@@ -8,8 +8,8 @@ import pytest
 from clutchid.assess.evidence import reach
 from clutchid.assess.reading import expected_error, reading_reasons
 from clutchid.assess.verdict import verdict
-from clutchid.estimate import LoadCurve, fit
-from clutchid.estimate.changes import Departure
+from clutchid.estimation import LoadCurve, fit
+from clutchid.estimation.changes import Departure
 from fixtures.baselines import ORIGIN, with_baseline
 
 NEAR = Departure(distance=5.0, parameters=24, misfit=1.0)

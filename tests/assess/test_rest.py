@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from clutchid.assess.rest import Stop, moved_rests, rest_cause
-from clutchid.estimate.fit import fit_request
-from clutchid.estimate.parameter_file import parameter_file, read_parameters, write_parameters
-from clutchid.estimate.request import FitRequest
+from clutchid.estimation.fit import fit_request
+from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
+from clutchid.estimation.request import FitRequest
 from clutchid.inspection import inspect
 from clutchid.report.fit_json import fit_json
 from clutchid.report.summary import summary

@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.assess.evidence import actuator_of, as_recorded, evidence, information, predicted_fit, reach
 from clutchid.assess.verdict import verdict
-from clutchid.estimate import Estimate, LoadCurve, fit
+from clutchid.estimation import Estimate, LoadCurve, fit
 from clutchid.log import Log
 from clutchid.report.fit_json import verdict_json
 from clutchid.simulation.sensors import lagged

@@ -6,7 +6,7 @@ import pytest
 
 from clutchid.cli import main
 from clutchid.errors import DataError
-from clutchid.estimate.parameter_file import ParameterFile, write_parameters
+from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.inspection import inspect
 from clutchid.io import read, write
 from clutchid.model import Actuator

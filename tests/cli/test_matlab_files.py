@@ -10,7 +10,7 @@ from scipy.io import loadmat
 
 from clutchid import truck as virtual
 from clutchid.cli import main
-from clutchid.estimate.parameter_file import read_parameters
+from clutchid.estimation.parameter_file import read_parameters
 from clutchid.io import write
 from fixtures.matlab_text import struct_in
 

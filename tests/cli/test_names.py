@@ -8,7 +8,7 @@ from xml.sax.saxutils import escape
 import pytest
 
 from clutchid.cli import main
-from clutchid.estimate.parameter_file import read_parameters
+from clutchid.estimation.parameter_file import read_parameters
 from clutchid.io import read, write
 from clutchid.io.look.look import look
 from clutchid.parameters import Parameters

@@ -13,7 +13,7 @@ import polars as pl
 import pytest
 
 from clutchid.cli import main
-from clutchid.estimate.parameter_file import ParameterFile, write_parameters
+from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.io.formats.can.file import frame_log
 from clutchid.observe.health import LIVE_FLAGS
 from clutchid.truck import drive, truck

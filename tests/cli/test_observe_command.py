@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from clutchid.cli import main
-from clutchid.estimate.parameter_file import ParameterFile, write_parameters
+from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.io import write
 from clutchid.log import Log
 from clutchid.observe.health import FLAGS

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.estimate.parameter_file import read_parameters
+from clutchid.estimation.parameter_file import read_parameters
 from clutchid.model import own_model
 from clutchid.model.own.units import TERM_UNITS
 

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.parameter_file import read_parameters
+from clutchid.estimation.parameter_file import read_parameters
 from clutchid.io.toml_file import read_toml
 
 STRANGE = {

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clutchid.estimate.free import bounds_of
-from clutchid.estimate.result import errors_over
+from clutchid.estimation.free import bounds_of
+from clutchid.estimation.result import errors_over
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.static import static_pressure

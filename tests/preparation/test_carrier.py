@@ -5,7 +5,7 @@ import pytest
 
 from clutchid import truck as virtual
 from clutchid.errors import DataError
-from clutchid.estimate.automatic import AUTOMATIC
+from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import (

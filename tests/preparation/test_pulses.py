@@ -7,10 +7,10 @@ import pytest
 
 import clutchid
 from clutchid.errors import DataError
-from clutchid.estimate.calibrate import fit_with_priors
-from clutchid.estimate.request import FitRequest
-from clutchid.estimate.shooting.fit import SHOOTING
-from clutchid.estimate.verification import on_samples
+from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.shooting.fit import SHOOTING
+from clutchid.estimation.verification import on_samples
 from clutchid.preparation.carrier import centred
 from clutchid.preparation.pulses import STAMP_STD, Duties, duties_in, find_phase, lacks_changes, pulsed
 from clutchid.simulation.sensors import lagged

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from clutchid.estimate.changes import Change
+from clutchid.estimation.changes import Change
 from clutchid.report.changes import change_sentences, short_changes
 
 

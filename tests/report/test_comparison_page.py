@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from clutchid.assess.comparison import comparison
-from clutchid.estimate import LoadCurve
-from clutchid.estimate.changes import Change
+from clutchid.estimation import LoadCurve
+from clutchid.estimation.changes import Change
 from clutchid.report.comparison_page import change_table, comparison_figure, comparison_sections, readings_table
 from clutchid.report.figures import svg
 from clutchid.report.fit_page import page_of

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from clutchid.cli.common import print_json
-from clutchid.estimate import LoadCurve
-from clutchid.estimate.changes import Change
+from clutchid.estimation import LoadCurve
+from clutchid.estimation.changes import Change
 from clutchid.report.fit_json import fit_json
 from clutchid.uncertainty.calibration import Origin
 from fixtures.baselines import ORIGIN, with_baseline

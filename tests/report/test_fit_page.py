@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ExportError
-from clutchid.estimate import LoadCurve
+from clutchid.estimation import LoadCurve
 from clutchid.log import Log
 from clutchid.report import fit_page
 from clutchid.report.fit_page import MAX_DRAWN, error_table, page_of

@@ -13,10 +13,10 @@ from scipy.io import loadmat
 from sympy import symbols
 
 from clutchid.errors import ExportError, ParameterError
-from clutchid.estimate import Fit
-from clutchid.estimate.changes import Change
-from clutchid.estimate.parameter_file import read_parameters
-from clutchid.estimate.result import Estimate
+from clutchid.estimation import Fit
+from clutchid.estimation.changes import Change
+from clutchid.estimation.parameter_file import read_parameters
+from clutchid.estimation.result import Estimate
 from clutchid.model import Actuator, Load, OwnModel, OwnParameter
 from clutchid.model.equipment import Equipment
 from clutchid.report.matlab import check_name, write_matlab

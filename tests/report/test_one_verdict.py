@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from clutchid.assess.verdict import verdict
-from clutchid.estimate import LoadCurve
-from clutchid.estimate.changes import Change
+from clutchid.estimation import LoadCurve
+from clutchid.estimation.changes import Change
 from clutchid.report.fit_json import fit_json
 from clutchid.report.fit_page import page_of
 from clutchid.report.fit_text import fit_text

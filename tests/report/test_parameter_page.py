@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate import Estimate
+from clutchid.estimation import Estimate
 from clutchid.model import Load
 from clutchid.report.html import Details
 from clutchid.report.parameter_page import parameter_blocks, parameter_table

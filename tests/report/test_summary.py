@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimate import Estimate, LoadCurve
-from clutchid.estimate.changes import Change
+from clutchid.estimation import Estimate, LoadCurve
+from clutchid.estimation.changes import Change
 from clutchid.report.fit_json import fit_json
 from clutchid.report.fit_page import page_of
 from clutchid.report.fit_text import fit_text

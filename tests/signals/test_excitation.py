@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.assess.missing_excitation import missing
 from clutchid.errors import DataError
-from clutchid.estimate.simulation_error.problem import build_problem, linearise
+from clutchid.estimation.simulation_error.problem import build_problem, linearise
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import Linearisation

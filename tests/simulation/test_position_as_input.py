@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimate import fit
+from clutchid.estimation import fit
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.assess.reason import Reason
-from clutchid.estimate.outcome import physical_limits
-from clutchid.estimate.result import Fit
+from clutchid.estimation.outcome import physical_limits
+from clutchid.estimation.result import Fit
 from clutchid.names import base_of
 from clutchid.uncertainty.identifiability import listed
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
-from clutchid.estimate.outcome import calibrated_curve
-from clutchid.estimate.result import Fit, LoadCurve
+from clutchid.estimation.outcome import calibrated_curve
+from clutchid.estimation.result import Fit, LoadCurve
 from clutchid.log import FloatArray
 
 

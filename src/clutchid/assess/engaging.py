@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.assess.comparison import Comparison
-from clutchid.estimate.result import Fit
+from clutchid.estimation.result import Fit
 from clutchid.log import Log
 from clutchid.numerics.interval import QUANTILE
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.assess.diagnostics import Diagnosis, diagnose, fit_percent
 from clutchid.assess.missing_excitation import missing
-from clutchid.estimate.result import Fit, Recording
+from clutchid.estimation.result import Fit, Recording
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.signals.excitation import excitation, joined

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.estimate import LoadCurve
+from clutchid.estimation import LoadCurve
 from clutchid.log import FloatArray
 
 

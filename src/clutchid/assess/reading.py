@@ -9,8 +9,8 @@ import numpy as np
 
 from clutchid.assess.evidence import reach
 from clutchid.assess.reason import Reason
-from clutchid.estimate.changes import Departure
-from clutchid.estimate.result import Fit
+from clutchid.estimation.changes import Departure
+from clutchid.estimation.result import Fit
 from clutchid.numerics.interval import QUANTILE
 
 #: Expected error of the load, rms over the stroke in % of the peak: up to the first it is good, beyond the second none.

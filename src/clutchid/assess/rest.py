@@ -8,7 +8,7 @@ import numpy as np
 
 from clutchid.assess.comparison import Comparison
 from clutchid.assess.reason import Reason
-from clutchid.estimate.result import Fit
+from clutchid.estimation.result import Fit
 from clutchid.names import ParameterName
 from clutchid.numerics.interval import QUANTILE
 from clutchid.strokes.vented_rest import RestShift

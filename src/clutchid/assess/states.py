@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchid.assess.engaging import ENGAGING, SHARES, WORTH, Measurement, measured
 from clutchid.assess.reason import Reason
-from clutchid.estimate.result import Fit
+from clutchid.estimation.result import Fit
 from clutchid.uncertainty.identifiability import listed
 
 #: Probability that recordings of one state of wear are taken for several, as of a 95 % interval.

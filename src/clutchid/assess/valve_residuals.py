@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from clutchid.assess.diagnostics import BEYOND, LEAST_CORRELATION, MOST_OUTSIDE, ColumnDiagnosis
 from clutchid.assess.evidence import Evidence, reach
 from clutchid.assess.reason import Reason
-from clutchid.estimate.result import Fit
+from clutchid.estimation.result import Fit
 
 
 class _Residual(NamedTuple):

@@ -16,7 +16,7 @@ from clutchid.assess.reason import Reason
 from clutchid.assess.rest import rest_reasons
 from clutchid.assess.states import states_reasons
 from clutchid.assess.valve_residuals import valve_notes, valve_reasons
-from clutchid.estimate.result import Fit
+from clutchid.estimation.result import Fit
 from clutchid.uncertainty.identifiability import collinear, listed
 from clutchid.uncertainty.information import spectrum
 
@@ -84,7 +84,7 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     --------
     A calibration by the paper's method with the piston at rest determines nothing:
 
-    >>> from clutchid.estimate import fit
+    >>> from clutchid.estimation import fit
     >>> from clutchid.log import Log
     >>> t = np.arange(0.0, 1.0, 1e-3)
     >>> still = Log(t, {name: np.zeros(1000) for name in ("position", "duty_supply", "duty_exhaust")})

@@ -26,7 +26,7 @@ from clutchid.errors import ParameterError
 from clutchid.names import listed_names
 
 if TYPE_CHECKING:
-    from clutchid.estimate.request import FitRequest
+    from clutchid.estimation.request import FitRequest
     from clutchid.log import Log
     from clutchid.model.actuator import Actuator
     from clutchid.workflow import Outcome
@@ -120,7 +120,7 @@ class FitOptions:
         ParameterError
             If an option cannot be understood.
         """
-        from clutchid.estimate.request import FitRequest
+        from clutchid.estimation.request import FitRequest
 
         return FitRequest(
             listed_names(measure),

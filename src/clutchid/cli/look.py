@@ -16,7 +16,7 @@ from clutchid.parameters import Parameters
 from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.io.look.overview import Look
     from clutchid.io.map.channel_map import ChannelMap
 

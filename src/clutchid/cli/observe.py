@@ -15,7 +15,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.workflow import Reading, inspected, read_recordings
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
     from clutchid.observe.recording import ObservedRecording
     from clutchid.strokes.vented_rest import Zero

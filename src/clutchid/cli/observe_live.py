@@ -21,7 +21,7 @@ from clutchid.io.live.bus import BusName, bus_name
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.io.live.arrival import LiveBlock
     from clutchid.observe.live import LiveRun
     from clutchid.observe.observer import Observer, ObserverState

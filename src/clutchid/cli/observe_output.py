@@ -15,7 +15,7 @@ from clutchid.names import printable
 from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.observe.recording import ObservedRecording
 
 

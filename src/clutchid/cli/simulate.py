@@ -23,8 +23,8 @@ from clutchid.cli.common import (
 from clutchid.workflow import Reading, inspected, read_recordings, start_file
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile
-    from clutchid.estimate.recording_sections import Starts
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.estimation.recording_sections import Starts
     from clutchid.log import Log
     from clutchid.simulation import Partition, Simulation
     from clutchid.strokes.vented_rest import Rested
@@ -116,7 +116,7 @@ def _moved(rested: Rested) -> tuple[str, ...]:
 
 def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path, json: bool) -> None:
     """Print the errors of the simulation against what was measured, and its warnings."""
-    from clutchid.estimate.result import errors_over
+    from clutchid.estimation.result import errors_over
     from clutchid.report.fit_json import errors_json
     from clutchid.report.fit_text import errors_text
 
@@ -141,7 +141,7 @@ def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, P
 
 def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition: Partition | None) -> Log:
     """`simulated` with an interval of its pressure from the recordings `others`, simulated in the same way."""
-    from clutchid.estimate.verification import starts_of
+    from clutchid.estimation.verification import starts_of
     from clutchid.simulation import simulate as simulate_log
     from clutchid.uncertainty.switching_band import switching_band
 
@@ -156,7 +156,7 @@ def _starts(
     recording: Log, content: ParameterFile, partition: Partition | None, file: Path
 ) -> tuple[Starts, tuple[str, ...]]:
     """Start values of the segments, from the parameter file `file` if it has them for exactly this recording."""
-    from clutchid.estimate.verification import starts_of
+    from clutchid.estimation.verification import starts_of
 
     from_file = content.starts_for(recording)
     if from_file is not None:

@@ -12,8 +12,8 @@ from clutchid import workflow
 from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.assess.reading import departs
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimate.request import FitRequest
-from clutchid.estimate.result import LoadCurve
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.result import LoadCurve
 from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
 from clutchid.strokes.vented_rest import Zero, from_rest
@@ -21,7 +21,7 @@ from clutchid.wear.life import Curve
 from clutchid.wear.measurement import Reading, leak_of, measured, unmeasured
 
 if TYPE_CHECKING:
-    from clutchid.estimate.parameter_file import ParameterFile
+    from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
 
 #: What is wrong with a row of a table without a file.

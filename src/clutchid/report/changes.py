@@ -9,8 +9,8 @@ import numpy as np
 
 from clutchid.assess.evidence import reach
 from clutchid.assess.states import states_of_wear
-from clutchid.estimate.changes import Change
-from clutchid.estimate.result import Fit
+from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Fit
 from clutchid.report.rest import rest_sentences
 from clutchid.report.style import BAR
 from clutchid.uncertainty.conditions import Assumption, by_supply

@@ -10,8 +10,8 @@ import numpy as np
 from clutchid.assess.comparison import Comparison
 from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.half_load import HalfLoad
-from clutchid.estimate import Fit
-from clutchid.estimate.result import LoadCurve
+from clutchid.estimation import Fit
+from clutchid.estimation.result import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.report.changes import assumed_sentences, since_calibration
 from clutchid.report.figures import draw, label, legend, mark_span, new_figure, svg

@@ -9,7 +9,7 @@ from clutchid.assess.diagnostics import Diagnosis, remarks
 from clutchid.assess.evidence import HORIZON, Evidence, information
 from clutchid.assess.verdict import Verdict
 from clutchid.errors import ClutchidError
-from clutchid.estimate import Fit
+from clutchid.estimation import Fit
 from clutchid.report.diagnosis_figures import SHOWN, colour_figure, region_figure
 from clutchid.report.figures import png
 from clutchid.report.html import Block, Bullets, Details, Notice, Picture, Text, escape

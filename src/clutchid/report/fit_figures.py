@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import half_load_band
-from clutchid.estimate import Fit
-from clutchid.estimate.result import Recording
+from clutchid.estimation import Fit
+from clutchid.estimation.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.report.figures import BINS, draw, fill, label, legend, mark_span, new_figure
 from clutchid.report.style import BAR, MM, STYLE, Line

@@ -9,9 +9,9 @@ import numpy as np
 from clutchid.assess.comparison import Comparison
 from clutchid.assess.diagnostics import ColumnDiagnosis, remarks
 from clutchid.assess.states import states_of_wear
-from clutchid.estimate import Fit
-from clutchid.estimate.changes import Change
-from clutchid.estimate.result import Errors, LoadCurve
+from clutchid.estimation import Fit
+from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Errors, LoadCurve
 from clutchid.report.changes import notes_of, supply_worth
 from clutchid.report.rest import rests_json
 from clutchid.signals.residual_colour import CrossCorrelation

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.evidence import Evidence, as_recorded, reach
 from clutchid.assess.half_load import half_load_band
-from clutchid.estimate import Fit
-from clutchid.estimate.result import Errors, Recording
+from clutchid.estimation import Fit
+from clutchid.estimation.result import Errors, Recording
 from clutchid.report.comparison_page import comparison_sections
 from clutchid.report.diagnosis_page import (
     diagnosis_table,

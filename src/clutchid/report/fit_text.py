@@ -6,8 +6,8 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from clutchid.estimate import Fit
-    from clutchid.estimate.result import Errors
+    from clutchid.estimation import Fit
+    from clutchid.estimation.result import Errors
 
 
 def errors_text(errors: Errors) -> str:
@@ -15,7 +15,7 @@ def errors_text(errors: Errors) -> str:
 
     Examples
     --------
-    >>> from clutchid.estimate.result import Errors
+    >>> from clutchid.estimation.result import Errors
     >>> errors_text(Errors(2.5e-4, 1e-6, None, None)), errors_text(Errors(2.5e-4, 1e-6, 7100.0, 1e9))
     ('position 0.250 mm rms', 'position 0.250 mm rms, pressure 7.1 kPa rms')
     """

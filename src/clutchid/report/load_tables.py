@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.estimate import LoadCurve
+from clutchid.estimation import LoadCurve
 from clutchid.report.style import MM
 from clutchid.report.tables import Cell, Column, Table
 

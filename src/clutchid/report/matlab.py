@@ -15,9 +15,9 @@ from unicodedata import combining, normalize
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.estimate.model_section import model_entries
-from clutchid.estimate.parameter_file import MATLAB_SUFFIXES
-from clutchid.estimate.result import Estimate, Fit
+from clutchid.estimation.model_section import model_entries
+from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
+from clutchid.estimation.result import Estimate, Fit
 from clutchid.io.files import atomic_write
 from clutchid.names import ParameterName
 from clutchid.report.fit_json import change_json, comparison_json, curve_json, origin_json

@@ -9,7 +9,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from clutchid.assess.states import states_of_wear
-from clutchid.estimate import Fit
+from clutchid.estimation import Fit
 from clutchid.model import Actuator
 from clutchid.report.summary import of_the_paper
 

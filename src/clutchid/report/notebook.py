@@ -15,7 +15,7 @@ from clutchid.report.style import BAR, MM, STYLE, Line
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from clutchid.estimate.result import Fit
+    from clutchid.estimation.result import Fit
     from clutchid.simulation.simulation import Simulation
 
 #: Panels of a log: label, and display unit in SI and line of its columns; a panel without a column is left out.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from clutchid.assess.observed import indicators, observed_verdict
-from clutchid.estimate.result import LoadCurve, errors_over
+from clutchid.estimation.result import LoadCurve, errors_over
 from clutchid.observe.by_stroke import known
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.fit_json import curve_json, errors_json

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.estimate.result import LoadCurve
+from clutchid.estimation.result import LoadCurve
 from clutchid.io.table import to_frame
 from clutchid.log import FloatArray
 from clutchid.observe.by_stroke import StrokeRow

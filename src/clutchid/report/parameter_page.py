@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from clutchid.assess.evidence import reach
-from clutchid.estimate import Fit
+from clutchid.estimation import Fit
 from clutchid.report.html import Block, Details, Text, escape
 from clutchid.report.load_tables import load_table
 from clutchid.report.tables import Cell, Column, Table, scientific

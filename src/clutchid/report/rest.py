@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from clutchid.assess.rest import Cause, MovedRest, moved_rests
-from clutchid.estimate.result import Fit
+from clutchid.estimation.result import Fit
 from clutchid.report.style import MM
 from clutchid.strokes.vented_rest import RestShift
 

@@ -14,7 +14,7 @@ from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.assess.rest import moved_rests
 from clutchid.assess.states import states_of_wear
-from clutchid.estimate import Fit
+from clutchid.estimation import Fit
 from clutchid.report.changes import assumed_sentences, short_changes
 from clutchid.report.fit_text import errors_text, errors_words
 from clutchid.report.rest import rest_words

@@ -10,8 +10,8 @@ import numpy as np
 
 from clutchid.assess.diagnostics import fit_percent
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimate.result import Estimate
-from clutchid.estimate.search_state import ended
+from clutchid.estimation.result import Estimate
+from clutchid.estimation.search_state import ended
 from clutchid.log import FloatArray, Log
 from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import Solution, minimise

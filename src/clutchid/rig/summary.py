@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from clutchid.estimate.result import Estimate
+from clutchid.estimation.result import Estimate
 from clutchid.rig.coulomb import CoulombFriction, Level
 from clutchid.rig.weighted import Interval
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from clutchid.estimate.result import Estimate
+from clutchid.estimation.result import Estimate
 from clutchid.rig.coulomb import CoulombFriction
 from clutchid.rig.lugre import LugreFit
 

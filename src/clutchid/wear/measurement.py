@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from clutchid.assess.engaging import Measurement, change_of, measured
-from clutchid.estimate.result import Fit
+from clutchid.estimation.result import Fit
 from clutchid.strokes.vented_rest import RestShift
 
 __all__ = ["Leak", "Measurement", "Reading", "leak_of", "measured", "unmeasured"]

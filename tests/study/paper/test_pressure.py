@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.estimate.result import Recording, errors_over
+from clutchid.estimation.result import Recording, errors_over
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.static import static_load, static_pressure

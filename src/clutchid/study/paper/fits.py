@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from clutchid.estimate import Fit, fit
-from clutchid.estimate.result import Recording
+from clutchid.estimation import Fit, fit
+from clutchid.estimation.result import Recording
 from clutchid.log import Log
 from clutchid.model.weighted_load import Load
 from clutchid.simulation import Partition

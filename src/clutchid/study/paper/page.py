@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.estimate import Fit
+from clutchid.estimation import Fit
 from clutchid.log import Log
 from clutchid.report.html import Bullets, Notice, Page, Picture, Section, Text, escape
 from clutchid.report.provenance import provenance

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from clutchid.estimate.result import Recording
+from clutchid.estimation.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.static import balanced_pressure, static_load, static_pressure

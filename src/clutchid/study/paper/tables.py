@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from clutchid.estimate.result import Errors
+from clutchid.estimation.result import Errors
 from clutchid.report.style import BAR, MM
 from clutchid.report.tables import Cell, Column, Table
 from clutchid.study.paper.fits import Carry, Case, Method, chosen, load_error

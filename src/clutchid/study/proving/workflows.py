@@ -8,9 +8,9 @@ from dataclasses import asdict, replace
 from functools import partial
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimate import Fit, fit
-from clutchid.estimate.automatic import AUTOMATIC
-from clutchid.estimate.fit import MethodName
+from clutchid.estimation import Fit, fit
+from clutchid.estimation.automatic import AUTOMATIC
+from clutchid.estimation.fit import MethodName
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name

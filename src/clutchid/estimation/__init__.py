@@ -1,0 +1,6 @@
+"""Estimation of parameters and load from recordings, with uncertainties."""
+
+from clutchid.estimation.fit import fit
+from clutchid.estimation.result import Estimate, Fit, LoadCurve
+
+__all__ = ["Estimate", "Fit", "LoadCurve", "fit"]

@@ -1,0 +1,260 @@
+"""Fits with priors: free parameters, search, changes since a calibration, and the new calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.estimation.automatic import automatic
+from clutchid.estimation.changes import Change, Departure
+from clutchid.estimation.departure import departure, relative_misfit
+from clutchid.estimation.free import FreeParameters, SearchStart, bounds_of, free_names
+from clutchid.estimation.hypotheses import explained
+from clutchid.estimation.mixture import changes, mixture
+from clutchid.estimation.outcome import failed_fit
+from clutchid.estimation.position_only import position_only_errors
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.result import Fit
+from clutchid.estimation.search_result import SearchMethod, SearchResult, SolutionT
+from clutchid.estimation.search_state import Continuation
+from clutchid.estimation.verification import on_samples
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.names import ParameterName, base_of
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+from clutchid.preparation.prepare import FROM_POSITION_ALONE
+from clutchid.smoother.problem import FitProblem
+from clutchid.strokes.vented_rest import merged, vented_rest
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.conditions import (
+    CONDITIONS,
+    Conditions,
+    assumed_conditions,
+    condition_warnings,
+    conditions_of,
+    with_estimated_supply,
+)
+from clutchid.uncertainty.consider import calibrated_deviation
+from clutchid.uncertainty.coordinates import Prior
+
+
+def fit_with_priors(
+    method: SearchMethod[SolutionT],
+    logs: Sequence[Log],
+    actuator: Actuator,
+    request: FitRequest,
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit as requested by `method`; with pressure in use and a free load the result is also a calibration.
+
+    Status "failed" if the search cannot start.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    actuator, free = free_parameters(logs, actuator, request)
+    if request.continues and request.continues.applies(free.names, free.measure, data_of(logs)):
+        request, free = continued(request, request.continues, free)
+    request = replace(request, profile=actuator.expanded(request.profile))
+    check_size(logs, free)
+    _check_profiled(request, free)
+    conditions = conditions_of(logs, actuator)
+    search_result, found, departs = _searched(method, logs, actuator, free, request.calibration, progress)
+    result = method.result(search_result, request.calibration)
+    if isinstance(result, Failure):
+        bounds = {c.name: (c.low, c.high) for c in search_result.problem.coordinates}
+        return failed_fit(
+            search_result.problem.actuator, bounds, search_result.method, result.message, search_result.plans
+        )
+    result = replace(
+        result,
+        baseline=request.calibration,
+        search=result.search and replace(result.search, free=free.names),
+        recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
+        changes=found,
+        departure=departs,
+    )
+    if method.check and request.checks:
+        result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
+    if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
+        kept = replace(result, calibration=request.calibration)
+        return _with_conditions(kept, search_result.problem, logs, free)
+    return _with_calibration(method, result, logs, actuator, conditions, progress)
+
+
+def _with_calibration(
+    method: SearchMethod[SolutionT],
+    result: Fit,
+    logs: Sequence[Log],
+    actuator: Actuator,
+    conditions: Conditions,
+    progress: Progress | None,
+) -> Fit:
+    """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""
+    from clutchid.observe.usual import usual_nis  # on use: readings do without an observer
+
+    kept = calibration_of(result, actuator)
+    simulated = [result.recordings[log.name].simulated for log in logs]
+    conditions = with_estimated_supply(conditions, logs, simulated)
+    # without the conditions, so that the errors hold for readings of recordings that lack them
+    errors = position_only_errors(method, logs, result.actuator, kept, progress)
+    kept = replace(kept, position_only=errors, conditions=conditions)
+    return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
+
+
+def _with_conditions(result: Fit, problem: FitProblem, logs: Sequence[Log], free: FreeParameters) -> Fit:
+    """`result` with warnings about recorded conditions that its calibration lacks, and with what is assumed of others.
+
+    Only if it has read a load.
+    """
+    if result.calibration is None or not free.reads_load(result.actuator):
+        return result
+    found = condition_warnings(logs, result.calibration.conditions, free.conditions)
+    warnings = (*result.warnings, *found)
+    assumed = assumed_conditions(logs, (*free.names, *problem.known), problem.actuator)
+    status = "warning" if found and result.status == "ok" else result.status
+    return replace(result, warnings=warnings, status=status, assumed=assumed)
+
+
+def _searched(
+    method: SearchMethod[SolutionT],
+    logs: Sequence[Log],
+    actuator: Actuator,
+    free: FreeParameters,
+    calibration: Calibration | None,
+    progress: Progress | None,
+) -> tuple[SearchResult[SolutionT], tuple[Change, ...], Departure | None]:
+    """Search; for a load from position alone over all hypotheses, with the changes and the departure."""
+    found = method.search(logs, actuator, free, calibration, progress)
+    if method.hypotheses is None or calibration is None or not found.problem.changing:
+        return found, (), None
+    if isinstance(found.solution, Failure):
+        return found, (), None
+    known = explained(found, method.hypotheses, calibration)
+    cost = min(method.hypotheses.cost(one.solution) for one in known.values())
+    all_together = mixture(known, calibration, relative_misfit(cost, logs, calibration))
+    best = known[max(all_together.probability, key=all_together.probability.__getitem__)]
+    settled = method.hypotheses.settle(best.result.problem, best.solution, all_together.x)
+    solution = best.solution if isinstance(settled, Failure) else settled
+    x = best.solution.x if isinstance(settled, Failure) else all_together.x
+    result = replace(best.result, solution=solution, covariance=all_together.covariance)
+    departs = departure(result.problem, x, cost, logs, calibration)
+    return result, changes(result.problem, all_together), departs
+
+
+def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest) -> tuple[Actuator, FreeParameters]:
+    """The actuator to start from, and the free parameters with their priors.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    stems = [log.name for log in logs]
+    free, priors = request.free, dict(request.priors)
+    if request.automatic:
+        if "pressure_a" not in request.measure:
+            raise DataError(
+                f"'auto' needs a recording with pressure, and --measure position,pressure_a. {FROM_POSITION_ALONE}"
+            )
+        actuator, automatically, result = automatic(logs, actuator)
+        free = tuple(name for item in free for name in (automatically if item == "auto" else (item,)))
+        priors = {**result, **priors}
+    names = _without_shared(free_names(free, actuator, stems))
+    given = {name: prior for name, prior in priors.items() if name in CONDITIONS and name not in names}
+    conditions = given if request.calibration and "pressure_a" not in request.measure else {}
+    priors = {name: prior for name, prior in priors.items() if name not in conditions}
+    unknown = [name for name in priors if name not in names]
+    if unknown:
+        known = ", ".join(names) or "none"
+        raise ParameterError(f"prior for {', '.join(unknown)}, which is not free; free are {known}.")
+    all_bounds = bounds_of(names, actuator, request.bounds) if request.bounds else {}
+    bounds = {name: all_bounds[name] for name in request.bounds}
+    if request.calibration:
+        priors = {**_calibrated(names, actuator, request.calibration), **priors}
+    return actuator, FreeParameters(names, request.measure, bounds, priors, conditions=conditions)
+
+
+def _without_shared(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without a shared parameter if every recording has its own: NAME is dropped if there is a NAME@STEM."""
+    parsed = [ParameterName.parse(name) for name in names]
+    own = {name.base for name in parsed if name.recording}
+    return tuple(str(name) for name in parsed if name.recording or name.base not in own)
+
+
+def _calibrated(names: Sequence[str], actuator: Actuator, calibration: Calibration) -> dict[str, Prior]:
+    """Priors of calibrated parameters that are free again: covariance of the calibration, and drift."""
+    bases = {name: base_of(name) for name in names}
+    return {
+        name: Prior(actuator.value(base), calibrated_deviation(actuator, base, calibration))
+        for name, base in bases.items()
+        if base in calibration.names
+    }
+
+
+def _check_profiled(request: FitRequest, free: FreeParameters) -> None:
+    """Refuse, before any work, a profile of a fixed parameter; NAME@STEM may become free with a load from position."""
+    alien = [name for name in request.profile if name not in free.names and base_of(name) == name]
+    if alien:
+        known = ", ".join(free.names)
+        raise ParameterError(f"profile of {', '.join(alien)}, which is not free; free are {known}, or NAME@STEM.")
+
+
+def check_size(logs: Sequence[Log], free: FreeParameters) -> None:
+    """Refuse a request without free parameters, and recordings that are too short for it.
+
+    Raises
+    ------
+    ParameterError
+        If nothing is free.
+    DataError
+        If there are fewer than ten measured samples per free parameter.
+    """
+    samples = sum(int(np.isfinite(log[name]).sum()) for log in logs for name in free.measure)
+    if not free.names:
+        raise ParameterError("no parameter is free; name parameters, for example load.")
+    if samples < 10 * len(free.names):
+        raise DataError(
+            f"{logs[0].name}: {samples} measured samples for {len(free.names)} free parameters; at least ten for each "
+            "are needed. Record at least a full stroke, or free fewer parameters."
+        )
+
+
+def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
+    """Covariance of the shared parameters of a fit, without the load weights."""
+    at = [i for i, name in enumerate(result.parameters) if name not in actuator.load.names and base_of(name) == name]
+    names = tuple(name for i, name in enumerate(result.parameters) if i in at)
+    weights = [list(result.parameters).index(name) for name in actuator.load.names]
+    return Calibration(
+        names,
+        result.covariance[np.ix_(at, at)],
+        data=data_of([recording.measured for recording in result.recordings.values()]),
+        method=result.method,
+        theta=result.actuator.load.theta,
+        theta_covariance=result.covariance[np.ix_(weights, weights)],
+        converged=result.converged,
+        rest=merged([vented_rest(recording.measured) for recording in result.recordings.values()]),
+    )
+
+
+def data_of(logs: Sequence[Log]) -> dict[str, str]:
+    """SHA-256 of the files of recordings by name; "unknown" for one that is not from a file."""
+    return {log.name: log.metadata.get("sha256", "unknown") for log in logs}
+
+
+def continued(request: FitRequest, earlier: Continuation, free: FreeParameters) -> tuple[FitRequest, FreeParameters]:
+    """The request and its free parameters with the priors of an `earlier` search, started from its result.
+
+    The result of the earlier search is no prior: it has been estimated from the same data. If pressure is in use, its
+    calibration is not used either.
+    """
+    if "pressure_a" in free.measure:
+        request = replace(request, calibration=None)
+    start = SearchStart(earlier.values, earlier.scales)
+    return request, replace(free, priors={**earlier.state.priors, **request.priors}, start=start)

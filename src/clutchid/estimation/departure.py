@@ -1,0 +1,53 @@
+"""How far a recording departs from the calibration that its load is read with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchid.estimation.changes import Departure
+from clutchid.estimation.problem import with_hypothesis
+from clutchid.log import FloatArray, Log
+from clutchid.signals.excitation import HOLD_SPEED, SLOW_WINDOW
+from clutchid.signals.velocity import velocity
+from clutchid.smoother.problem import FitProblem
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.change_prior import GROUPS
+
+
+def departure(
+    problem: FitProblem, x: FloatArray, cost: float, logs: Sequence[Log], calibration: Calibration
+) -> Departure:
+    """Departure of a reading with parameters x, shape (k,), and a cost.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        With the parameters that may have changed.
+    logs : several
+        The recordings.
+    calibration : Calibration
+        That the reading started from.
+    """
+    root = with_hypothesis(problem, tuple(GROUPS)).prior_root
+    changing = [i for i, c in enumerate(problem.coordinates) if c.name in problem.changing]
+    moved = np.zeros_like(x)
+    moved[changing] = x[changing]
+    whitened = moved if root is None else root @ moved
+    return Departure(float(whitened @ whitened), len(changing), relative_misfit(cost, logs, calibration))
+
+
+def relative_misfit(cost: float, logs: Sequence[Log], calibration: Calibration) -> float:
+    """Cost for each second in motion over that of the calibration recordings; NaN where that is not known."""
+    usual = calibration.position_only.misfit if calibration.position_only else np.nan
+    return misfit(cost, logs) / usual
+
+
+def misfit(cost: float, logs: Sequence[Log]) -> float:
+    """Cost for each second in motion in 1/s; NaN if nothing moves."""
+    moving = 0.0
+    for log in logs:
+        speed = velocity(log.time, log["position"], SLOW_WINDOW)
+        moving += float(np.sum(np.diff(log.time)[np.abs(speed[:-1]) > HOLD_SPEED]))
+    return cost / moving if moving > 0.0 else float("nan")

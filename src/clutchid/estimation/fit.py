@@ -1,0 +1,210 @@
+"""`fit`: load and parameters of an actuator from recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from os import PathLike
+from typing import Literal
+
+from clutchid.errors import DataError
+from clutchid.estimation.automatic import AUTOMATIC
+from clutchid.estimation.methods import method_of
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.result import Fit
+from clutchid.estimation.verification import on_samples, verified
+from clutchid.estimation.zero import with_rests
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.names import listed_names
+from clutchid.numerics.least_squares import Progress
+from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.simulation.input_span import with_inputs
+from clutchid.simulation.partition import Partition
+from clutchid.strokes.vented_rest import Zero, from_rest
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.coordinates import Prior
+
+MethodName = Literal["simulation", "shooting", "prediction-error"]
+
+#: A recording, or the path of its file.
+LogOrPath = Log | str | PathLike[str]
+
+
+def fit(
+    logs: LogOrPath | Sequence[LogOrPath],
+    actuator: Actuator | None = None,
+    *,
+    measure: str | Sequence[str] = ("position",),
+    free: str | Sequence[str] = ("load",),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    partition: Partition | None = None,
+    verify: LogOrPath | Sequence[LogOrPath] = (),
+    method: MethodName | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    calibration: Calibration | None = None,
+    profile: str | Sequence[str] = (),
+    bootstrap: int = 0,
+    zero: Zero = "subtract",
+    on_failure: Literal["raise", "return"] = "raise",
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit the free parameters of `actuator` to recordings.
+
+    'simulation' is the paper's method, in two stages: the coarse stage tries factors on the load and stops early; the
+    fine stage continues from the best with estimated noise scales. 'shooting' is multiple shooting with soft continuity
+    constraints; it supports priors, parameters of single recordings, and calibrations. So does 'prediction-error', with
+    a Kalman filter that predicts every sample. All are bounded Gauss-Newton or Levenberg-Marquardt searches with exact
+    sensitivities. docs/methods.md compares them.
+
+    Parameters
+    ----------
+    logs : Log or path, or several
+        Recordings with the duty cycles of the valves and the columns in `measure`; all share the free parameters. Files
+        are read as by `clutchid.read`, with the actuator's P_0 added to gauge pressures.
+    actuator : Actuator, optional
+        Model and start values; by default the paper's Appendix A with theta = (9e5, 0, 0) N/m, and for 'auto' the
+        energy balance with Stribeck friction and a load on B-splines.
+    measure : 'position', 'pressure_a'
+        Measured columns to compare with. These and other names may be one text with commas.
+    free : names
+        Free parameters; 'load' means all load weights, NAME@EACH a parameter of its own for every recording, 'auto' all
+        parameters that a recording with pressure can determine. Empty: only unknown start values are estimated.
+    bounds : {name: (low, high)}, optional
+        In SI. By default theta_1 and theta_3 are at least 0, theta_2 is free (it changes sign on a worn clutch), every
+        other magnitude stays within a factor of three of its start, and fractions and shapes within their range.
+    partition : Partition, optional
+        Partitioned ballistic simulation; ballistic by default.
+    verify : Log or path, or several
+        Recordings that are simulated with the result, but not fitted.
+    method : 'simulation', 'shooting' or 'prediction-error', optional
+        By default that of the calibration, or 'prediction-error' if duty cycles change between the samples; without a
+        calibration 'shooting' if 'auto', priors or parameters of single recordings need it, else 'simulation'.
+    priors : {name: Prior}, optional
+        Priors in SI; defaults in `clutchid.uncertainty.coordinates`.
+    calibration : Calibration, optional
+        ``fit.calibration`` of a fit with pressure, by the same method, for this actuator.
+    profile : names
+        Free parameters with intervals by profile likelihood; 'shooting' only, seconds each.
+    bootstrap : int
+        Draws of a bootstrap over strokes, which checks the intervals of the load; 'shooting' only, 0 for none.
+    zero : 'subtract' or 'keep'
+        Whether the position counts from the vented rest where that has moved since the calibration, as after an
+        exchange of the sensor or with wear; or as it was recorded.
+    on_failure : 'raise' or 'return'
+        What to do if the start values cannot be simulated.
+    progress : function(stage, evaluations), optional
+        Called at each evaluation.
+
+    Returns
+    -------
+    fit : Fit
+
+    Raises
+    ------
+    DataError
+        If a recording lacks a column, has fewer samples than free parameters, or nothing can be fitted.
+    ParameterError
+        For an unknown name, or bounds that cross or are not admissible.
+    SolveError
+        If the start values cannot be simulated and `on_failure` is 'raise'.
+
+    References
+    ----------
+    Section 3.1; rules for missing samples, starts and resets: docs/formats.md.
+    """
+    request = FitRequest(
+        listed_names(measure),
+        listed_names(free),
+        bounds or {},
+        partition,
+        method,
+        priors or {},
+        calibration,
+        listed_names(profile),
+        bootstrap,
+        zero=zero,
+    )
+    return fit_any(logs, actuator, request, verify, on_failure, progress)
+
+
+def fit_any(
+    logs: LogOrPath | Sequence[LogOrPath],
+    actuator: Actuator | None,
+    request: FitRequest,
+    verify: LogOrPath | Sequence[LogOrPath],
+    on_failure: Literal["raise", "return"],
+    progress: Progress | None,
+) -> Fit:
+    """Fit `request` to recordings, of which paths are read; the arguments are those of `fit`.
+
+    Raises
+    ------
+    DataError, ParameterError, SolveError
+        As `fit`.
+    """
+    fitted, others = _several(logs), _several(verify)
+    recordings = _read([*fitted, *others], actuator or Actuator())
+    done = fit_request(recordings[: len(fitted)], actuator, request, recordings[len(fitted) :], progress)
+    return done.raised() if on_failure == "raise" else done
+
+
+def _several(logs: LogOrPath | Sequence[LogOrPath]) -> list[LogOrPath]:
+    return [*logs] if isinstance(logs, Iterable) and not isinstance(logs, str) else [logs]
+
+
+def _read(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
+    """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
+    from clutchid.io import read, read_each
+
+    ambient, required = actuator.parameters.P_0, ("time", "position", *actuator.equipment.recorded)
+    return read_each(logs, lambda log: log if isinstance(log, Log) else read(log, ambient=ambient, required=required))
+
+
+def fit_request(
+    logs: Sequence[Log],
+    actuator: Actuator | None,
+    request: FitRequest,
+    verify: Sequence[Log] = (),
+    progress: Progress | None = None,
+) -> Fit:
+    """Fit `request` to recordings, and simulate the recordings `verify` with the result.
+
+    Several recordings whose load is read from a calibration are also read one by one, because a load that they share is
+    meant for one state of wear. Status "failed" if the start values cannot be simulated.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `fit`.
+    """
+    start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
+    ready = driven(logs, start.equipment)
+    rested, checked = (
+        [from_rest(log, request.counted_from, request.zero) for log in several]
+        for several in (ready, driven(verify, start.equipment))
+    )
+    recordings, others = [one.log for one in rested], [one.log for one in checked]
+    check_recordings(recordings, others, request.measure, start.parameters.y_max)
+    method = method_of(request, recordings, start)
+    done = method.fit([with_inputs(log) for log in recordings], start, request, progress)
+    if done.status == "failed":
+        return done
+    known = done.baseline is not None and len(done.baseline.theta) > 0 and done.load_is_fitted
+    readings = _one_by_one(ready, start, request, progress) if len(recordings) > 1 and known else {}
+    whole = {log.name: on_samples(done.recordings[log.name], log) for log in recordings}
+    return with_rests(
+        verified(replace(done, recordings=whole, readings=readings), others, request), [*rested, *checked]
+    )
+
+
+def _one_by_one(
+    recordings: Sequence[Log], start: Actuator, request: FitRequest, progress: Progress | None
+) -> dict[str, Fit]:
+    """The recordings read alone, by name, without those that cannot be."""
+    readings = {}
+    for log in recordings:
+        with suppress(DataError):  # too short to be read alone
+            readings[log.name] = fit_request([log], start, request.alone(log.name), (), progress)
+    return {name: one for name, one in readings.items() if one.status != "failed"}

@@ -1,0 +1,77 @@
+"""Errors of fits to position alone of the calibration recordings, which later fits subtract."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clutchid.estimation.departure import misfit
+from clutchid.estimation.free import FreeParameters
+from clutchid.estimation.hypotheses import explanation
+from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult, SolutionT
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.uncertainty.change_prior import HYPOTHESES, Hypothesis
+
+
+def position_only_errors(
+    method: SearchMethod[SolutionT],
+    logs: Sequence[Log],
+    actuator: Actuator,
+    kept: Calibration,
+    progress: Progress | None = None,
+) -> PositionOnlyErrors | None:
+    """Errors of a fit to position alone under every hypothesis, as means over the calibration recordings.
+
+    A recording whose search fails is left out; None if all fail.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    free = FreeParameters(actuator.load.names, ("position",))
+    each = []
+    for log in logs:
+        found = method.search([log.without("pressure_a")], actuator, free, kept, progress)
+        if not isinstance(found.solution, Failure):
+            each.append(_errors(found, found.solution, method.hypotheses, log))
+    if not each:
+        return None
+    names = tuple(name for name in each[0].names if all(name in one.names for one in each))
+    hypotheses = each[0].hypotheses
+    return PositionOnlyErrors(
+        hypotheses,
+        names,
+        np.mean([[one.shift(h, names) for h in hypotheses] for one in each], axis=0),
+        np.mean([one.log_evidence for one in each], axis=0),
+        float(np.mean([one.dispersion for one in each])),
+        float(np.mean([one.misfit for one in each])),
+    )
+
+
+def _errors(
+    found: SearchResult[SolutionT], solution: SolutionT, method: Hypotheses[SolutionT] | None, log: Log
+) -> PositionOnlyErrors:
+    """Errors in one recording, all hypotheses by the linearisation at the solution without a change.
+
+    The phase of the carrier and the far stop are of this recording alone.
+    """
+    repeated = {*found.problem.actuator.load.names, *found.problem.changing}
+    at = [i for i, c in enumerate(found.problem.coordinates) if c.name in repeated]
+    widths = np.array([found.problem.coordinates[i].width for i in at])
+    names = tuple(found.problem.coordinates[i].base for i in at)
+    if method is None or not found.problem.changing:
+        none: Hypothesis = ()
+        return PositionOnlyErrors((none,), names, (solution.x[at] * widths)[None], np.zeros(1))
+    dispersion = method.dispersion(found.problem, solution)
+    one = explanation(found, method, dispersion)
+    posteriors = [one.under(hypothesis) for hypothesis in HYPOTHESES]
+    shifts: FloatArray = np.array([(solution.x + posterior.step)[at] * widths for posterior in posteriors])
+    evidence = np.array([posterior.log_evidence for posterior in posteriors])
+    usual = misfit(method.cost(solution), [log])
+    return PositionOnlyErrors(HYPOTHESES, names, shifts, evidence, dispersion, usual)

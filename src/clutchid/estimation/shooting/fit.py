@@ -1,0 +1,144 @@
+"""The method 'shooting': search, result and checks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchid.estimation.departure import misfit
+from clutchid.estimation.free import FreeParameters
+from clutchid.estimation.phase import phase_finder
+from clutchid.estimation.problem import fit_problem, start_point
+from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult
+from clutchid.estimation.shooting.checks import checked
+from clutchid.estimation.shooting.result import result
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+from clutchid.simulation.windows import initial_states
+from clutchid.smoother.blocks import dispersion
+from clutchid.smoother.problem import FitProblem, data_factor
+from clutchid.smoother.projection import UNLIMITED, Effort, ShootingSolution, settled
+from clutchid.smoother.search import FINE_STAGE, STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
+from clutchid.smoother.settling import States
+from clutchid.smoother.trajectory import noise_scales
+from clutchid.uncertainty.calibration import Calibration
+
+#: Correlation time in s of what the model misses in a measurement, so that ten samples at 1 kHz are weighted as one.
+#: A load from position alone comes closer to the truth, and calibrations converge, see docs/derivations.md.
+MEMORY = 0.01
+
+#: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
+MAX_RESTARTS, SAME_COST = 4, 3e-3
+
+#: Most evaluations of each search of a reading. The search without a change ends after `PATIENCE` if its cost is above
+#: `HOPELESS` times that of the calibration recordings; those with a change go on from there. Of changed trucks none
+#: took more than 184 evaluations, or cost more than 3.2 times as much (docs/derivations.md, "Changes since the
+#: calibration").
+MOST_EVALUATIONS, PATIENCE, HOPELESS = 300, 100, 5.0
+
+_METHOD = "shooting"
+
+
+def shoot(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    free: FreeParameters,
+    calibration: Calibration | None = None,
+    progress: Progress | None = None,
+) -> SearchResult[ShootingSolution]:
+    """Fit the `free` parameters to recordings by multiple shooting.
+
+    With a `calibration` the search starts from the calibrated values and needs fewer stages.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    problem, plans = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
+    problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
+    X = _states(problem, [plan.actuator for plan in plans])
+    if isinstance(X, Failure):
+        return SearchResult(_METHOD, problem, plans, X)
+    x, effort = start_point(problem, free), _effort(problem, logs, calibration)
+    if free.start is None:
+        stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
+        coarse = search(problem, x, X, stages[:-1], progress)
+        if isinstance(coarse, Failure):
+            return SearchResult(_METHOD, problem, plans, coarse)
+        problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse)))
+        fine = _fine(problem, coarse.x, coarse.X, effort, progress, coarse.evaluations)
+    else:
+        fine = _fine(problem, x, X, effort, progress)
+    return SearchResult(_METHOD, problem, plans, fine, effort=effort)
+
+
+def _effort(problem: FitProblem, logs: Sequence[Log], calibration: Calibration | None) -> Effort:
+    """When the search of a load from position alone ends that gets nowhere; any other fit has no limit."""
+    if not problem.changing or calibration is None or calibration.position_only is None:
+        return UNLIMITED
+    usual = calibration.position_only.misfit / misfit(1.0, logs)
+    return Effort(MOST_EVALUATIONS, PATIENCE, HOPELESS * usual if np.isfinite(usual) else np.inf)
+
+
+def _fine(
+    problem: FitProblem, x: FloatArray, X: States, effort: Effort, progress: Progress | None, before: int = 0
+) -> ShootingSolution | Failure:
+    """The fine stage; one that stalls goes on with new states, a few times, from the best parameters so far.
+
+    A search stalls where a few windows with stiction lie in a poor local minimum of their states. One that arrives at
+    the same cost with new states has converged: there the cost has a kink, and the least cost no vanishing gradient.
+    """
+    best = search(problem, x, X, FINE_STAGE, progress, before, effort)
+    for _ in range(MAX_RESTARTS):
+        if isinstance(best, Failure) or best.status != "stalled" or effort.is_spent(best.evaluations, best.at.cost):
+            return best
+        again = _states(problem, [problem.actuator_of(best.x, stem) for stem in problem.stems])
+        further = again if isinstance(again, Failure) else search(
+            problem, best.x, again, FINE_STAGE, progress, best.evaluations, effort
+        )  # fmt: skip
+        if isinstance(further, Failure):
+            return best
+        gain, better = best.at.cost - further.at.cost, min(best, further, key=_cost)
+        same = abs(gain) <= SAME_COST * best.at.cost
+        best = replace(better, evaluations=further.evaluations, status="converged" if same else better.status)
+        if gain <= 0.0:
+            return best
+    return best
+
+
+def _states(problem: FitProblem, actuators: Sequence[Actuator]) -> States | Failure:
+    """Initial values of the states of all windows, with the actuator of every recording."""
+    X = []
+    for track in problem.tracks:
+        guess = initial_states(track, actuators[track.log], "pressure_a" in problem.measure)
+        if isinstance(guess, Failure):
+            return guess
+        X.append(guess)
+    return tuple(X)
+
+
+def refine(found: SearchResult[ShootingSolution], problem: FitProblem, x: FloatArray) -> SearchResult[ShootingSolution]:
+    """The search of `found` continued from x with the prior of `problem`."""
+    X = () if isinstance(found.solution, Failure) else found.solution.X
+    return replace(found, problem=problem, solution=_fine(problem, x, X, found.effort._replace(patience=np.inf), None))
+
+
+def _cost(solution: ShootingSolution) -> float:
+    return solution.at.cost
+
+
+def _data_factor(problem: FitProblem, solution: ShootingSolution) -> FloatArray:
+    return data_factor(problem, solution.at)
+
+
+def _dispersion(problem: FitProblem, solution: ShootingSolution) -> float:
+    return dispersion(problem, solution.at)
+
+
+#: Multiple shooting with soft continuity.
+SHOOTING = SearchMethod(shoot, result, checked, Hypotheses(_cost, refine, _data_factor, _dispersion, settled))

@@ -1,0 +1,203 @@
+"""Profile-likelihood intervals: the cost is minimised over all other parameters and the states.
+
+The covariance assumes a quadratic cost. Stick-slip or a stop makes the cost non-quadratic; the profile likelihood then
+gives an interval that need not be symmetric.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from clutchid.errors import ParameterError
+from clutchid.estimation.shooting.uncertainty import ParameterUncertainty
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
+from clutchid.smoother.problem import FitProblem, condense
+from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution, project
+
+#: Most evaluations per side, relative tolerance of the root to `QUANTILE`, and greatest distance of an end in half
+#: widths of the interval from the covariance.
+MAX_EVALUATIONS, ROOT_TOLERANCE, MAX_HALF_WIDTHS = 5, 0.03, 4.0
+
+#: Largest factor of an outward step, and least relative distance of an interpolated point from the ends of its bracket.
+MAX_GROWTH, MIN_INSET = 2.0, 0.1
+
+#: Most repeated searches at the estimate.
+MAX_RESTARTS = 3
+
+#: The cost is non-quadratic if an end of the interval deviates by more than this fraction of the half width.
+NONQUADRATIC_SHARE = 0.2
+
+
+def profile_interval(
+    problem: FitProblem, solution: ShootingSolution, uncertain: ParameterUncertainty, name: str
+) -> tuple[float, float] | Failure:
+    """95 % interval of one free parameter by profile likelihood.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        Free parameters, recordings and noise.
+    solution : ShootingSolution
+        Its solution, with the noise of `problem`.
+    uncertain : ParameterUncertainty
+        Uncertainty of the free parameters at the solution.
+    name : str
+        The parameter, NAME or NAME@STEM of ``problem.names``.
+
+    Returns
+    -------
+    low, high : SI
+        The values at which the profiled cost has grown by ``(QUANTILE sigma_total / sigma_search)²``: sigma_search is
+        the standard deviation from the curvature of the cost, sigma_total that from the covariance, which includes
+        autocorrelated residuals and consider parameters. For a quadratic cost these are the ends of the interval from
+        the covariance. An end is limited by ``problem.bounds()`` and by `MAX_HALF_WIDTHS`. If no simulation succeeds
+        on one side, its end is that of the covariance; on both sides: a `Failure`.
+
+    Raises
+    ------
+    ParameterError
+        If the parameter is not free in `problem`.
+
+    Notes
+    -----
+    If the data dominate, ``sigma_noise = sqrt(CORRELATED_SAMPLES) sigma_search``; if the prior dominates, they are
+    equal.
+    A search that stalls gives too high a cost, and so too narrow an interval.
+
+    The interval of a load weight is that before correction for the bias of the calibration.
+
+    References
+    ----------
+    Venzon and Moolgavkar 1988.
+    """
+    if name not in problem.names:
+        raise ParameterError(f"{name} is not a free parameter of this fit; choose one of {', '.join(problem.names)}.")
+    i = problem.names.index(name)
+    total = float(np.sqrt(uncertain.matrix[i, i]))
+    profile = _Profile(problem, i, solution, _deviation(problem, solution, i) / total)
+    at, ends, failures = float(solution.x[i]), [], []
+    for sign, bounds in zip((-1.0, 1.0), problem.bounds(), strict=True):
+        bound = float(bounds[i])
+        room = max(sign * (bound - at), 0.0)
+        first, limit = min(QUANTILE * total, room), min(MAX_HALF_WIDTHS * QUANTILE * total, room)
+        end = _interval_end(partial(profile.root, at, sign), first, limit)
+        if isinstance(end, Failure):
+            failures.append(end)
+            end = first
+        # the bound itself, without rounding errors
+        ends.append(problem.coordinates[i].si(bound if end == room else at + sign * end))
+    return failures[0] if len(failures) == len(ends) else (ends[0], ends[1])
+
+
+def is_nonquadratic(quadratic: tuple[float, float], profiled: tuple[float, float]) -> bool:
+    """Whether an end of the interval from the covariance is off by more than `NONQUADRATIC_SHARE` of the half width.
+
+    Parameters
+    ----------
+    quadratic, profiled : SI
+        95 % intervals of one parameter, by the covariance and by profile likelihood.
+
+    Examples
+    --------
+    A dry friction of 200 ± 50 N by the covariance, which is above 185 N because the piston sticks:
+
+    >>> is_nonquadratic((150.0, 250.0), (185.0, 252.0))
+    True
+    """
+    most = NONQUADRATIC_SHARE * (quadratic[1] - quadratic[0]) / 2
+    return any(abs(one - other) > most for one, other in zip(quadratic, profiled, strict=True))
+
+
+def _deviation(problem: FitProblem, solution: ShootingSolution, i: int) -> float:
+    """Standard deviation of x_i from the curvature of the cost: at this distance the cost is higher by 1."""
+    factor, _ = condense(problem, solution.at)
+    return float(np.linalg.norm(np.linalg.pinv(factor[:-1, :-1])[i]))
+
+
+class _Profile:
+    """Cost minimised over all parameters but x_i; each search starts from the nearest previous solution.
+
+    A search ends slightly above its minimum. If the prior dominates, this excess is as large as the growth at an end of
+    the interval; the search at the estimate is therefore repeated first, with x_i fixed.
+    """
+
+    def __init__(self, problem: FitProblem, i: int, solution: ShootingSolution, scale: float) -> None:
+        self.problem, self.i, self.scale = problem, i, scale
+        self.solutions, self.min_cost = [solution], solution.at.cost
+        for _ in range(MAX_RESTARTS):
+            before, repeated = self.min_cost, self.search(float(solution.x[i]))
+            self.min_cost = before if isinstance(repeated, Failure) else min(before, repeated.at.cost)
+            # keep only the last of the solutions at the estimate, whose x_i differ by rounding
+            self.solutions = self.solutions[-1:]
+            if before - self.min_cost < CONVERGED_GAIN:
+                break
+
+    def search(self, value: float) -> ShootingSolution | Failure:
+        """Solution with x_i fixed at `value`."""
+        nearest = min(self.solutions, key=lambda one: abs(float(one.x[self.i]) - value))
+        x = nearest.x.copy()
+        x[self.i] = value
+        problem = _fixed(self.problem, self.i, value)
+        solution = project(problem, np.clip(x, *problem.bounds()), nearest.X, lambda _: None)
+        if isinstance(solution, ShootingSolution):
+            self.solutions.append(solution)
+        return solution
+
+    def root(self, at: float, sign: float, distance: float) -> float | Failure:
+        """Root of the growth of the cost at a distance from x_i = `at`, in standard deviations of the covariance.
+
+        Zero if the cost is lower than at the estimate, where the search had not converged then.
+        """
+        solution = self.search(at + sign * distance)
+        if isinstance(solution, Failure):
+            return solution
+        return self.scale * float(np.sqrt(max(0.0, solution.at.cost - self.min_cost)))
+
+
+def _fixed(problem: FitProblem, i: int, value: float) -> FitProblem:
+    """`problem` with x_i fixed at `value`; its prior still contributes to the cost."""
+    coordinates = list(problem.coordinates)
+    si = coordinates[i].si(value)
+    coordinates[i] = replace(coordinates[i], low=si, high=si)
+    return replace(problem, coordinates=tuple(coordinates))
+
+
+def _interval_end(root: Callable[[float], float | Failure], first: float, limit: float) -> float | Failure:
+    """The distance, at most `limit`, at which `root` equals `QUANTILE`; a `Failure` if all evaluations fail.
+
+    A single failed evaluation counts as beyond the end.
+    """
+    if limit == 0.0:
+        return limit
+    at, answers = first, []
+    earlier, inside, outside = (0.0, 0.0), (0.0, 0.0), (np.inf, np.inf)
+    for _ in range(MAX_EVALUATIONS):
+        answers.append(root(at))
+        z = answers[-1] if isinstance(answers[-1], float) else np.inf
+        if abs(z - QUANTILE) <= ROOT_TOLERANCE * QUANTILE or (z < QUANTILE and at == limit):
+            return at
+        if z < QUANTILE:
+            earlier, inside = inside, (at, z)
+        else:
+            outside = (at, z)
+        at = _interpolated(inside, outside) if np.isfinite(outside[0]) else min(_extrapolated(earlier, inside), limit)
+    failures = [answer for answer in answers if isinstance(answer, Failure)]
+    return failures[0] if len(failures) == len(answers) else at
+
+
+def _interpolated(inside: tuple[float, float], outside: tuple[float, float]) -> float:
+    """Point of a bracket where the secant equals `QUANTILE`; its middle if the outer point has no value."""
+    share = (QUANTILE - inside[1]) / (outside[1] - inside[1]) if np.isfinite(outside[1]) else 0.5
+    return inside[0] + min(max(share, MIN_INSET), 1.0 - MIN_INSET) * (outside[0] - inside[0])
+
+
+def _extrapolated(earlier: tuple[float, float], last: tuple[float, float]) -> float:
+    """Point beyond two others where the secant equals `QUANTILE`, limited by `MAX_GROWTH`."""
+    rise = last[1] - earlier[1]
+    step = (QUANTILE - last[1]) * (last[0] - earlier[0]) / rise if rise > 0.0 else np.inf
+    return float(min(last[0] + step, MAX_GROWTH * last[0]))

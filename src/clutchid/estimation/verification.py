@@ -1,0 +1,97 @@
+"""Simulation of recordings with a fitted actuator, compared at their samples through the sensor models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.result import Fit, Recording, errors_over
+from clutchid.estimation.simulation_error.fit import fit_simulation_error
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.parameters import Parameters
+from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
+from clutchid.simulation.input_span import at_samples, with_inputs
+from clutchid.simulation.partition import Partition
+from clutchid.simulation.plan import plan
+from clutchid.simulation.sensors import with_sensors
+from clutchid.simulation.stiffness import stiffness, top_speed
+
+
+def verified(result: Fit, logs: Sequence[Log], request: FitRequest) -> Fit:
+    """`result` with the simulations of other recordings, and warnings about them."""
+    done, warnings = verification(result.actuator, logs, request.partition, request.measure, result.follows)
+    all_warnings = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
+    status = "warning" if all_warnings and result.status == "ok" else result.status
+    return replace(result, verification=done, warnings=all_warnings, status=status)
+
+
+def verification(
+    actuator: Actuator,
+    logs: Sequence[Log],
+    partition: Partition | None,
+    measure: Sequence[str] = ("position",),
+    through_sensors: bool = False,
+) -> tuple[dict[str, Recording], list[str]]:
+    """Simulate recordings with `actuator`, estimating unknown start values only; results with errors, and warnings.
+
+    A recording that cannot be simulated is left out with a warning. With `through_sensors` the model includes sensors
+    and carrier: each recording is simulated with the phase of its carrier, and its errors are those of the simulated
+    sensor outputs.
+
+    Raises
+    ------
+    DataError
+        If a recording lacks a column.
+    """
+    done: dict[str, Recording] = {}
+    warnings: list[str] = []
+    for recording in driven(logs, actuator.equipment):
+        log = with_inputs(recording)
+        used = tuple(name for name in measure if name in log) or ("position",)
+        own = pulsed_without_sensors(log, actuator) if through_sensors else Pulsed(log, actuator)
+        result = _with_starts(own.log, own.actuator, partition, used)
+        for name, one in result.recordings.items():
+            compared = compared_at_sensors(one, log, own.actuator.parameters) if through_sensors else one
+            done[name] = on_samples(compared, recording)
+        warnings += [own.warning] if own.warning else []
+        warnings += result.warnings if result.status != "failed" else [result.message]
+    return done, warnings
+
+
+def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) -> tuple[tuple[float, float], ...]:
+    """Position in m and pressure in Pa at the start of every segment, estimated where unknown.
+
+    Raises
+    ------
+    DataError
+        If a start is unknown and the recording has no position to estimate it from.
+    SolveError
+        If it cannot be simulated.
+    """
+    log = with_inputs(actuator.equipment.driven(log))
+    prepared = plan(log, actuator, stiffness(actuator, top_speed(partition)), partition)
+    if all(segment.vented for segment in prepared.segments):
+        return tuple((s.position_start, actuator.parameters.P_0) for s in prepared.segments)
+    return _with_starts(log, actuator, partition, ("position",)).raised().recordings[log.name].starts
+
+
+def _with_starts(log: Log, actuator: Actuator, partition: Partition | None, measure: tuple[str, ...]) -> Fit:
+    """A recording simulated with only its unknown start values estimated."""
+    check_recordings([log], (), measure, actuator.parameters.y_max)
+    return fit_simulation_error([log], actuator, FitRequest(measure, (), partition=partition))
+
+
+def on_samples(one: Recording, log: Log) -> Recording:
+    """A result of a recording at all samples of `log`, if only those with inputs, or a finer grid, were simulated."""
+    if len(one.measured) == len(log):
+        return one
+    return replace(one, measured=log, simulated=at_samples(one.simulated, log))
+
+
+def compared_at_sensors(one: Recording, log: Log, p: Parameters) -> Recording:
+    """A simulation of a recording without sensors, compared with `log` through the sensor models."""
+    shown = on_samples(replace(one, simulated=with_sensors(one.simulated, p)), log).simulated
+    return replace(on_samples(one, log), measured=log, errors=errors_over([(log, shown)]))

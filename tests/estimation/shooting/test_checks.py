@@ -1,0 +1,96 @@
+"""Profile likelihood and bootstrap as the user asks for them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid import fit
+from clutchid.errors import ParameterError
+from clutchid.estimation.calibrate import free_parameters
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.shooting import checks as module
+from clutchid.estimation.shooting.checks import checked
+from clutchid.estimation.shooting.fit import shoot
+from clutchid.estimation.shooting.result import result
+
+
+@pytest.fixture(scope="module")
+def shot(plant, worn_log):
+    request = FitRequest(("position",), ("load", "F_C"))
+    _, wanted = free_parameters([worn_log], plant, request)
+    return shoot([worn_log], plant, wanted)
+
+
+@pytest.fixture(scope="module")
+def plain(shot):
+    return result(shot, None)
+
+
+def test_a_profiled_number_has_its_own_interval_and_the_rest_is_as_before(shot, plain):
+    result = checked(plain, shot, None, ("F_C",), 0)
+    profiled, before = result.parameters["F_C"], plain.parameters["F_C"]
+    assert (profiled.value, profiled.std) == (before.value, before.std)
+    assert profiled.low < profiled.value < profiled.high
+    assert (profiled.low, profiled.high) != (before.low, before.high)
+    assert all(result.parameters[name] is plain.parameters[name] for name in plain.parameters if name != "F_C")
+    assert any(note.startswith("F_C: ") and "by profile likelihood" in note for note in result.notes)
+
+
+def test_a_nonquadratic_interval_is_noted_with_both(shot, plain, monkeypatch):
+    low, high = plain.parameters["F_C"].low, plain.parameters["F_C"].high
+    monkeypatch.setattr(module, "profile_interval", lambda *_: (0.5 * low, high))
+    note = checked(plain, shot, None, ("F_C",), 0).notes[-1]
+    assert f"{0.5 * low:.4g} to {high:.4g} N by profile likelihood" in note
+    assert f"gives {low:.4g} to {high:.4g}." in note
+
+
+def test_the_interval_of_a_load_weight_is_shifted_as_its_value_is(shot, plain, monkeypatch):
+    name = plain.actuator.load.names[8]
+    value = plain.parameters[name].value
+    # bias of a calibration: 100 N
+    moved = replace(plain, parameters={**plain.parameters, name: replace(plain.parameters[name], value=value - 100.0)})
+    monkeypatch.setattr(module, "profile_interval", lambda *_: (value - 30.0, value + 40.0))
+    estimate = checked(moved, shot, None, (name,), 0).parameters[name]
+    assert (estimate.low, estimate.high) == pytest.approx((value - 130.0, value - 60.0))
+
+
+def test_the_bootstrap_says_over_how_many_strokes_and_how_far_the_load_scatters(shot, plain):
+    result = checked(plain, shot, None, (), 50)
+    assert any(note.startswith("bootstrap over ") and "times that of its interval" in note for note in result.notes)
+    assert result.parameters == plain.parameters
+
+
+def test_bands_that_are_too_narrow_are_a_warning(shot, plain, monkeypatch):
+    monkeypatch.setattr(module, "scatter_ratio", lambda *_: 2.5)
+    result = checked(plain, shot, None, (), 50)
+    assert result.status == "warning"
+    assert "2.5 times" in result.warnings[-1]
+
+
+def test_without_a_free_load_the_bootstrap_says_what_it_needs(shot, plain, monkeypatch):
+    monkeypatch.setattr(module, "scatter_ratio", lambda *_: float("nan"))
+    result = checked(plain, shot, None, (), 50)
+    assert "a free load and two strokes are needed" in result.notes[-1]
+    assert result.warnings == plain.warnings
+
+
+def test_from_the_front_door_both_are_asked_for_by_name(plant, worn_log):
+    result = fit(worn_log, plant, free=("load",), method="shooting", profile=("theta_9",), bootstrap=20)
+    assert sum("by profile likelihood" in note or "bootstrap over" in note for note in result.notes) == 2
+    assert np.isfinite(result.parameters["theta_9"].low)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"profile": ("F_C",), "method": "shooting"}, "profile of F_C, which is not free"),
+        ({"profile": ("theta_1",), "method": "prediction-error"}, "need the method 'shooting'"),
+        ({"bootstrap": 10, "method": "simulation"}, "need the method 'shooting'"),
+        ({"bootstrap": -1, "method": "shooting"}, "bootstrap = -1: 0 for none"),
+        ({"bootstrap": 9}, "bootstrap = 9: 0 for none, or at least 10 draws"),
+    ],
+)
+def test_what_cannot_be_checked_is_refused_before_any_work(plant, worn_log, options, sentence):
+    with pytest.raises(ParameterError, match=sentence.replace("(", r"\(")):
+        fit(worn_log, plant, **options)

@@ -1,0 +1,228 @@
+"""Covariance of the free numbers: noise, drift of what is taken as known, and the calibration's own uncertainty."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.estimation.shooting import uncertainty as module
+from clutchid.estimation.shooting.uncertainty import parameter_uncertainty, pressure_deviations
+from clutchid.numerics.failure import Failure
+from clutchid.smoother.blocks import dispersion
+from clutchid.smoother.problem import linearise
+from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution
+from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
+from clutchid.uncertainty.calibration import Calibration
+from clutchid.uncertainty.change_prior import DRIFT, DRIFT_CONSIDERED, drift
+from clutchid.uncertainty.consider import consider_parameters
+
+NAMES = ("C_vs", "P_S", "F_C")
+
+#: Parameters that drift in the model of these tests.
+DRIFTING = (*DRIFT, *DRIFT_CONSIDERED)
+
+
+@pytest.fixture(scope="module")
+def problem(plant, recorded_by, problem_of):
+    """The load free on a recording with both columns, all else taken as known."""
+    return problem_of([recorded_by(plant, seconds=4.0, driven=1)], plant, plant.load.names, ("position",))
+
+
+@pytest.fixture(scope="module")
+def solution(problem, starts_of):
+    return search(problem, np.zeros(22), starts_of(problem), STAGES_FROM_CALIBRATION)
+
+
+def calibration(scale=1.0, correlation=0.0):
+    std = scale * np.array([2e-10, 5e3, 20.0])
+    matrix = np.outer(std, std) * (np.eye(3) + correlation * (np.ones((3, 3)) - np.eye(3)))
+    return Calibration(NAMES, matrix)
+
+
+def test_what_is_free_is_not_considered(problem, problem_of, plant, drive_log):
+    names = {c.base for c in consider_parameters(problem.actuator, problem.coordinates, None)[0]}
+    assert names == set(DRIFTING)
+    freer = problem_of([drive_log.slice(0, 500)], plant, ("P_S", "C_vs@log"))
+    assert {c.base for c in consider_parameters(freer.actuator, freer.coordinates, None)[0]} == names - {"P_S", "C_vs"}
+
+
+def test_considered_numbers_have_the_covariance_of_drift_and_calibration(problem, plant):
+    numbers, root = consider_parameters(problem.actuator, problem.coordinates, calibration(correlation=0.8))
+    width = np.array([c.width for c in numbers])
+    matrix = root @ root.T * np.outer(width, width)
+    at = [[c.base for c in numbers].index(name) for name in NAMES]
+    wanted = calibration(correlation=0.8).covariance + np.diag([drift(plant, name) ** 2 for name in NAMES])
+    # widths from 1e-10 to 1e4: each entry against its own two deviations
+    scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+    assert matrix[np.ix_(at, at)] / scale == pytest.approx(wanted / scale, abs=1e-9)
+    assert [numbers[i].mean for i in at] == [plant.value(name) for name in NAMES]
+
+
+def test_a_calibrated_number_that_does_not_drift_is_considered_too(problem):
+    numbers, _ = consider_parameters(problem.actuator, problem.coordinates, Calibration(("K_z",), np.array([[1e-18]])))
+    assert [c.width for c in numbers if c.base == "K_z"] == pytest.approx([1e-9])
+    certain, _ = consider_parameters(problem.actuator, problem.coordinates, Calibration(("K_z",), np.array([[0.0]])))
+    assert "K_z" not in {c.base for c in certain}, "what is exactly known moves nothing"
+
+
+def dense_rows(uncertain, x, X):
+    """Rows of the prior, and those of the data, of a problem of one track: states, theta, considered."""
+    wide, n, k, m, s = uncertain.problem, X[0].size, x.size, uncertain.consider_root.shape[0], X[0].shape[1]
+    linear = linearise(wide, np.concatenate([x, np.zeros(m)]), X)
+    chain, smooth = linear.chains[0], linear.prior[k + m :, :-1]
+    prior = [np.eye(k, n + k + m, n), np.column_stack([np.zeros((smooth.shape[0], n)), smooth])]
+    rows = []
+    linearised = chain.windows.linearised
+    own = np.concatenate([linearised.jacobian, linearised.r[:, :, None]], axis=2)
+    placed = [(chain.first, 0, s), *((each, i, s) for i, each in enumerate(own))]
+    placed += [(link, i, 2 * s) for i, link in enumerate(chain.links)]
+    for block, at, width in placed:
+        full = np.zeros((block.shape[0], n + k + m))
+        full[:, s * at : s * at + width] = block[:, :width]
+        full[:, n:] = block[:, width:-1]
+        rows.append(full)
+    return np.vstack(prior), np.vstack(rows)
+
+
+def dense_gain(uncertain, x, X):
+    """What a unit of each considered parameter moves states and theta by."""
+    rows = np.vstack(dense_rows(uncertain, x, X))
+    columns = X[0].size + x.size
+    return -np.linalg.pinv(rows[:, :columns]) @ rows[:, columns:]
+
+
+def dense_covariance(uncertain, x, X, scatter):
+    """Covariance of all states and free parameters: theta with the scatter of the data, states as their rows say."""
+    n, k, root = X[0].size, x.size, uncertain.consider_root
+    prior, data = dense_rows(uncertain, x, X)
+    states, theta, considered = data[:, :n], data[:, n : n + k], data[:, n + k :]
+    inverse = np.linalg.pinv(states)
+    of_theta, smooth = theta - states @ (inverse @ theta), prior[:, n : n + k]
+    moved = dense_gain(uncertain, x, X)[n:] @ root
+    covariance = np.linalg.inv(of_theta.T @ of_theta / scatter + smooth.T @ smooth)
+    # the states follow theta and what is considered
+    follow, along = -inverse @ theta, -inverse @ (theta @ moved + considered @ root)
+    return np.block(
+        [
+            [inverse @ inverse.T + follow @ covariance @ follow.T + along @ along.T, np.zeros((n, k))],
+            [np.zeros((k, n)), covariance + moved @ moved.T],
+        ]
+    )
+
+
+def shortened(problem, solution):
+    """Twelve windows of the problem, so that a dense matrix holds them, and the solution there."""
+    few = replace(problem, tracks=(replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18]),))
+    X = (solution.X[0][6:18],)
+    return few, ShootingSolution(solution.x, X, linearise(few, solution.x, X), "converged", 1)
+
+
+@pytest.fixture(scope="module")
+def small(problem, solution):
+    """The shortened problem with an unsure calibration, its states, and the dispersion of its data."""
+    few, shot = shortened(problem, solution)
+    return parameter_uncertainty(few, shot, calibration(10.0)), shot.X, dispersion(few, shot.at)
+
+
+def test_the_covariance_is_that_of_the_dense_problem(small, solution):
+    uncertain, X, scatter = small
+    wanted = dense_covariance(uncertain, solution.x, X, scatter)[X[0].size :, X[0].size :]
+    scale = np.sqrt(np.diag(wanted))
+    assert uncertain.matrix / np.outer(scale, scale) == pytest.approx(wanted / np.outer(scale, scale), abs=1e-6)
+
+
+def test_the_band_of_the_pressure_is_that_of_the_dense_problem(small, solution, monkeypatch):
+    uncertain, X, scatter = small
+    monkeypatch.setattr(module, "DRAWS", 20000)
+    wanted = 1e5 * np.sqrt(np.diag(dense_covariance(uncertain, solution.x, X, scatter))[2 : X[0].size : X[0].shape[1]])
+    # 20000 draws know a deviation to 0.5 %
+    assert pressure_deviations(uncertain)[0] == pytest.approx(wanted, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["F_C", "V_0A", "C_ve"])
+def test_the_estimate_moves_with_a_considered_number_as_the_covariance_says(problem, solution, plant, starts_of, name):
+    uncertain = parameter_uncertainty(problem, solution, None)
+    numbers, _ = consider_parameters(problem.actuator, problem.coordinates, None)
+    place = [c.base for c in numbers].index(name)
+    # no calibration: the root is the identity, so a column is the shift for one deviation
+    shift = uncertain.consider_shift @ uncertain.consider_root.T[:, place]
+    off = replace(problem, actuator=plant.replace({name: plant.value(name) + drift(plant, name)}))
+    again = search(off, solution.x, solution.X, (1.0,))
+    y = np.linspace(1e-3, 20e-3, 30)
+    phi = plant.load.phi(y) * problem.slopes(solution.x)
+    predicted, happened = phi @ shift, phi @ (again.x - solution.x)
+    assert np.abs(happened).max() > 5.0, "a drift moves the load by newtons"
+    # both searches stop where a step would gain less than CONVERGED_GAIN, which is the square of its length in
+    # deviations
+    searched = uncertain.noise_root @ uncertain.noise_root.T / dispersion(problem, solution.at)
+    tolerance = np.sqrt(CONVERGED_GAIN) * np.sqrt(np.einsum("ni,ij,nj->n", phi, searched, phi)).max()
+    assert happened == pytest.approx(predicted, abs=tolerance + 0.1 * np.abs(predicted).max())
+
+
+def test_intervals_grow_with_the_covariance_of_the_calibration(problem, solution):
+    none, some, much = (
+        parameter_uncertainty(problem, solution, c).matrix for c in (None, calibration(), calibration(3.0))
+    )
+    assert np.all(np.diag(some) > np.diag(none))
+    # what three times the deviations add is nine times what they add once
+    added = some - none
+    assert (much - none) == pytest.approx(9 * added, abs=1e-6 * np.abs(added).max())
+
+
+def test_what_the_noise_leaves_does_not_depend_on_the_calibration(problem, solution):
+    none, some = parameter_uncertainty(problem, solution, None), parameter_uncertainty(problem, solution, calibration())
+    assert none.noise_root @ none.noise_root.T == pytest.approx(some.noise_root @ some.noise_root.T, rel=1e-6)
+
+
+def test_the_band_of_the_pressure_is_finite_and_grows_with_the_calibration(problem, solution):
+    narrow, wide = (pressure_deviations(parameter_uncertainty(problem, solution, c)) for c in (None, calibration(3.0)))
+    assert [band.shape for band in narrow] == [(len(track.windows),) for track in problem.tracks]
+    assert np.all(np.isfinite(narrow[0]))
+    assert np.all(narrow[0] > 0.0)
+    # 48 draws know a deviation to 10 %
+    assert np.median(wide[0] / narrow[0]) > 1.1
+    assert np.median(narrow[0]) < 5e4, "the position determines the pressure to half a bar"
+
+
+def test_the_band_of_the_pressure_is_the_same_on_every_run(problem, solution):
+    uncertain = parameter_uncertainty(problem, solution, None)
+    assert np.array_equal(pressure_deviations(uncertain)[0], pressure_deviations(uncertain)[0])
+
+
+def test_a_measured_pressure_makes_its_band_narrow(plant, drive_log, problem_of, starts_of, problem, solution):
+    both = problem_of([drive_log.slice(0, 4000)], plant, plant.load.names)
+    with_pressure = search(both, np.zeros(22), starts_of(both), STAGES_FROM_CALIBRATION)
+    known, unknown = (
+        pressure_deviations(parameter_uncertainty(both, with_pressure, None))[0],
+        pressure_deviations(parameter_uncertainty(problem, solution, None))[0],
+    )
+    assert np.median(known) < 0.5 * np.median(unknown)
+    assert np.median(known) < 3e3
+
+
+def test_states_that_cannot_be_simulated_are_a_failure(problem, solution):
+    X = (np.full_like(solution.X[0], np.nan),)
+    assert isinstance(
+        parameter_uncertainty(problem, ShootingSolution(solution.x, X, solution.at, "converged", 1), None), Failure
+    )
+
+
+def test_correlations_of_a_calibration_move_the_estimate_as_they_move_that_of_the_dense_problem(
+    problem, solution, plant
+):
+    # three times as uncertain as they drift, and all together too high or too low
+    names = DRIFTING
+    width = np.array([drift(plant, name) for name in names])
+    covariance = np.outer(3 * width, 3 * width) * (0.1 * np.eye(width.size) + 0.9)
+    known = Calibration(names, covariance)
+    few, shot = shortened(problem, solution)
+    uncertain, k = parameter_uncertainty(few, shot, known), solution.x.size
+    # the covariance of what is considered is written down, not multiplied from the root that is under test
+    numbers = uncertain.problem.coordinates[k:]
+    assert [c.base for c in numbers] == list(names)
+    widths = np.array([c.width for c in numbers])
+    gain = dense_gain(uncertain, solution.x, shot.X)[-k:]
+    expected = gain @ ((covariance + np.diag(width**2)) / np.outer(widths, widths)) @ gain.T
+    scale = np.sqrt(np.diag(expected))
+    added = uncertain.matrix - uncertain.noise_root @ uncertain.noise_root.T
+    assert added / np.outer(scale, scale) == pytest.approx(expected / np.outer(scale, scale), abs=1e-6)

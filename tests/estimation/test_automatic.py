@@ -1,0 +1,226 @@
+"""``--free auto``: what a calibration frees, where it starts, and what it needs of the recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.estimation.automatic import (
+    AUTOMATIC,
+    AVERAGED,
+    BALANCE,
+    CARRIER,
+    DECAY,
+    LAG,
+    ON_OFF_DELAY,
+    PAPER,
+    SHAPES,
+    STRIBECK,
+    VENTED_STD,
+    WITH_CARRIER,
+    automatic,
+)
+from clutchid.model import Actuator, Load
+from clutchid.model.variants import VARIANTS
+from clutchid.preparation.carrier import centred
+from clutchid.signals.duty_cycle import duty_grid
+from clutchid.simulation import simulate
+from clutchid.simulation.sensors import lagged
+from clutchid.truck import drive, truck
+from clutchid.uncertainty.coordinates import SHARES, WIDTHS
+
+EXPONENTS = ("n_vs", "n_ve")
+
+FREED = {
+    "isothermal": {*PAPER, *SHAPES},
+    "isothermal-stribeck": {*PAPER, *SHAPES, *STRIBECK},
+    "energy-balance": {*PAPER, *BALANCE, *EXPONENTS},
+    "energy-balance-stribeck": {*PAPER, *BALANCE, *EXPONENTS, *STRIBECK},
+    "energy-balance-stribeck-proportional": {*PAPER, *BALANCE, *AVERAGED, *STRIBECK},
+}
+
+
+@pytest.mark.parametrize("model", VARIANTS)
+def test_each_variant_frees_what_it_knows(drive_log, model):
+    begin, free, _ = automatic([drive_log], Actuator(model=model))
+    assert set(free) - set(begin.load.names) == FREED[model]
+    assert free[:22] == begin.load.names, "the load is free on B-splines"
+    assert len(free) == len(set(free))
+    assert begin.model == model
+
+
+def test_the_load_starts_as_near_as_splines_come_to_the_one_given(drive_log):
+    load = Load((8e5, -1e4, 2e4))
+    begin, _, _ = automatic([drive_log], Actuator(load=load))
+    y = np.linspace(0, 0.02, 50)
+    # the paper's splines have jumps of the second derivative at their knots, between those of the B-splines
+    assert begin.load.force(y) == pytest.approx(load.force(y), abs=0.005 * load.force(y).max())
+    own = Load.on_b_splines(load, (0.0, 0.01, 0.025))
+    begin, free, _ = automatic([drive_log], Actuator(load=own))
+    assert begin.load == own, "splines that are given stay"
+    assert free[:5] == own.names
+
+
+def test_a_recording_that_starts_in_a_stroke_reads_the_ambient_pressure_off_its_later_rests():
+    log = drive(truck(4), seconds=20, seed=5, name="log").log
+    inside = int(np.argmax(log["position"] > 8e-3))
+    whole, cut = (automatic([part], Actuator())[0].parameters.P_0 for part in (log, log.slice(inside, len(log))))
+    # the sensor has steps of 500 Pa; the lowest hundredth of its samples lies some kilopascals below
+    assert cut == pytest.approx(whole, abs=1000.0)
+    assert np.percentile(log["pressure_a"], 1.0) < whole - 2000.0
+
+
+@pytest.mark.parametrize(("family", "number", "period"), [("A", 0, 0.005), ("B", 0, 0.01), ("B", 5, 0.0)])
+def test_a_calibration_sees_whether_duty_cycles_are_latched(family, number, period):
+    log = drive(truck(number, family), seconds=8, seed=5, name="log").log
+    assert automatic([log], Actuator())[0].duty_period == pytest.approx(period)
+    slow = replace(log, time=log.time[::10], columns={name: values[::10] for name, values in log.columns.items()})
+    assert automatic([slow], Actuator())[0].duty_period is None, "a slow recording does not show it"
+    assert automatic([slow], Actuator(duty_period=0.02))[0].duty_period == 0.02
+
+
+def test_whatever_may_be_freed_has_a_spread():
+    assert {*PAPER, *SHAPES, *BALANCE, *STRIBECK, *CARRIER, *AVERAGED} <= {*SHARES, *WIDTHS}
+
+
+def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
+    shifted = drive_log.with_columns(pressure_a=drive_log["pressure_a"] - 7e3)
+    begin, _, priors = automatic([shifted], plant)
+    ambient = priors["P_0"].mean
+    # the true one is 109500 Pa, read with 2 kPa of noise over hundreds of samples
+    assert ambient == pytest.approx(109500.0 - 7e3, abs=600.0)
+    assert begin.value("P_0") == ambient
+    assert priors["P_0"].std == VENTED_STD
+
+
+def test_the_ambient_pressure_is_the_median_of_several_recordings(drive_log, plant):
+    logs = [
+        replace(drive_log.with_columns(pressure_a=drive_log["pressure_a"] + s), name=f"log{s}") for s in (0, 1e3, 9e3)
+    ]
+    _, _, priors = automatic(logs, plant)
+    assert priors["P_0"].mean == pytest.approx(automatic([logs[1]], plant)[2]["P_0"].mean)
+
+
+def test_missing_pressure_at_the_rest_is_left_out(drive_log, plant):
+    pressure = drive_log["pressure_a"].copy()
+    pressure[:40:2] = np.nan
+    _, _, priors = automatic([drive_log.with_columns(pressure_a=pressure)], plant)
+    assert priors["P_0"].mean == pytest.approx(109500.0, abs=1e3)
+
+
+def test_without_a_carrier_the_valves_are_averaged(drive_log, plant):
+    begin, free, _ = automatic([drive_log], plant)
+    assert begin.value("T_pwm") == 0.0
+    assert not set(CARRIER) & set(free)
+    assert set(EXPONENTS) <= set(free)
+    assert (begin.value("n_vs"), begin.value("n_ve")) == (1.0, 1.0)
+
+
+def test_the_default_model_follows_the_valves(drive_log, plant, recorded_by):
+    begin, free, _ = automatic([drive_log], Actuator(model=AUTOMATIC))
+    assert begin.model == AUTOMATIC == "energy-balance-stribeck-proportional"
+    assert set(AVERAGED) <= set(free)
+    log = recorded_by(plant.replace({"T_pwm": 0.01, "s_vs": 0.07, "s_ve": 0.07}), seconds=6.0)
+    begin, free, _ = automatic([log], Actuator(model=AUTOMATIC))
+    assert begin.model == WITH_CARRIER == "energy-balance-stribeck"
+    assert set(CARRIER) <= set(free)
+    assert not set(AVERAGED) & set(free)
+
+
+def test_with_a_carrier_the_valves_are_switched_and_their_phases_free(plant, recorded_by):
+    log = recorded_by(
+        plant.replace({"T_pwm": 0.01, "s_pwm": 0.3, "s_vs": 0.07, "s_ve": 0.07, "tau_p": 0.0}), seconds=6.0
+    )
+    begin, free, _ = automatic([log], plant)
+    assert begin.value("T_pwm") == 0.01
+    assert (begin.value("s_vs"), begin.value("s_ve")) == (0.07, 0.07)
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (DECAY, DECAY)
+    assert set(CARRIER) <= set(free)
+    assert not set(AVERAGED) & set(free), "an exponent bends the mean over a period only"
+    # the paper's valves know no carrier, so nothing of it is freed
+    isothermal, free, _ = automatic([log], replace(plant, model="isothermal"))
+    assert isothermal.value("T_pwm") == 0.0
+    assert not {*CARRIER, *AVERAGED} & set(free)
+
+
+def on_grid(log, shift):
+    """The duty cycles of `log`, taken over once in 10 ms, at `shift` samples of it."""
+    at = np.maximum(10 * ((np.arange(len(log)) - shift) // 10) + shift, 0)
+    return log.with_columns(**{name: log[name][at] for name in ("duty_supply", "duty_exhaust")})
+
+
+def recorded_on_grid(plant, duties_of, shift):
+    """6 s of a switched unit that takes new duty cycles over where a period begins; its valves open 2 ms later."""
+    inputs = on_grid(duties_of(5).slice(0, 6000), shift)
+    begun = {"T_pwm": 0.01, "s_pwm": centred(shift / 10), "s_vs": 0.2, "s_ve": 0.2, "t_vs": 0.01, "t_ve": 0.01}
+    pressure = lagged(simulate(plant.replace(begun), inputs).log["pressure_a"], LAG, 1e-3)
+    pressure = pressure + 2e3 * np.random.default_rng(3).standard_normal(pressure.size)
+    return inputs.with_columns(pressure_a=pressure)
+
+
+@pytest.mark.parametrize("shift", [0, 4])
+def test_on_a_grid_the_search_begins_with_the_delay_of_the_valves_that_the_pressure_shows(plant, duties_of, shift):
+    log = recorded_on_grid(plant, duties_of, shift)
+    period, phase = duty_grid(log)
+    assert period == pytest.approx(0.01)
+    assert centred(phase - shift / 10) == pytest.approx(0.0, abs=1e-6)
+    begin, free, _ = automatic([log], plant)
+    assert begin.value("T_pwm") == pytest.approx(0.01)
+    # the phase is tried in steps of a twentieth of a period; a lag to first order is not a shift by all of it
+    assert (begin.value("s_vs"), begin.value("s_ve")) == (pytest.approx(0.2, abs=0.1), pytest.approx(0.2, abs=0.1))
+    assert begin.value("s_vs") - begin.value("s_ve") == begin.value("R_0vs") - begin.value("R_0ve")
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (DECAY, DECAY)
+    assert set(CARRIER) <= set(free)
+
+
+def test_an_on_off_unit_has_the_grid_of_its_commands_as_carrier(drive_log, plant):
+    command = np.repeat(np.random.default_rng(2).integers(0, 3, len(drive_log) // 2), 2)
+    # the chamber vents at the start, as it was recorded
+    command[:50] = 0
+    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
+    begin, free, _ = automatic([bang], plant)
+    assert begin.value("T_pwm") == pytest.approx(2e-3)
+    assert (begin.value("s_vs"), begin.value("s_ve")) == (ON_OFF_DELAY, ON_OFF_DELAY)
+    assert (begin.value("a_0vs"), begin.value("a_0ve")) == (plant.value("a_0vs"), plant.value("a_0ve"))
+    assert set(CARRIER) <= set(free)
+
+
+def test_an_on_off_unit_whose_commands_change_at_any_time_has_no_carrier(drive_log, plant):
+    command = np.random.default_rng(2).integers(0, 3, len(drive_log))
+    bang = drive_log.with_columns(duty_supply=1.0 * (command == 1), duty_exhaust=1.0 * (command == 2))
+    begin, free, _ = automatic([bang], plant)
+    assert begin.value("T_pwm") == 0.0
+    assert not set(CARRIER) & set(free)
+
+
+@pytest.mark.parametrize("model", VARIANTS)
+def test_the_lags_of_the_sensors_begin_at_what_sensors_have(drive_log, model):
+    begin, free, _ = automatic([drive_log], Actuator(model=model))
+    assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG)
+    assert {"tau_y", "tau_p"} <= set(free)
+
+
+def test_a_recording_without_pressure_is_one_sentence_that_says_what_to_do(drive_log, plant):
+    sentence = "log: no pressure_a; 'auto' needs a recording with pressure"
+    with pytest.raises(DataError, match=sentence) as caught:
+        automatic([drive_log.without("pressure_a")], plant)
+    assert "clutchid estimate LOG --start CAL.toml" in str(caught.value)
+    nothing = drive_log.with_columns(pressure_a=np.full(len(drive_log), np.nan))
+    with pytest.raises(DataError, match=sentence):
+        automatic([nothing], plant)
+
+
+def test_a_recording_that_never_vents_is_one_sentence_with_its_lowest_pressure(drive_log, plant):
+    pressurised = drive_log.with_columns(pressure_a=np.maximum(drive_log["pressure_a"], 2.5e5))
+    with pytest.raises(DataError, match=r"^log: the chamber never vents, its lowest pressure is 2\.50 bar; ") as caught:
+        automatic([pressurised], plant)
+    assert "\n" not in str(caught.value)
+
+
+def test_all_recordings_with_a_problem_are_named(drive_log, plant):
+    pressurised = replace(drive_log.with_columns(pressure_a=np.full(len(drive_log), 3e5)), name="pressurised")
+    with pytest.raises(DataError) as caught:
+        automatic([pressurised, drive_log, replace(drive_log.without("pressure_a"), name="bare")], plant)
+    lines = str(caught.value).splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["pressurised", "bare"]

@@ -1,0 +1,208 @@
+"""Section of a calibration in a parameter file: what is written is read, and what is wrong is one sentence."""
+
+from dataclasses import replace
+from hashlib import sha256
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.estimation.calibration_section import calibration_section
+from clutchid.estimation.parameter_file import ParameterFile, read_parameters, write_parameters
+from clutchid.model import Actuator
+from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
+from clutchid.uncertainty.conditions import NOT_RECORDED, Conditions
+
+#: A calibration of one parameter and of the load, and its section in a file.
+KEPT = Calibration(
+    ("C_vs",),
+    np.array([[1e-20]]),
+    position_only=PositionOnlyErrors(
+        ((), ("supply pressure",), ("supply pressure", "valves")),
+        ("theta_1", "C_vs", "R_0vs"),
+        np.array([[120.0, -0.01, 2e-3], [80.0, 0.02, 1e-3], [60.0, 0.03, -1e-3]]),
+        np.array([-41.5, -39.25, -40.0]),
+        1.75,
+    ),
+    theta=(9e5, -3e4, 6e4),
+    theta_covariance=np.diag([1e8, 1e6, np.inf]),
+)
+SECTION = "[fit.calibration]\nnames = ['C_vs']\ncovariance = [[1e-20]]\nbias = []\n"
+
+
+def calibration_of(path, kept, baseline=None, **about):
+    """What is read of a calibration that was written to a file."""
+    write_parameters(ParameterFile(Actuator(), {}, {"calibration": calibration_section(kept, baseline), **about}), path)
+    return read_parameters(path).calibration
+
+
+def test_a_calibration_is_read_with_its_load_and_its_file(tmp_path):
+    path = tmp_path / "CAL.toml"
+    found = calibration_of(path, KEPT, created="2026-11-22T10:00:00+00:00", trust="good", method="prediction-error")
+    assert (found.names, found.theta, found.method) == (KEPT.names, KEPT.theta, "prediction-error")
+    np.testing.assert_array_equal(found.covariance, KEPT.covariance)
+    np.testing.assert_array_equal(found.theta_covariance, KEPT.theta_covariance)
+    assert found.converged
+    digest = sha256(path.read_bytes()).hexdigest()
+    assert found.origin == Origin("CAL.toml", "2026-11-22T10:00:00+00:00", digest, "good")
+
+
+def test_the_errors_of_position_alone_are_read_as_they_were(tmp_path):
+    found, kept = calibration_of(tmp_path / "CAL.toml", KEPT).position_only, KEPT.position_only
+    assert (found.hypotheses, found.names, found.dispersion) == (kept.hypotheses, kept.names, kept.dispersion)
+    np.testing.assert_array_equal(found.shifts, kept.shifts)
+    np.testing.assert_array_equal(found.log_evidence, kept.log_evidence)
+    without = replace(KEPT, position_only=None)
+    assert calibration_of(tmp_path / "CAL.toml", without).position_only is None
+
+
+def test_the_mean_error_of_the_load_in_an_older_file_is_that_without_a_change(tmp_path):
+    path = tmp_path / "old.toml"
+    path.write_text(SECTION.replace("bias = []", "bias = [100.0, -20.0, 3]"))
+    errors = read_parameters(path).calibration.position_only
+    assert errors.hypotheses == ((),)
+    assert errors.dispersion == 1.0
+    for hypothesis in ((), ("valves",), ("a later group",)):
+        found = errors.shift(hypothesis, ("theta_3", "C_vs", "theta_1"))
+        np.testing.assert_array_equal(found, [3.0, 0.0, 100.0], "it does not depend on what has changed")
+        assert errors.evidence(hypothesis) == 0.0
+
+
+@pytest.mark.parametrize(
+    "bias", ["[1.0, 2.0]", "['a', 2.0, 3.0]", "[[1.0], [2.0], [3.0, 4.0]]", "[nan, 1.0, 2.0]", "5", "{}"]
+)
+def test_a_mean_error_of_an_older_file_that_is_wrong_is_one_sentence(bias, tmp_path):
+    path = tmp_path / "old.toml"
+    path.write_text(SECTION.replace("bias = []", f"bias = {bias}"))
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path).calibration  # noqa: B018, read on use
+    assert str(caught.value).startswith(
+        "old.toml: [fit.calibration] bias: 3 finite numbers are needed, one for each load"
+    )
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def changed_errors(**entries):
+    """Section of the errors of position alone with some entries changed; None leaves one out."""
+    section = calibration_section(KEPT)
+    section["position_only"] = {k: v for k, v in {**section["position_only"], **entries}.items() if v is not None}
+    return section
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"shifts": None},
+        {"hypotheses": None},
+        {"dispersion": None},
+        {"hypotheses": []},
+        {"hypotheses": [], "shifts": [], "log_evidence": []},
+        {"hypotheses": 5},
+        {"hypotheses": [["valves"], [], ["supply pressure"]]},
+        {"hypotheses": [[], [], ["valves"]]},
+        {"names": ["theta_1", "theta_1", "C_vs"]},
+        {"names": ["theta_1"]},
+        {"shifts": [[1.0, 2.0, 3.0]]},
+        {"shifts": [[1.0, 2.0, float("nan")]] * 3},
+        {"shifts": [["x", 2.0, 3.0]] * 3},
+        {"log_evidence": [0.0]},
+        {"log_evidence": [0.0, float("inf"), 1.0]},
+        {"dispersion": 0.0},
+        {"dispersion": float("inf")},
+        {"dispersion": "wide"},
+    ],
+    ids=str,
+)
+def test_errors_of_position_alone_that_are_wrong_are_one_sentence(entries, tmp_path):
+    path = tmp_path / "CAL.toml"
+    write_parameters(ParameterFile(Actuator(), {}, {"calibration": changed_errors(**entries)}), path)
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path).calibration  # noqa: B018, read on use
+    message = str(caught.value)
+    assert message.startswith("CAL.toml: [fit.calibration.position_only]: hypotheses (the first empty)")
+    assert message.endswith("save the calibration again.")
+    assert len(message.splitlines()) == 1
+
+
+def test_a_section_of_errors_that_is_none_is_one_sentence(tmp_path):
+    path = tmp_path / "CAL.toml"
+    path.write_text(SECTION + "position_only = 5\n")
+    with pytest.raises(ParameterError, match=r"^CAL\.toml: \[fit\.calibration\.position_only\]: hypotheses"):
+        read_parameters(path).calibration  # noqa: B018, read on use
+
+
+def test_a_search_that_had_not_converged_stays_so_in_the_file(tmp_path):
+    assert not calibration_of(tmp_path / "CAL.toml", replace(KEPT, converged=False)).converged
+
+
+def test_a_reading_keeps_the_file_of_its_calibration_and_not_its_own(tmp_path):
+    calibrated = calibration_of(tmp_path / "CAL.toml", KEPT, trust="good")
+    read = calibration_of(tmp_path / "worn.toml", calibrated, calibrated, trust="none")
+    assert read.origin == calibrated.origin
+    assert read.theta == KEPT.theta
+
+
+def test_a_reading_from_a_calibration_in_memory_is_not_its_file(tmp_path):
+    read = calibration_of(tmp_path / "worn.toml", KEPT, KEPT, trust="none", created="2026-11-22")
+    assert read.origin == Origin()
+    # a calibration that started from another one is in its own file
+    again = calibration_of(tmp_path / "CAL.toml", KEPT, replace(KEPT), trust="good")
+    assert (again.origin.name, again.origin.trust) == ("CAL.toml", "good")
+
+
+def test_a_calibration_of_an_older_file_has_no_load_and_had_converged(tmp_path):
+    path = tmp_path / "old.toml"
+    path.write_text(SECTION)
+    found = read_parameters(path).calibration
+    assert found.theta == ()
+    assert found.theta_covariance.shape == (0, 0)
+    assert found.converged
+    assert (found.origin.name, found.origin.created, found.origin.trust) == ("old.toml", "", "")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("theta = [1.0, 2.0]\ntheta_covariance = [[1.0, 0.0], [0.0, 1.0]]", ["theta: 2 numbers for 3 load weights"]),
+        ("theta = [1.0, 2.0, 3.0]", ["theta: finite load weights", "square theta_covariance"]),
+        ("theta_covariance = [[1.0]]", ["square theta_covariance"]),
+        ("theta = [1.0, 2.0, 3.0]\ntheta_covariance = [[1.0, 0.0], [0.0, 1.0]]", ["square theta_covariance"]),
+        (f"theta = [1.0, nan, 3.0]\ntheta_covariance = {np.eye(3).tolist()}", ["finite load weights"]),
+        (f"theta = [1.0, 'x', 3.0]\ntheta_covariance = {np.eye(3).tolist()}", ["finite load weights"]),
+        (f"theta = [1{400 * '0'}, 2, 3]\ntheta_covariance = {np.eye(3).tolist()}", ["finite load weights"]),
+        ("theta = 5", ["finite load weights"]),
+    ],
+)
+def test_a_load_of_a_calibration_that_is_wrong_is_one_sentence(text, words, tmp_path):
+    path = tmp_path / "CAL.toml"
+    path.write_text(f"{SECTION}{text}\n")
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path).calibration  # noqa: B018, read on use
+    message = str(caught.value)
+    assert message.startswith("CAL.toml: [fit.calibration]")
+    assert len(message.splitlines()) == 1
+    for word in words:
+        assert word in message
+
+
+def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
+    path = tmp_path / "CAL.toml"
+    about, origin = "[fit]\ntrust = 5\ncreated = 2026-11-22\n", "[fit.calibration.origin]\nname = 7\ntrust = 'good'\n"
+    path.write_text(about + SECTION + origin)
+    origin = read_parameters(path).calibration.origin
+    assert (origin.name, origin.created, origin.trust) == ("CAL.toml", "", "good")
+
+
+def test_the_conditions_of_a_calibration_are_read_as_they_were(tmp_path):
+    for conditions in (Conditions(281.5, 9.4e5, 9.2e5), Conditions(temperature=281.5), NOT_RECORDED):
+        kept = replace(KEPT, conditions=conditions)
+        assert calibration_of(tmp_path / "CAL.toml", kept).conditions == conditions
+    assert "conditions" not in calibration_section(KEPT), "as in an earlier version"
+
+
+@pytest.mark.parametrize("wrong", ["temperature = 'warm'", "supply = -1.0", "humidity = 0.5", "temperature = true"])
+def test_wrong_conditions_of_a_calibration_are_one_sentence(tmp_path, wrong):
+    path = tmp_path / "CAL.toml"
+    path.write_text(f"{SECTION}[fit.calibration.conditions]\n{wrong}\n")
+    with pytest.raises(ParameterError, match="temperature in K, supply and supply_estimated in Pa, above 0"):
+        _ = read_parameters(path).calibration

@@ -1,0 +1,87 @@
+"""Recordings without duty cycles in their first and last samples: every method uses the samples between these."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import clutchid
+from clutchid.estimation import fit
+from clutchid.estimation.verification import starts_of as estimated_starts
+from clutchid.log import INPUTS, Log
+from clutchid.observe.observer import observer
+from clutchid.observe.recording import observe_recording
+from clutchid.simulation import Partition
+from clutchid.uncertainty.calibration import Calibration
+
+EXACT = Calibration((), np.zeros((0, 0)))
+FIRST, LAST = 2, 3
+INSIDE = slice(FIRST, -LAST)
+
+
+def late(log):
+    """`log` with duty cycles that begin some samples later, and end earlier."""
+    columns = {name: log[name].copy() for name in INPUTS}
+    columns["duty_supply"][:FIRST] = np.nan
+    columns["duty_exhaust"][-LAST:] = np.nan
+    return log.with_columns(**columns)
+
+
+def ends_cut(log):
+    """`log` without the samples that lack a duty cycle in `late`."""
+    return log.slice(FIRST, len(log) - LAST)
+
+
+def thinned(log, every):
+    """Every n-th sample."""
+    return Log(log.time[::every], {name: values[::every] for name, values in log.columns.items()}, log.name)
+
+
+def assert_same(one, other, log):
+    """Two fits are equal, the first with a row for every sample of `log`."""
+    assert {name: e.value for name, e in one.parameters.items()} == {n: e.value for n, e in other.parameters.items()}
+    assert one.errors == other.errors
+    whole, part = one.recordings[log.name], other.recordings[log.name]
+    assert whole.starts == part.starts
+    assert np.array_equal(whole.measured["position"], log["position"])
+    assert np.array_equal(whole.simulated.time, log.time)
+    assert np.array_equal(whole.simulated["position"][INSIDE], part.simulated["position"])
+    assert np.isnan(whole.simulated["position"]).sum() == FIRST + LAST
+
+
+@pytest.mark.parametrize("partition", [None, Partition(parts=4), Partition(every=300, carry="q")])
+def test_a_fit_by_simulation_error_is_that_of_the_samples_with_inputs(worn_log, partition):
+    log = worn_log.slice(0, 3000)
+    one, other = (fit(part, free=("theta_1",), partition=partition) for part in (late(log), ends_cut(log)))
+    assert_same(one, other, log)
+    # the errors are those of a simulation of the same recording
+    again = clutchid.simulate(one.actuator, late(log), partition=partition).log
+    assert np.array_equal(again["position"], one.recordings[log.name].simulated["position"], equal_nan=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("every", "free"), [(1, "load"), (10, "D_v")], ids=["1 kHz", "100 Hz"])
+@pytest.mark.parametrize("method", ["shooting", "prediction-error"])
+def test_a_reading_is_that_of_the_samples_with_inputs(plant, worn_log, method, every, free):
+    actuator = replace(plant, duty_period=0.01)
+    log = thinned(worn_log.slice(0, 4000), every)
+    one, other = (
+        fit(part, actuator, free=free, calibration=EXACT, method=method) for part in (late(log), ends_cut(log))
+    )
+    assert_same(one, other, log)
+
+
+def test_a_verification_has_a_row_for_every_sample(truth, driven):
+    log = driven(seconds=2.0)
+    done = fit(log, truth, free=("theta_1",), verify=late(replace(log, name="other")))
+    assert np.isnan(done.verification["other"].simulated["position"]).sum() == FIRST + LAST
+    assert len(estimated_starts(late(log), truth)) == 1
+
+
+def test_an_observer_follows_the_samples_with_inputs(plant, worn_log):
+    log = worn_log.slice(0, 2000)
+    joint = observer(plant)
+    one, other = (observe_recording(joint, part) for part in (late(log), ends_cut(log)))
+    assert np.array_equal(one.samples.states[INSIDE], other.samples.states)
+    assert np.array_equal(one.after.theta, other.after.theta)
+    assert one.health["duty_missing"] == pytest.approx(1e-3 * (FIRST + LAST))

@@ -1,0 +1,251 @@
+"""The posterior over hypotheses of a small linear problem, against normal distributions of its data and sampling."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from clutchid.estimation.hypotheses import Explanation, errors_in_x, flattened, probabilities
+from clutchid.estimation.mixture import BAND, ERRORS_REPEAT, Mixture, changes, mixture
+from clutchid.estimation.problem import with_hypothesis
+from clutchid.estimation.search_result import SearchResult
+from clutchid.model import Actuator
+from clutchid.smoother.problem import FitProblem
+from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.uncertainty.change_prior import HYPOTHESES as ALL
+from clutchid.uncertainty.change_prior import LOG_ODDS, change_priors, log_odds, prior_probability
+from clutchid.uncertainty.coordinates import coordinates
+from clutchid.uncertainty.noise import Noise
+
+NAMES = ("theta_1", "P_S@w", "C_vs@w", "D_v@w")
+NONE, SUPPLY, VALVES = (), ("supply pressure",), ("valves",)
+HYPOTHESES = (NONE, SUPPLY, VALVES, SUPPLY + VALVES)
+
+#: Rows ``[J | r]`` of the data at x = 0: the supply has changed rather than the valves.
+DATA = np.array([
+    [0.5, 2.0, 1.5, 0.4, -2.2], [-0.4, 3.0, 2.5, -0.3, -3.4], [0.3, 1.0, -2.0, 0.6, -0.6], [0.0, 0.5, 0.5, -0.8, 0.8]
+])  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def problem():
+    actuator = Actuator()
+    priors = {f"{name}@w": change_priors(actuator)[name] for name in ("P_S", "C_vs", "D_v")}
+    return FitProblem(
+        actuator=actuator,
+        coordinates=coordinates(actuator, NAMES, {}, priors),
+        tracks=(),
+        stems=("w",),
+        measure=("position",),
+        noise=Noise(),
+        curvature=1.0,
+        changing=NAMES[1:],
+    )
+
+
+def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0):
+    """The data linearised at x under every hypothesis."""
+    x = np.array(x)
+    data = DATA.copy()
+    data[:, -1] += DATA[:, :-1] @ x
+    solution = SimpleNamespace(x=x, status="converged", evaluations=1)
+    one = Explanation(SearchResult("shooting", problem, (), solution), solution, data, scatter)
+    return dict.fromkeys(HYPOTHESES, one)
+
+
+def calibration(**errors):
+    known = PositionOnlyErrors(**errors) if errors else None
+    return Calibration((), np.zeros((0, 0)), position_only=known)
+
+
+def gaussians(problem, hypotheses=HYPOTHESES):
+    """Density of the data, mean and covariance of x under each hypothesis, from the joint distribution of both."""
+    J, target = DATA[:, :-1], -DATA[:, -1]
+    densities, means, covariances = [], [], []
+    for hypothesis in hypotheses:
+        root = with_hypothesis(problem, hypothesis).prior_root
+        prior = np.linalg.inv(root.T @ root)
+        data = np.eye(4) + J @ prior @ J.T
+        gain = prior @ J.T @ np.linalg.inv(data)
+        densities.append(multivariate_normal(np.zeros(4), data).pdf(target))
+        means.append(gain @ target)
+        covariances.append(prior - gain @ J @ prior)
+    return np.array(densities), np.array(means), np.array(covariances)
+
+
+def weights_of(densities, hypotheses=HYPOTHESES):
+    weights = densities * np.exp([log_odds(hypothesis) for hypothesis in hypotheses])
+    return weights / weights.sum()
+
+
+def band_weights(densities):
+    """Weights of all hypotheses in the band: flattened evidence, and a change does not make another less probable."""
+    weights = densities**BAND.evidence * np.exp([sum(LOG_ODDS[group] for group in h) for h in ALL])
+    return weights / weights.sum()
+
+
+def missed(problem, mean):
+    """Covariance of what the model misses of the load, here of its first weight, as far as the friction has changed."""
+    weight, friction = problem.coordinates[0], problem.coordinates[3]
+    share = BAND.missed * np.log(friction.si(mean[3]) / problem.actuator.value("D_v"))
+    size = weight.si(mean[0]) / weight.slope(mean[0])
+    return np.diag([(share * size) ** 2, 0.0, 0.0, 0.0])
+
+
+def inside_and_between(problem, x, shift_of=lambda _hypothesis: np.zeros(4)):
+    """Parts of the covariance of the band about x: of the hypotheses, with errors `shift_of`, and between them."""
+    densities, means, covariances = gaussians(problem, ALL)
+    shifts = np.array([shift_of(hypothesis) for hypothesis in ALL])
+    inside = [
+        c + missed(problem, m - s) + ERRORS_REPEAT**2 * np.outer(s, s)
+        for m, c, s in zip(means, covariances, shifts, strict=True)
+    ]
+    weights, apart = band_weights(densities), means - shifts - x
+    return np.einsum("h,hij->ij", weights, inside), np.einsum("h,hi,hj->ij", weights, apart, apart)
+
+
+def test_probabilities_are_those_of_the_data_under_each_prior(problem):
+    weights = weights_of(gaussians(problem)[0])
+    found = probabilities(explanations(problem), calibration())
+    assert found == pytest.approx(weights, abs=1e-10)
+    assert found.sum() == pytest.approx(1.0, abs=1e-12)
+    assert found.min() > 1e-3, "all of them have to matter"
+    elsewhere = probabilities(explanations(problem, (0.3, -1.0, 2.0, 0.5)), calibration())
+    assert elsewhere == pytest.approx(weights, abs=1e-10), "wherever a linear problem is linearised"
+
+
+def test_the_mean_is_that_of_the_weighted_gaussians(problem):
+    densities, means, _ = gaussians(problem)
+    weights = weights_of(densities)
+    found = mixture(explanations(problem), calibration())
+    np.testing.assert_allclose(found.x, weights @ means, atol=1e-10)
+    assert found.of_group("supply pressure") == pytest.approx(weights[1] + weights[3])
+    assert found.of_group("temperature and grease") == 0.0
+
+
+def test_the_covariance_is_about_that_mean_with_the_flattened_evidence_of_all_hypotheses(problem):
+    known = explanations(problem)
+    weights = band_weights(gaussians(problem, ALL)[0])
+    assert list(
+        flattened({h: known[NONE].under(h) for h in ALL}, calibration(), BAND.evidence).values()
+    ) == pytest.approx(weights, abs=1e-10)
+    found = mixture(known, calibration())
+    inside, between = inside_and_between(problem, found.x)
+    np.testing.assert_allclose(found.covariance, inside + between, atol=1e-10)
+    assert np.abs(between).max() > 0.02, "the hypotheses have to differ"
+
+
+def test_a_misfit_widens_what_each_hypothesis_leaves_open_and_a_good_fit_narrows_nothing(problem):
+    known = explanations(problem)
+    as_usual, better, unknown, worse = (mixture(known, calibration(), m) for m in (1.0, 0.5, np.nan, 2.0))
+    for one in (better, unknown):
+        np.testing.assert_array_equal(one.covariance, as_usual.covariance)
+    inside, between = inside_and_between(problem, worse.x)
+    np.testing.assert_allclose(worse.covariance, 2.0 * inside + between, atol=1e-9)
+    np.testing.assert_array_equal(worse.x, as_usual.x)
+
+
+def test_evidence_mean_and_covariance_agree_with_brute_force_sampling(problem):
+    rng, draws = np.random.default_rng(7), 400_000
+    found = mixture(explanations(problem), calibration())
+    evidence, means, covariances, effective = [], [], [], []
+    for hypothesis in ALL:
+        root = with_hypothesis(problem, hypothesis).prior_root
+        x = rng.standard_normal((draws, 4)) @ np.linalg.inv(root).T
+        likelihood = np.exp(-0.5 * np.sum((x @ DATA[:, :-1].T + DATA[:, -1]) ** 2, axis=1))
+        weights = likelihood / likelihood.sum()
+        evidence.append(likelihood.mean())
+        means.append(weights @ x)
+        covariances.append((weights[:, None] * (x - means[-1])).T @ (x - means[-1]))
+        effective.append(1.0 / np.sum(weights**2))
+    error = 1.0 / np.sqrt(min(effective))  # relative standard error of a mean of so many independent draws
+    assert error < 0.01
+    of_known = [ALL.index(hypothesis) for hypothesis in HYPOTHESES]
+    expected = weights_of(np.array(evidence)[of_known])
+    for place, hypothesis in enumerate(HYPOTHESES):
+        assert found.probability[hypothesis] == pytest.approx(expected[place], rel=5.0 * error)
+    mean = expected @ np.array(means)[of_known]
+    deviation = np.sqrt(np.diag(found.covariance))
+    assert np.all(np.abs(found.x - mean) < 5.0 * error * deviation)
+    apart = np.array(means) - mean
+    inside = [c + missed(problem, m) for m, c in zip(means, covariances, strict=True)]
+    covariance = np.einsum(
+        "h,hij->ij", band_weights(np.array(evidence)), inside + apart[:, :, None] * apart[:, None, :]
+    )
+    assert found.covariance / np.outer(deviation, deviation) == pytest.approx(
+        covariance / np.outer(deviation, deviation), abs=10.0 * error
+    )
+
+
+def test_data_that_scatter_less_than_assumed_change_the_covariance_only(problem):
+    as_assumed, less = (mixture(explanations(problem, scatter=s), calibration()) for s in (1.0, 0.25))
+    assert less.probability == as_assumed.probability
+    np.testing.assert_array_equal(less.x, as_assumed.x)
+    assert np.all(np.diag(less.covariance) < np.diag(as_assumed.covariance))
+
+
+def test_errors_of_position_alone_are_subtracted_and_a_part_of_them_is_uncertain(problem):
+    errors = {
+        "hypotheses": (NONE, SUPPLY),
+        "names": ("C_vs", "theta_1"),
+        "shifts": np.array([[0.03, 2e3], [-0.02, -5e3]]),
+        "log_evidence": np.zeros(2),
+    }
+    widths = np.array([c.width for c in problem.coordinates])
+    wanted = {NONE: np.array([2e3, 0.0, 0.03, 0.0]) / widths, SUPPLY: np.array([-5e3, 0.0, -0.02, 0.0]) / widths}
+    known = explanations(problem)
+    for hypothesis in (NONE, SUPPLY):
+        one = {hypothesis: known[hypothesis]}
+        plain, corrected = mixture(one, calibration()), mixture(one, calibration(**errors))
+        shift = wanted[hypothesis]
+        np.testing.assert_allclose(errors_in_x(problem.coordinates, hypothesis, calibration(**errors)), shift)
+        np.testing.assert_allclose(plain.x - corrected.x, shift, atol=1e-12)
+        inside, between = inside_and_between(problem, corrected.x, lambda h: wanted.get(h, wanted[NONE]))
+        np.testing.assert_allclose(corrected.covariance, inside + between, atol=1e-9)
+    unknown = errors_in_x(problem.coordinates, VALVES, calibration(**errors))
+    np.testing.assert_array_equal(unknown, wanted[NONE], "a hypothesis that is not known has the errors of none")
+
+
+def test_what_a_change_explains_in_the_calibration_recordings_is_no_evidence_for_it(problem):
+    def errors(gain):
+        return {
+            "hypotheses": (NONE, SUPPLY),
+            "names": (),
+            "shifts": np.zeros((2, 0)),
+            "log_evidence": np.array([-100.0, -100.0 + gain]),
+        }
+
+    plain, more, less = (
+        probabilities(explanations(problem), calibration(**each)) for each in ({}, errors(1.5), errors(-1.5))
+    )
+    assert np.log(more[1] / more[0]) == pytest.approx(np.log(plain[1] / plain[0]) - 1.5)
+    assert more[2] / more[0] == pytest.approx(plain[2] / plain[0])
+    assert less == pytest.approx(plain), "what explained less than nothing there speaks for no change here"
+
+
+def found(x, std, **probability):
+    hypotheses = {"none": NONE, "supply": SUPPLY, "valves": VALVES}
+    return Mixture(np.array(x), np.diag(np.square(std)), {hypotheses[name]: p for name, p in probability.items()})
+
+
+def test_a_change_has_its_value_before_and_after_its_deviation_and_the_probability_of_its_group(problem):
+    (change,) = changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=0.02, supply=0.96, valves=0.02))
+    width = problem.coordinates[1].width
+    after = 9e5 * np.exp(-width)
+    assert (change.recording, change.name, change.unit, change.group) == ("w", "P_S", "Pa", "supply pressure")
+    assert (change.before, change.after) == (9e5, pytest.approx(after))
+    assert change.std == pytest.approx(0.2 * width * after)
+    assert change.probability == pytest.approx(0.96)
+
+
+def test_a_group_is_listed_if_the_data_double_the_odds_of_its_change(problem):
+    def doubled(group):
+        odds = 2.0 * prior_probability()[group] / (1.0 - prior_probability()[group])
+        return odds / (1.0 + odds)
+
+    below, above = doubled("supply pressure") - 0.01, doubled("valves") + 0.01
+    assert changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - below, supply=below)) == ()
+    # the valves have moved by less than their standard deviation
+    (change,) = changes(problem, found([0.0, -1.0, 0.1], [1.0, 0.2, 0.5], none=1.0 - above, valves=above))
+    assert (change.name, change.probability) == ("C_vs", pytest.approx(above))

@@ -1,0 +1,60 @@
+"""Several recordings whose load is read from a calibration are read together and one by one."""
+
+import sys
+from dataclasses import replace
+from typing import NamedTuple
+
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.estimation import fit
+from clutchid.estimation.fit import fit_request
+from clutchid.estimation.request import FitRequest
+from fixtures.baselines import with_baseline
+
+
+@pytest.fixture(scope="module")
+def fitted(drive, with_noise):
+    """A fit of 4 s by the model that made them."""
+    return fit(with_noise(drive, 1).slice(0, 4000))
+
+
+@pytest.fixture
+def logs(drive):
+    return [replace(drive, name=name) for name in ("long", "short", "lost")]
+
+
+@pytest.fixture
+def read(monkeypatch):
+    """Read recordings whose fits are known: of "short" alone there is none, that of "lost" alone fails."""
+
+    def run(logs, result, **asked):
+        requests = {}
+
+        class Method(NamedTuple):
+            def fit(self, recordings, start, request, progress):
+                names = tuple(log.name for log in recordings)
+                requests[names] = request
+                if names == ("short",):
+                    raise DataError("short: 90 measured samples for 24 free parameters.")
+                return replace(result, status="failed") if names == ("lost",) else result
+
+        monkeypatch.setattr(sys.modules["clutchid.estimation.fit"], "method_of", lambda *asked: Method())
+        return fit_request(logs, None, FitRequest(**asked)), requests
+
+    return run
+
+
+def test_a_recording_that_cannot_be_read_alone_does_not_cost_the_fit_of_all(logs, fitted, read):
+    together, requests = read(logs, with_baseline(fitted), bootstrap=20, profile=("theta_1",))
+    assert together.status == "ok"
+    assert list(together.readings) == ["long"]
+    assert requests[("long", "short", "lost")].checks
+    assert not requests[("long",)].checks
+
+
+def test_recordings_are_read_alone_only_if_there_are_several_and_a_load_to_compare_with(logs, fitted, read):
+    assert read(logs[:1], with_baseline(fitted))[0].readings == {}
+    together, requests = read(logs, fitted)
+    assert together.readings == {}
+    assert list(requests) == [("long", "short", "lost")]

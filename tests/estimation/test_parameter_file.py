@@ -1,0 +1,187 @@
+"""Parameter files: what is written is read, and every problem is reported in a sentence."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.estimation.parameter_file import ParameterFile, read_parameters, write_parameters
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.model.b_spline import DEFAULT_KNOTS
+from clutchid.model.variants import VARIANTS
+from clutchid.parameters import Parameters
+
+#: A load on two knots, the four weights that it needs, and an actuator of another drawing without them.
+SPLINE = "[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.02]\n"
+CYLINDER = "[actuator]\nchamber_b = false\n[parameters]\nA_A = 0.002\nV_0A = 1e-5\nM = 1.0\ny_max = 0.05\n"
+WEIGHTS = "[parameters]\ntheta_1 = 1.0\ntheta_2 = 2.0\ntheta_3 = 3.0\ntheta_4 = 4.0\n"
+
+STARTS = {"worn 1": ((0.0, 109500.0), (0.004, 2.5e5))}
+
+
+def test_a_written_file_is_read_as_it_was(tmp_path):
+    path = tmp_path / "fit.toml"
+    content = ParameterFile(Actuator(load=Load((8e5, -1e4, 2e4))), STARTS, {"data": {"worn 1": "abc"}})
+    write_parameters(content, path)
+    assert read_parameters(path) == content
+
+
+def test_a_file_names_only_what_differs_from_the_appendix(tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text("[parameters]\nP_S = 800000\n[recording.run]\n")
+    content = read_parameters(path)
+    assert content.actuator == Actuator().replace({"P_S": 8e5})
+    assert content.starts == {"run": ()}
+
+
+def test_a_negative_lag_of_an_earlier_version_is_read_as_0_with_a_warning(tmp_path):
+    path = tmp_path / "old.toml"
+    path.write_text("[parameters]\ntau_p = -0.0015\ntau_y = 0.002\n[recording.run]\ntau_y = -0.05\n")
+    with pytest.warns(UserWarning, match="read as 0") as caught:
+        content = read_parameters(path)
+    texts = [str(warning.message) for warning in caught]
+    assert len(texts) == 2
+    assert all("old.toml" in text for text in texts)
+    assert "[recording.'run'] tau_y = -0.05 s" in texts[0]
+    assert "[parameters] tau_p = -0.0015 s" in texts[1]
+    assert content.actuator == Actuator().replace({"tau_p": 0.0, "tau_y": 2e-3})
+    assert content.own == {"run": {"tau_y": 0.0}}
+
+
+def test_a_lag_that_no_version_admitted_is_refused(tmp_path):
+    path = tmp_path / "wrong.toml"
+    path.write_text("[parameters]\ntau_y = -0.06\n")
+    with pytest.raises(ParameterError, match="tau_y"):
+        read_parameters(path)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(
+    "load",
+    [
+        Load((8e5, -1e4, 2e4)),
+        Load((8e5, 1 / 3, 1e-17), (0.0, 1e-3, 8e-3, 1.1e-2), 0.001),
+        Load.on_b_splines(),
+        Load((1.0, 2.0, 3.0, 0.1 + 0.2), (0.0, 0.02), basis="b-spline"),
+    ],
+    ids=["paper", "other knots and slope", "B-splines", "two knots"],
+)
+def test_every_variant_with_every_load_is_read_exactly_as_it_was_written(variant, load, tmp_path):
+    path = tmp_path / "fit.toml"
+    content = ParameterFile(Actuator(Parameters(h_A=1 / 3, R_S=1.7), load, variant), STARTS)
+    write_parameters(content, path)
+    assert read_parameters(path) == content
+    model = tomllib.loads(path.read_text(encoding="utf-8"))["model"]
+    assert (model["variant"], model["load_basis"]) == (variant, load.basis)
+    assert ("phi2_slope" in model) == (load.basis == "paper")
+
+
+@pytest.mark.parametrize("knots", [None, (0.0, 0.004, 0.01, 0.025)], ids=["usual knots", "own knots"])
+def test_b_splines_without_weights_are_those_that_a_search_starts_from(knots, tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(f"[model]\nload_basis = 'b-spline'\n{f'knots = {[*knots]}' if knots else ''}\n")
+    assert read_parameters(path).actuator.load == Load.on_b_splines(knots=knots or DEFAULT_KNOTS)
+
+
+def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(f"[model]\nload_basis = 'b-spline'\n{WEIGHTS}theta_9 = 1.0\nC_sv = 1e-8\n")
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path)
+    message = str(caught.value)
+    assert "2 problems" in message
+    assert "theta" not in message.partition("Known are")[0]
+    assert "'C_sv'" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[recording]\nworn1 = 5\n", ["[recording] worn1 = 5", "a section [recording.'worn1']"]),
+        ("[recording.a]\nposition_start = 0.0\n", ["[recording.'a'] position_start = 0.0", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = 'x'\n", ["position_start = 'x'", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [true]\npressure_a_start = [1e5]\n", ["[True]", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [nan]\npressure_a_start = [1e5]\n", ["[nan]", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [inf]\n", ["[inf]", "a list of finite numbers"]),
+        ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [0]\n", ["pressure_a_start = [0]", "above 0"]),
+        ("[recording.a]\nposition_start = [0.0]\n", ["must have the same length", "they have 1 and 0 entries"]),
+        ("[recording.a]\npositions_start = [0.0]\n", ["'positions_start'", "did you mean 'position_start'"]),
+        ("[recording.a]\npressure_start = [1e5]\n", ["'pressure_start'", "did you mean 'pressure_a_start'"]),
+        ("[model]\nvariant = 5\n", ["[model] variant = 5", "a name in quotes"]),
+        ("[model]\nload_basis = 5\n", ["no load basis '5'", "Known are paper, b-spline"]),
+        ("[model]\nload_basis = ['paper']\n", ["no load basis", "Known are paper, b-spline"]),
+        ("[model]\nload_basis = 'b-splines'\n", ["did you mean 'b-spline'"]),
+        ("[model]\nvariant = 'energy'\n", ["did you mean 'energy-balance'"]),
+        (f"[model]\nload_basis = 'b-spline'\n{WEIGHTS}", ["[model] knots", "two or more positions in m"]),
+        ("[model]\nload_basis = 'b-spline'\nknots = 5\n", ["[model] knots", "two or more positions in m"]),
+        (f"{SPLINE}[parameters]\ntheta_1 = 1.0\ntheta_3 = 1.0\n", ["theta_2, theta_4:", "theta_1 to theta_4 in N"]),
+        (f"{CYLINDER}{SPLINE}", ["theta_1, theta_2, theta_3, theta_4:", "2 knots", "the 4 weights"]),
+        (f"{SPLINE.replace('0.0,', '0.03,')}", ["knots = (0.03, 0.02) m", "strictly increasing"]),
+        ("[model]\nknots = [2, 8.5, 11.5]\n", ["positions in m", "(0.002, 0.0085, 0.0115) was probably meant"]),
+        ("[model]\nknots = [0, 2, 8.5, 11.5]\n", ["y_max = 0.025 m", "(0, 0.002, 0.0085, 0.0115) was probably meant"]),
+        (f"{SPLINE.replace('0.02', '25')}{WEIGHTS}", ["y_max = 0.025 m", "Knots are in m", "(0, 0.025)"]),
+        (f"{SPLINE}phi2_slope = 1.0\n{WEIGHTS}", ["phi2_slope belongs to load_basis = 'paper'"]),
+        (f"{SPLINE}{WEIGHTS}theta_5 = 5.0\n", ["no parameter 'theta_5'", "theta_4"]),
+        (f"{SPLINE}{WEIGHTS}theta_0 = 5.0\n", ["no parameter 'theta_0'"]),
+        (f"{SPLINE}{WEIGHTS.replace('4.0', 'nan')}", ["theta = ", "4 finite weights in N"]),
+        (f"{SPLINE}{WEIGHTS.replace('4.0', 'true')}", ["theta = ", "numbers are needed"]),
+        (f"{SPLINE.replace('0.02', '0.0')}{WEIGHTS}", ["knots = ", "two or more strictly increasing"]),
+        ("[parameters]\ntheta_4 = 1.0\n", ["no parameter 'theta_4'", "theta_3"]),
+        ("[model]\nknots = [0.0, 0.002, 0.0085, inf]\n", ["knots", "finite"]),
+        ("[model]\nknots = 5\n", ["knots = 5", "numbers are needed"]),
+        ("[model]\nduty = 'held'\n", ["[model] duty = 'held'", "must be 'continuous' or 'latched'"]),
+        ("[model]\nduty = 'latched'\n", ["[model] duty_period: missing", "a period above 0 in s"]),
+        ("[model]\nduty = 'latched'\nduty_period = nan\n", ["[model] duty_period: nan", "a period above 0 in s"]),
+        ("[model]\nduty_period = 0.01\n", ["[model] duty_period = 0.01", "belongs to duty = 'latched'"]),
+        (f"[model]\nphi2_slope = 1{400 * '0'}\n", ["phi2_slope", "numbers are needed"]),
+        ("recording = 5\n", ["[recording] must be a section"]),
+    ],
+)
+def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(text)
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert len(message.splitlines()) == 1
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize("period", [None, 0.0, 0.01])
+def test_what_a_calibration_found_of_the_duty_cycles_is_kept(period, tmp_path):
+    actuator = Actuator(duty_period=period)
+    write_parameters(ParameterFile(actuator), tmp_path / "a.toml")
+    read = read_parameters(tmp_path / "a.toml").actuator
+    assert read == actuator
+    assert repr(read) == ("Actuator()" if period is None else f"Actuator(duty_period={period})")
+    assert ("duty" in (tmp_path / "a.toml").read_text()) == (period is not None)
+
+
+def test_all_wrong_entries_are_reported_at_once(tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text(
+        "[model]\nvariant = 5\n[parameters]\nC_sv = 1.0\n[recording]\na = 5\n[recording.b]\npressure = [1.0]\n"
+    )
+    with pytest.raises(ParameterError) as caught:
+        read_parameters(path)
+    for word in ("4 problems", "variant", "C_sv", "a = 5", "'pressure'"):
+        assert word in str(caught.value)
+
+
+def test_starts_belong_to_one_file_and_not_to_its_name():
+    def log(name: str, **metadata: str) -> Log:
+        return Log(np.arange(3.0), {"position": np.zeros(3)}, name, metadata)
+
+    content = ParameterFile(Actuator(), STARTS, {"data": {"worn 1": "abc"}})
+    assert content.starts_for(log("worn 1", sha256="abc")) == STARTS["worn 1"]
+    assert content.starts_for(log("worn 1", sha256="other")) is None
+    assert content.starts_for(log("worn 1")) is None
+    assert content.starts_for(log("worn 2", sha256="abc")) is None
+    for about in ({}, {"data": 5}, {"data": {"worn 1": 5}}, {"data": {"worn 1": "unknown"}}):
+        assert ParameterFile(Actuator(), STARTS, about).starts_for(log("worn 1", sha256="abc")) is None

@@ -1,0 +1,55 @@
+"""The phase of the carrier from position alone, although the clutch is worn and the grease is cold."""
+
+import numpy as np
+import pytest
+
+import clutchid
+from clutchid.estimation.free import FreeParameters
+from clutchid.estimation.phase import filtered_phase, phase_finder
+from clutchid.preparation.carrier import centred
+from clutchid.preparation.pulses import find_phase
+from clutchid.uncertainty.calibration import Calibration
+
+EXACT = Calibration((), np.zeros((0, 0)))
+PHASE = 0.3
+
+
+@pytest.fixture(scope="module")
+def known():
+    """A calibrated actuator whose valves a carrier switches."""
+    actuator = clutchid.Actuator(model="energy-balance-stribeck", load=clutchid.Load.on_b_splines(clutchid.Load()))
+    return actuator.replace(T_pwm=0.01, s_vs=0.07, s_ve=0.07, t_vs=0.1, t_ve=0.1)
+
+
+@pytest.fixture(scope="module")
+def cold_and_worn(known):
+    """Six seconds of it with twice the viscous friction and a tenth more load; no grid shows the carrier."""
+    duty = clutchid.bundled_recording().slice(0, 6000).without("pressure_a").without("position")
+    noise = np.random.default_rng(2).standard_normal((2, len(duty)))
+    dithered = {
+        name: np.clip(duty[name] + 1e-5 * np.abs(noise[1]), 0.0, 1.0) for name in ("duty_supply", "duty_exhaust")
+    }
+    driven = duty.with_columns(**dithered)
+    changed = {"D_v": 2.0 * known.value("D_v"), "s_pwm": PHASE}
+    loads = {name: 1.1 * known.value(name) for name in known.load.names}
+    simulated = clutchid.simulate(known.replace({**changed, **loads}), driven).log
+    return driven.with_columns(position=simulated["position"] + 3e-5 * noise[0])
+
+
+def test_cold_grease_and_a_worn_clutch_are_not_taken_for_another_phase(known, cold_and_worn):
+    found = filtered_phase(cold_and_worn, known, EXACT)
+    assert abs(centred(found - PHASE)) < 0.05
+    assert abs(centred(find_phase(cold_and_worn, known) - PHASE)) > 0.05  # the reason for the filter
+
+
+def test_only_a_load_that_is_read_from_a_calibration_needs_the_filter(known):
+    reading = FreeParameters(known.load.names, ("position",))
+    assert phase_finder(known, reading, None) is find_phase
+    assert phase_finder(known, FreeParameters(known.load.names, ("position", "pressure_a")), EXACT) is find_phase
+    assert phase_finder(known, reading, EXACT).func is filtered_phase
+
+
+def test_a_reading_uses_the_phase_that_the_filter_found(known, cold_and_worn):
+    reading = clutchid.fit(cold_and_worn, known, free="load,D_v", calibration=EXACT)
+    assert reading.parameters["D_v"].value == pytest.approx(2.0 * known.value("D_v"), rel=0.15)
+    assert abs(centred(reading.parameters["s_pwm@truck1_calibration"].value - PHASE)) < 0.05

@@ -1,0 +1,131 @@
+"""What a fit to position alone errs on the recording of its calibration, and that later fits subtract it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.free import FreeParameters
+from clutchid.estimation.hypotheses import explanation
+from clutchid.estimation.mixture import mixture
+from clutchid.estimation.position_only import position_only_errors
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.shooting.fit import SHOOTING, shoot
+from clutchid.estimation.shooting.uncertainty import parameter_uncertainty
+from clutchid.numerics.failure import Failure
+from clutchid.uncertainty.calibration import PositionOnlyErrors
+from clutchid.uncertainty.change_prior import HYPOTHESES, changeable
+
+Y = np.linspace(0.5e-3, 20e-3, 40)
+
+
+@pytest.fixture(scope="module")
+def errors(calibrated):
+    return calibrated.calibration.position_only
+
+
+@pytest.fixture(scope="module")
+def blind(calibrated, drive_log):
+    """The search in the calibration recording without its pressure."""
+    free = FreeParameters(calibrated.actuator.load.names, ("position",))
+    return shoot([drive_log.without("pressure_a")], calibrated.actuator, free, calibrated.calibration)
+
+
+def reread(calibrated, log, calibration):
+    request = FitRequest(("position",), ("load",), calibration=calibration)
+    return fit_with_priors(SHOOTING, [log.without("pressure_a")], calibrated.actuator, request)
+
+
+def test_they_are_of_the_load_and_of_what_may_change_under_every_hypothesis(errors, calibrated):
+    actuator = calibrated.actuator
+    assert errors.hypotheses == HYPOTHESES
+    assert errors.names == (*actuator.load.names, *changeable(actuator)), "neither a phase nor a far stop repeats"
+    assert errors.shifts.shape == (len(HYPOTHESES), len(errors.names))
+    assert np.isfinite(errors.shifts).all()
+    assert np.isfinite(errors.log_evidence).all()
+    assert errors.dispersion > 0.0
+
+
+def test_a_model_without_an_error_errs_by_noise_only(errors, blind, calibrated):
+    names = calibrated.actuator.load.names
+    phi = calibrated.actuator.load.phi(Y)
+    covariance = parameter_uncertainty(blind.problem, blind.solution, None).matrix
+    slopes = blind.problem.slopes(blind.solution.x)[: len(names)]
+    load = phi * slopes
+    std = np.sqrt(np.einsum("ni,ij,nj->n", load, covariance[: len(names), : len(names)], load))
+    error = phi @ errors.shift((), names)
+    assert np.all(np.abs(error) < 3.0 * std)
+    peak = calibrated.actuator.load.force(Y).max()
+    assert np.abs(error).max() < 0.02 * peak
+    evidence = {h: errors.evidence(h) for h in HYPOTHESES}
+    assert all(gain <= 0.0 for gain in evidence.values()), "a change explains nothing where nothing has changed"
+    assert evidence[()] == 0.0
+
+
+def test_they_are_what_the_search_finds_beside_the_calibration(errors, blind, calibrated):
+    one = explanation(blind, SHOOTING.hypotheses, errors.dispersion)
+    found = blind.problem
+    for hypothesis in (HYPOTHESES[0], HYPOTHESES[2]):
+        x = one.solution.x + one.under(hypothesis).step
+        for name, shift in zip(errors.names, errors.shift(hypothesis, errors.names), strict=True):
+            place = [c.base for c in found.coordinates].index(name)
+            c = found.coordinates[place]
+            moved = np.log(c.si(x[place]) / c.mean) if c.positive else c.si(x[place]) - c.mean
+            assert moved == pytest.approx(shift, abs=1e-9 * max(1.0, abs(c.mean))), name
+
+
+def test_the_calibration_recording_without_pressure_gives_the_calibrated_load_back(calibrated, drive_log):
+    kept, true = calibrated.calibration, calibrated.actuator.load.force(Y)
+    missed, plain = (
+        np.abs(reread(calibrated, drive_log, one).actuator.load.force(Y) - true).max()
+        for one in (kept, replace(kept, position_only=None))
+    )
+    # a model without an error misses little anyway: what is left is that hypotheses are searched again
+    assert missed < 0.5 * plain
+    assert missed < 1e-3 * true.max()
+
+
+def test_known_errors_shift_a_load_by_exactly_as_much(calibrated, worn_log):
+    names = calibrated.actuator.load.names
+    shifts = np.append(np.linspace(-30.0, 60.0, len(names)), 0.02)
+    known = PositionOnlyErrors(((),), (*names, "C_vs"), shifts[None], np.zeros(1))
+    kept = calibrated.calibration
+    free = FreeParameters(names, ("position",))
+    found = shoot([worn_log], calibrated.actuator, free, kept)
+    one = {(): explanation(found, SHOOTING.hypotheses, 1.0)}
+    plain, shifted = (mixture(one, replace(kept, position_only=errors)).x for errors in (None, known))
+    si = found.problem.si(plain) - found.problem.si(shifted)
+    assert si[: len(names)] == pytest.approx(shifts[:-1], abs=1e-9)
+    place = found.problem.names.index("C_vs@worn")
+    ratio = found.problem.si(plain)[place] / found.problem.si(shifted)[place]
+    assert np.log(ratio) == pytest.approx(0.02, rel=1e-9)
+    others = [i for i in range(len(names), si.size) if i != place]
+    np.testing.assert_array_equal(plain[others], shifted[others])
+
+
+def test_of_several_recordings_they_are_the_mean_and_one_whose_search_fails_is_left_out(calibrated, drive_log):
+    kept, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
+    parts = [replace(drive_log.slice(*ends), name=name) for name, ends in (("a", (0, 4000)), ("b", (4000, 8000)))]
+
+    def found(logs, failing=()):
+        def search(logs, *args):
+            result = shoot(logs, *args)
+            return replace(result, solution=Failure("no")) if logs[0].name in failing else result
+
+        return position_only_errors(replace(SHOOTING, search=search), logs, actuator, kept)
+
+    a, b, both = found(parts[:1]), found(parts[1:]), found(parts)
+    np.testing.assert_allclose(both.shifts, (a.shifts + b.shifts) / 2, rtol=1e-12)
+    np.testing.assert_allclose(both.log_evidence, (a.log_evidence + b.log_evidence) / 2, rtol=1e-12)
+    assert both.dispersion == pytest.approx((a.dispersion + b.dispersion) / 2)
+    np.testing.assert_array_equal(found(parts, ("b",)).shifts, a.shifts)
+    assert found(parts, ("a", "b")) is None
+
+
+def test_a_method_without_hypotheses_has_the_errors_of_no_change(calibrated, drive_log, blind):
+    kept, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
+    errors = position_only_errors(replace(SHOOTING, hypotheses=None), [drive_log], actuator, kept)
+    assert errors.hypotheses == ((),)
+    expected = np.array(blind.problem.actuator_of(blind.solution.x, "log").load.theta) - actuator.load.theta
+    np.testing.assert_allclose(errors.shift((), actuator.load.names), expected, atol=1e-6)

@@ -1,0 +1,55 @@
+"""`calibrate` and `estimate` in Python: fits with their own defaults, from a fit, a file, or what is in a file."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.estimation import fit
+from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
+from clutchid.estimation.verbs import calibrate, estimate
+from clutchid.truck import Truck, drive
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    """A recording with pressure, and one without."""
+    return drive(Truck(), seconds=6.0, seed=1, name="cal").log, drive(Truck(), seconds=6.0, seed=2, pressure=False).log
+
+
+def same(one, other):
+    return one.parameters == other.parameters and np.array_equal(one.covariance, other.covariance)
+
+
+def test_both_have_the_arguments_of_fit_and_their_own_defaults():
+    of_fit = inspect.signature(fit).parameters
+    for verb, own in ((calibrate, set()), (estimate, {"start"})):
+        known = inspect.signature(verb).parameters
+        assert set(known) - set(of_fit) == own
+        assert set(of_fit) - set(known) <= {"actuator", "calibration"}
+        assert {name: of_fit[name].default for name in known if name not in {"measure", "free", *own}} == {
+            name: known[name].default for name in known if name not in {"measure", "free", *own}
+        }
+
+
+def test_a_calibration_without_pressure_says_what_to_do(recordings):
+    with pytest.raises(DataError, match=r"no column .pressure_a.; .* clutchid estimate LOG --start CAL\.toml"):
+        calibrate(recordings[1])
+
+
+def test_a_calibration_that_is_not_there_is_a_sentence(recordings, tmp_path):
+    with pytest.raises(DataError, match="there is no such file"):
+        estimate(recordings[1], tmp_path / "cal.toml")
+
+
+@pytest.mark.slow
+def test_both_are_fits_with_their_defaults_whatever_holds_the_calibration(recordings, tmp_path):
+    cal, worn = recordings
+    calibrated = calibrate(cal)
+    assert same(calibrated, fit(cal, measure="position,pressure_a", free="auto"))
+    read = fit(worn, calibrated.actuator, calibration=calibrated.calibration)
+    assert read.comparison is not None
+    write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")
+    for start in (calibrated, str(tmp_path / "cal.toml"), read_parameters(tmp_path / "cal.toml")):
+        assert same(estimate(worn, start), read)
