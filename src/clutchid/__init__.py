@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
     from clutchid.estimation import Fit, fit
     from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
+    from clutchid.estimation.verbs import calibrate, estimate
     from clutchid.io import read, read_pieces, write
     from clutchid.io.look.look import look
     from clutchid.log import Log
@@ -45,6 +46,8 @@ _HOME = {
     "Simulation": "clutchid.simulation",
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
+    "calibrate": "clutchid.estimation.verbs",
+    "estimate": "clutchid.estimation.verbs",
     "fit": "clutchid.estimation",
     "look": "clutchid.io.look.look",
     "parameter_file": "clutchid.estimation.parameter_file",
@@ -73,6 +76,8 @@ __all__ = [
     "Simulation",
     "SolveError",
     "bundled_recording",
+    "calibrate",
+    "estimate",
     "fit",
     "look",
     "parameter_file",

@@ -123,5 +123,6 @@ def test_every_name_that_the_package_offers_exists_and_is_documented():
 
 def test_the_nouns_and_verbs_of_the_design_are_offered():
     wanted = {"Parameters", "Log", "Actuator", "Load", "Fit", "read", "write", "look", "simulate", "fit", "Partition"}
+    wanted |= {"calibrate", "estimate"}
     errors = {"ClutchidError", "ParameterError", "DataError", "SolveError", "ExportError", "MissingExtra"}
     assert wanted | errors <= set(clutchid.__all__)
