@@ -14,6 +14,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.partition import Partition
+from clutchid.strokes.vented_rest import Zero
 from clutchid.uncertainty.coordinates import Prior
 
 
@@ -91,6 +92,7 @@ def estimate(
     priors: Mapping[str, Prior] | None = None,
     profile: str | Sequence[str] = (),
     bootstrap: int = 0,
+    zero: Zero = "subtract",
     on_failure: Literal["raise", "return"] = "raise",
     progress: Progress | None = None,
 ) -> Fit:
@@ -108,7 +110,7 @@ def estimate(
         Measured columns to compare with.
     free : names
         Free parameters; 'load' means all load weights.
-    bounds, partition, verify, method, priors, profile, bootstrap, on_failure, progress
+    bounds, partition, verify, method, priors, profile, bootstrap, zero, on_failure, progress
         As in `clutchid.fit`.
 
     Returns
@@ -130,6 +132,7 @@ def estimate(
         priors or {},
         profile=listed_names(profile),
         bootstrap=bootstrap,
+        zero=zero,
     )
     content = _content(start)
     return fit_any(logs, content.actuator, started(content, request), verify, on_failure, progress)
