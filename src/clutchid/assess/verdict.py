@@ -11,6 +11,7 @@ from clutchid.assess.diagnostics import BEYOND, MOST_OUTSIDE, ColumnDiagnosis
 from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, reach
 from clutchid.assess.reading import reading_reasons
 from clutchid.assess.reason import Reason
+from clutchid.assess.slow import slow_reasons
 from clutchid.estimate.result import Fit
 from clutchid.names import base_of
 from clutchid.uncertainty.identifiability import collinear, listed
@@ -80,8 +81,8 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     found = evidence(fit) if found is None else found
     reads = fit.departure is not None
     reasons = [
-        *reading_reasons(fit), *_not_converged(fit), *_poor_baseline(fit), *([] if reads else _at_bounds(fit)),
-        *_rounding(fit), *_undetermined(fit), *_combinations(fit),
+        *slow_reasons(fit), *reading_reasons(fit), *_not_converged(fit), *_poor_baseline(fit),
+        *([] if reads else _at_bounds(fit)), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
         *([] if reads else [*_motion_fit(found), *_autocorrelated(fit, found)]), *_wide_interval(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"

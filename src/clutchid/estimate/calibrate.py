@@ -20,6 +20,7 @@ from clutchid.estimate.request import FitRequest
 from clutchid.estimate.result import Fit
 from clutchid.estimate.search_result import SearchMethod, SearchResult, SolutionT
 from clutchid.estimate.search_state import Continuation
+from clutchid.estimate.slow_logs import with_slow_logs
 from clutchid.estimate.verification import on_samples
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -79,7 +80,7 @@ def fit_with_priors(
     if method.check and request.checks:
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
-        return _with_condition_warnings(replace(result, calibration=request.calibration), logs, free)
+        return _as_reading(replace(result, calibration=request.calibration), logs, free)
     return _with_calibration(method, result, logs, actuator, conditions, progress)
 
 
@@ -103,13 +104,16 @@ def _with_calibration(
     return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
 
 
-def _with_condition_warnings(result: Fit, logs: Sequence[Log], free: FreeParameters) -> Fit:
-    """`result` with warnings about recorded conditions that its calibration lacks, if it has read a load."""
+def _as_reading(result: Fit, logs: Sequence[Log], free: FreeParameters) -> Fit:
+    """`result`; where it is a load read with a calibration, with what slow recordings lack, and condition warnings.
+
+    The warnings are about recorded conditions that the calibration lacks.
+    """
     if result.calibration is None or not free.reads_load(result.actuator):
         return result
     found = condition_warnings(logs, result.calibration.conditions, free.conditions)
-    warnings = (*result.warnings, *found)
-    return replace(result, warnings=warnings, status="warning" if found and result.status == "ok" else result.status)
+    status = "warning" if found and result.status == "ok" else result.status
+    return with_slow_logs(replace(result, warnings=(*result.warnings, *found), status=status), logs)
 
 
 def _searched(
