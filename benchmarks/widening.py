@@ -132,13 +132,13 @@ def calibrated(number: int, family: str, without: Sequence[str], method: MethodN
     return fit(log.without(*without), measure=("position", "pressure_a"), free=("auto",), method=method)
 
 
-def worn_clutch(number: int, family: str, case: str) -> Drive:
-    """A recording of a truck's worn clutch."""
+def worn_clutch(number: int, family: str, case: str, bus: bool = False, another: int = 0) -> Drive:
+    """A recording of a truck's worn clutch, in the controller or on the bus; `another` numbers further ones."""
     changes, options = CASES[case]
     kind = truck(number, family)
     worn = drive(
-        kind, seconds=SECONDS, seed=_seeds(number)[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False,
-        change=changes, name="worn", conditions=True, **options(kind),
+        kind, seconds=SECONDS, seed=_seeds(number)[1] + another, wear=WEAR, cycles=WEAR * STROKES, pressure=False,
+        change=changes, name="worn", conditions=True, **({"recorder": "bus"} if bus else {}), **options(kind),
     )  # fmt: skip
     if case != LATE:
         return worn

@@ -7,6 +7,7 @@ import pytest
 
 from clutchid.assess.evidence import reach
 from clutchid.assess.reading import expected_error, reading_reasons
+from clutchid.assess.slow import slow_reasons
 from clutchid.assess.verdict import verdict
 from clutchid.estimation import LoadCurve, fit
 from clutchid.estimation.changes import Departure
@@ -76,3 +77,27 @@ def test_a_load_that_is_only_uncertain_is_not_flawed(reading):
     poor = replace(reading, baseline=replace(reading.baseline, origin=ORIGIN._replace(trust="none")))
     assert verdict(poor).flawed
     assert not verdict(reading).flawed
+
+
+@pytest.fixture(scope="module")
+def slow(reading):
+    """The same fit as a load from position alone of a recording with a sample every 10 ms."""
+    (name, one), *_ = reading.recordings.items()
+    measured, simulated = (replace(log, time=10.0 * log.time) for log in (one.measured, one.simulated))
+    scales = {"position": reading.scales["position"]}
+    return replace(reading, recordings={name: replace(one, measured=measured, simulated=simulated)}, scales=scales)
+
+
+def test_a_slow_recording_is_read_with_care(slow):
+    judged = verdict(slow)
+    assert (judged.trust, judged.flawed) == ("with care", False)
+    assert judged.reasons == (
+        "drive: at 100 Hz the valves open and close between the samples, at times that are not recorded. The interval "
+        "is widened for that, but by what it costs on virtual trucks only; record position and duty cycles at 1 kHz.",
+    )
+
+
+def test_only_a_load_from_position_alone_has_an_interval_for_slow_recordings(slow):
+    for other in (replace(slow, baseline=None), replace(slow, scales={**slow.scales, "pressure_a": 1e3})):
+        (reason,) = slow_reasons(other)
+        assert "errors that its interval does not include; record position" in reason.text

@@ -28,6 +28,14 @@ def fewer(track, stiff):
     return with_steps(track, stiff, 1.05)
 
 
+@pytest.fixture(scope="module")
+def sparse(track):
+    """The track as a recorder at 100 Hz has it, on a time grid of 1 ms: nine of ten positions are missing."""
+    position = np.full(len(track.measured), np.nan)
+    position[::10] = track.measured["position"][::10]
+    return replace(track, measured=track.measured.with_columns(position=position), spacing=0.01)
+
+
 def test_windows_take_fewer_steps_than_planned_and_never_more(track, fewer):
     planned, taken = (np.array([window.substeps[0] for window in one.windows]) for one in (track, fewer))
     assert np.all(taken <= planned)
@@ -36,8 +44,10 @@ def test_windows_take_fewer_steps_than_planned_and_never_more(track, fewer):
     assert len(set(taken.tolist())) > 1, "not every window is equally stiff"
 
 
-def test_the_steps_of_a_window_are_stable_where_its_piston_is(track, fewer, stiff):
-    for window in fewer.windows:
+@pytest.mark.parametrize("of", ["fewer", "sparse"])
+def test_the_steps_of_a_window_are_stable_where_its_piston_is(request, track, stiff, of):
+    taken = request.getfixturevalue(of)
+    for window in (taken if of == "fewer" else with_steps(taken, stiff, 1.05)).windows:
         position = track.measured["position"][window.start : window.stop]
         speed = np.abs(np.diff(position[::8])).max() / 8e-3
         rate = local_stiffness(stiff, float(speed), (float(position.min()), float(position.max())))
@@ -63,6 +73,23 @@ def test_a_window_without_position_keeps_its_steps(track, stiff):
     position[2500:2510] = np.nan
     holed = with_steps(replace(track, measured=track.measured.with_columns(position=position)), stiff, 1.05)
     number = next(i for i, window in enumerate(track.windows) if window.start <= 2505 < window.stop)
+    assert np.array_equal(holed.windows[number].substeps, track.windows[number].substeps)
+
+
+def test_windows_of_a_slow_recording_take_the_steps_of_the_same_at_1_khz(track, fewer, sparse, stiff):
+    planned, at_1_khz, slow = (
+        sum(int(window.substeps.sum()) for window in one.windows)
+        for one in (track, fewer, with_steps(sparse, stiff, 1.05))
+    )
+    assert slow == pytest.approx(at_1_khz, rel=0.1)
+    assert slow < 0.75 * planned
+
+
+def test_a_window_of_a_slow_recording_that_lacks_samples_keeps_its_steps(track, sparse, stiff):
+    position = sparse.measured["position"].copy()
+    position[2500] = np.nan
+    holed = with_steps(replace(sparse, measured=sparse.measured.with_columns(position=position)), stiff, 1.05)
+    number = next(i for i, window in enumerate(track.windows) if window.start <= 2495 < window.stop)
     assert np.array_equal(holed.windows[number].substeps, track.windows[number].substeps)
 
 

@@ -14,6 +14,7 @@ from clutchid.assess.evidence import HORIZON, Evidence, evidence, information, r
 from clutchid.assess.reading import reading_reasons
 from clutchid.assess.reason import Reason
 from clutchid.assess.rest import rest_reasons
+from clutchid.assess.slow import slow_reasons
 from clutchid.assess.states import states_reasons
 from clutchid.assess.valve_residuals import valve_notes, valve_reasons
 from clutchid.estimation.result import Fit
@@ -96,8 +97,8 @@ def verdict(fit: Fit, found: Evidence | None = None) -> Verdict:
     found = evidence(fit) if found is None else found
     reads = fit.departure is not None
     reasons = [
-        *states_reasons(fit), *reading_reasons(fit), *rest_reasons(fit), *_not_converged(fit), *_poor_baseline(fit),
-        *bound_reasons(fit), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
+        *states_reasons(fit), *slow_reasons(fit), *reading_reasons(fit), *rest_reasons(fit), *_not_converged(fit),
+        *_poor_baseline(fit), *bound_reasons(fit), *_rounding(fit), *_undetermined(fit), *_combinations(fit),
         *([] if reads else [*_motion_fit(found), *valve_reasons(fit, found)]), *_wide_interval(fit), *_reach(fit),
     ]  # fmt: skip
     trust: Trust = "none" if any(r.grave for r in reasons) else "with care" if reasons else "good"

@@ -20,6 +20,7 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.estimation.search_result import SearchMethod, SearchResult, SolutionT
 from clutchid.estimation.search_state import Continuation
+from clutchid.estimation.slow_logs import with_slow_logs
 from clutchid.estimation.verification import on_samples
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -84,7 +85,7 @@ def fit_with_priors(
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
         kept = replace(result, calibration=request.calibration)
-        return _with_conditions(kept, search_result.problem, logs, free)
+        return _as_reading(kept, search_result.problem, logs, free)
     return _with_calibration(method, result, logs, actuator, conditions, progress)
 
 
@@ -108,18 +109,18 @@ def _with_calibration(
     return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
 
 
-def _with_conditions(result: Fit, problem: FitProblem, logs: Sequence[Log], free: FreeParameters) -> Fit:
-    """`result` with warnings about recorded conditions that its calibration lacks, and with what is assumed of others.
+def _as_reading(result: Fit, problem: FitProblem, logs: Sequence[Log], free: FreeParameters) -> Fit:
+    """`result`; where it is a load read with a calibration, with what slow recordings lack and what is assumed.
 
-    Only if it has read a load.
+    It has warnings about recorded conditions that the calibration lacks.
     """
     if result.calibration is None or not free.reads_load(result.actuator):
         return result
     found = condition_warnings(logs, result.calibration.conditions, free.conditions)
-    warnings = (*result.warnings, *found)
     assumed = assumed_conditions(logs, (*free.names, *problem.known), problem.actuator)
     status = "warning" if found and result.status == "ok" else result.status
-    return replace(result, warnings=warnings, status=status, assumed=assumed)
+    read = replace(result, warnings=(*result.warnings, *found), status=status, assumed=assumed)
+    return with_slow_logs(read, logs)
 
 
 def _searched(

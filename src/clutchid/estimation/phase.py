@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +18,10 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.carrier import centred
+from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare
 from clutchid.preparation.pulses import Duties, FindPhase, duties_in, find_phase
+from clutchid.simulation.stiffness import stiffness
+from clutchid.simulation.windows import tracks
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 
@@ -24,9 +29,13 @@ from clutchid.uncertainty.calibration import Calibration
 #: on. Provenance: docs/derivations.md.
 PHASES, STEPS, DURATION = 10, 2, 10.0
 
-#: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). Phases around the
-#: best one, in tenths: where a sample falls into another period the cost jumps, and no parabola fits (truck B2).
-DURATION_SLOW, NEAR = 30.0, (-0.7, -0.35, 0.35, 0.7)
+#: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). The best phase and
+#: those around it, in tenths: where a sample falls into another period the cost jumps, and no parabola fits (truck B2).
+DURATION_SLOW, NEAR = 30.0, (0.0, -0.7, -0.35, 0.35, 0.7)
+
+#: Cost after the first step, as a multiple of the least, beyond which a phase of a slow recording is no candidate: the
+#: second step takes at most a quarter of it (truck A7, docs/derivations.md).
+MOST_COST = 1.5
 
 #: Largest step of a parameter in standard deviations of its prior.
 LARGEST_STEP = 2.0
@@ -44,7 +53,8 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
 
     At each of ten phases load and viscous friction take two Gauss-Newton steps towards smaller prediction errors: wear
     or cold grease would otherwise be taken for another phase. The costs that are predicted after the second step are
-    compared; the phase is refined by a parabola, in a slow recording by four phases more.
+    compared; the phase is refined by a parabola. In a slow recording a phase that costs much after the first step takes
+    no second one, and the best phase is refined by four more.
 
     Parameters
     ----------
@@ -63,14 +73,40 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     step = float(np.median(np.diff(log.time)))
     slow = duties_in(log, actuator) is not Duties.RECORDED
     part = log.slice(0, min(len(log), round((DURATION_SLOW if slow else DURATION) / step)))
-    problems = _problems(part, actuator, calibration, slow)
-    costs = np.array(map_pairs(_least_cost, problems, range(PHASES), smallest=1))
-    best = int(np.argmin(costs))
-    if not slow:
-        return centred((best + _vertex(costs)) / PHASES)
-    near = [centred((best + part) / PHASES) for part in NEAR]
-    finer = map_pairs(_least_cost, [_problem(part, actuator, calibration, one) for one in near], near, smallest=1)
-    return near[int(np.argmin(finer))] if min(finer) < costs[best] else centred(best / PHASES)
+    once = _problem(part, actuator, calibration)
+    if slow:
+        return _slow_phase(once, part, actuator)
+    problems = [_at_phase(once, centred(at / PHASES)) for at in range(PHASES)]
+    costs = np.array([one.cost for one in map_pairs(_adapted, problems, [_start(once)] * PHASES, smallest=1)])
+    return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
+
+
+def _slow_phase(once: FitProblem, part: Log, actuator: Actuator) -> float:
+    """`filtered_phase` of a slow recording, whose time grid depends on the phase."""
+    rate = CALIBRATED_MARGIN * stiffness(actuator)
+
+    def on_grid(phase: float) -> FitProblem:
+        grid = prepare(part, actuator, once.measure, lambda _log, _actuator: phase, rate)
+        return replace(_at_phase(once, phase), tracks=tracks((grid,)))
+
+    def stepped(problems: Sequence[FitProblem], starts: Sequence[FloatArray]) -> list[Adapted]:
+        return map_pairs(partial(_adapted, steps=1), problems, starts, smallest=1)
+
+    problems = [on_grid(centred(at / PHASES)) for at in range(PHASES)]
+    first = stepped(problems, [_start(once)] * PHASES)
+    least = min(one.cost for one in first)
+    worth = [at for at in range(PHASES) if first[at].cost <= MOST_COST * least]
+    second = stepped([problems[at] for at in worth], [first[at].x for at in worth])
+    chosen = int(np.argmin([one.cost for one in second]))
+    near = [centred((worth[chosen] + away) / PHASES) for away in NEAR]
+    # from what the best phase adapted to, one step is enough
+    start = np.where([c.base == "s_pwm" for c in once.coordinates], 0.0, second[chosen].x)
+    finer = stepped([on_grid(phase) for phase in near], [start] * len(near))
+    return near[int(np.argmin([one.cost for one in finer]))]
+
+
+def _start(problem: FitProblem) -> FloatArray:
+    return np.zeros(len(problem.coordinates))
 
 
 def _vertex(costs: FloatArray) -> float:
@@ -80,19 +116,10 @@ def _vertex(costs: FloatArray) -> float:
     return 0.5 * float((before - after) / (before + after)) if 0.0 < before + after < np.inf else 0.0
 
 
-def _problems(part: Log, actuator: Actuator, calibration: Calibration, slow: bool) -> list[FitProblem]:
-    """The problem of each phase; the recording is prepared once, unless its time grid depends on the phase."""
-    phases = [centred(at / PHASES) for at in range(PHASES)]
-    if slow:
-        return [_problem(part, actuator, calibration, phase) for phase in phases]
-    once = _problem(part, actuator, calibration, phases[0])
-    return [_at_phase(once, phase) for phase in phases]
-
-
-def _problem(part: Log, actuator: Actuator, calibration: Calibration, phase: float) -> FitProblem:
-    """The problem of load and viscous friction for one phase."""
+def _problem(part: Log, actuator: Actuator, calibration: Calibration) -> FitProblem:
+    """The problem of load and viscous friction for a phase of 0."""
     free = FreeParameters((*actuator.load.names, "D_v"), ("position",))
-    problem, _ = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: phase)
+    problem, _ = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: 0.0)
     return replace(problem, tracks=tuple(map(with_window_steps, problem.tracks)))
 
 
@@ -102,11 +129,18 @@ def _at_phase(problem: FitProblem, phase: float) -> FitProblem:
     return replace(problem, actuator=problem.actuator.replace({"s_pwm": phase}), coordinates=coordinates)
 
 
-def _least_cost(problem: FitProblem, _phase: float) -> float:
-    """Cost of the prediction errors as predicted after the last Gauss-Newton step, infinite if the first pass fails."""
+class Adapted(NamedTuple):
+    """Load and viscous friction adapted to a phase: x after the last step, and the cost predicted there."""
+
+    cost: float
+    x: FloatArray
+
+
+def _adapted(problem: FitProblem, x: FloatArray, steps: int = STEPS) -> Adapted:
+    """Gauss-Newton steps from x towards smaller prediction errors; the cost is infinite if the first pass fails."""
     low, high = problem.bounds()
-    x, least = np.zeros(len(problem.coordinates)), np.inf
-    for _ in range(STEPS):
+    least = np.inf
+    for _ in range(steps):
         prediction = predict_errors(problem, x)
         if isinstance(prediction, Failure):
             break
@@ -115,4 +149,4 @@ def _least_cost(problem: FitProblem, _phase: float) -> float:
         after = at.R @ step + at.q
         least = prediction.cost - float(at.q @ at.q - after @ after)
         x = np.clip(x + step, low, high)
-    return least
+    return Adapted(least, x)

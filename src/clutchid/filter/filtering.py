@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.filter.arrays import FilterOutput, IntArray, Intervals, Measurements, ModelArrays, Scratch
@@ -38,17 +39,23 @@ class Filtered:
 
     `rows` are ``[theta | r]``, compressed to as many as they have columns, and `cost` the sum of losses. `errors`
     (n, 2, 2) are the innovations of position and pressure in SI with their variances, `states` (n, n_states) the states
-    after the measurements of each sample, `pressures` (n, size + 1) the derivatives of the pressure in chamber A with
-    respect to theta and its standard deviation; `gains` (n, 2, n_states + 3) the gain of each state and sensor output
-    for each innovation, and its variance.
+    after the measurements of each sample; `gains` (n, 2, n_states + 3) the gain of each state and sensor output for
+    each innovation, and its variance. `watched` (n, k + 1) are the derivatives of the pressure in chamber A with
+    respect to the parameters of `mapped`, and its standard deviation.
     """
 
     rows: FloatArray
     cost: float
     errors: FloatArray
     states: FloatArray
-    pressures: FloatArray
     gains: FloatArray
+    watched: FloatArray
+    mapped: ParameterMap
+
+    @property
+    def pressures(self) -> FloatArray:
+        """Derivatives of the pressure in chamber A with respect to theta and its standard deviation, (n, size + 1)."""
+        return _spread(self.watched, self.mapped)
 
 
 def filtered(
@@ -84,8 +91,14 @@ def filtered(
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
         rows = output[0].reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
-        factor = triangular(np.vstack([factor, rows]))
-    return Filtered(_spread(factor, mapped), cost, errors, passed, _spread(pressures, mapped), pass_.gains)
+        factor = triangular(np.vstack([factor, rows[_measured(rows, len(MEASURED))]]))
+    return Filtered(_spread(factor, mapped), cost, errors, passed, pass_.gains, pressures, mapped)
+
+
+def _measured(rows: FloatArray, sensors: int) -> NDArray[np.bool_]:
+    """Rows of the samples that have a measurement; those between the samples of a slow recording have none."""
+    known: NDArray[np.bool_] = np.repeat(rows.any(axis=1).reshape(-1, sensors).any(axis=1), sensors)
+    return known
 
 
 def _loss(r: FloatArray, outlier: float) -> float:

@@ -8,12 +8,16 @@ import numpy as np
 
 from clutchid.inspection.check import Check, Grade
 from clutchid.inspection.reading import Reading
+from clutchid.signals.duty_cycle import CONTINUOUS_STEP
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
 
 CHECK = "sample rate"
 
 #: Least number of samples per stroke, and in the narrowest knot interval of the load curve.
 PER_STROKE, PER_INTERVAL = 4, 1
+
+#: Sample rate in Hz at which all changes of duty cycles are recorded, see `clutchid.signals.duty_cycle.is_slow`.
+LEAST_RATE = 1000.0
 
 #: Interval in s from which milliseconds were probably read as seconds, and below which seconds as something smaller.
 _SLOW, _FASTEST = 0.5, 5e-6
@@ -36,7 +40,7 @@ def sample_rate(reading: Reading) -> Check:
     grade: Grade = "good"
     if PER_STROKE * travel > p.y_max:
         grade = "bad"
-    elif PER_INTERVAL * travel > narrowest:
+    elif PER_INTERVAL * travel > narrowest or step > CONTINUOUS_STEP:
         grade = "suspect"
     rate = f"{1 / step:.4g} Hz"
     repeated = "" if step < 1.5 * reading.step else f", repeated at {1 / reading.step:.4g} Hz"
@@ -44,14 +48,16 @@ def sample_rate(reading: Reading) -> Check:
         f"the fastest mode of the model is {reading.rate:.3g} 1/s ({steps} integration step{'' if steps == 1 else 's'} "
         f"per sample), and at {TOP_SPEED:g} m/s the piston travels {travel * 1e3:.3g} mm between two samples"
     )
-    needed = TOP_SPEED * PER_INTERVAL / narrowest
+    needed = max(TOP_SPEED * PER_INTERVAL / narrowest, LEAST_RATE)
     unit = ", or write the unit of the time as ms if the stamps count milliseconds" if step >= _SLOW else ""
+    knots = f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm)"
     advice = {
         "good": "",
-        "suspect": f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm): valve edges "
-        f"are known to one sample only, so a fit smooths and shifts the load; record at {needed:.3g} Hz or more.",
+        "suspect": f"{knots if PER_INTERVAL * travel > narrowest else ''}: the valves open and close between the "
+        "samples, at times that are not recorded, so that a load is smoothed and shifted, and its trust 'with care' at "
+        f"best; record at {needed:.4g} Hz or more.",
         "bad": f" of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes have too few samples and a fit would be wrong; "
-        f"record at {needed:.3g} Hz or more{unit}.",
+        f"record at {needed:.4g} Hz or more{unit}.",
     }
     return Check(CHECK, rate + repeated, grade, f"at {rate}{repeated} {facts}{advice.get(grade) or '.'}")
 

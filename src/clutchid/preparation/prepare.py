@@ -31,6 +31,9 @@ STROKE_PARTS, SPEED_CLASSES = 4, (0.05, 0.15, TOP_SPEED)
 #: Margins on measured position in m and speed in m/s, and the time in s over which the speed is averaged.
 POSITION_MARGIN, SPEED_MARGIN, SPEED_WINDOW = 3e-4, 0.03, 8e-3
 
+#: Two positions of a slow recording that are this many intervals apart have others missing between them.
+MISSING = 1.5
+
 
 #: What to do with a recording without pressure.
 FROM_POSITION_ALONE = (
@@ -84,7 +87,9 @@ def _uniquely_named(logs: list[Log]) -> list[Log]:
     return named
 
 
-def prepare(log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhase = find_phase) -> Plan:
+def prepare(
+    log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhase = find_phase, rate: float | None = None
+) -> Plan:
     """Plan of a recording for `actuator`: time grid that resolves the pulses, carrier phase, and integration steps.
 
     The plan has resets at short intervals, for the initial values of the states.
@@ -99,6 +104,8 @@ def prepare(log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhas
         Measured columns in use.
     find : function
         Estimates the phase of the carrier where only the position shows it.
+    rate : 1/s, optional
+        Stiffness for the integration steps, where it is known; by default `MARGIN` times that of the actuator.
 
     Raises
     ------
@@ -112,7 +119,7 @@ def prepare(log: Log, actuator: Actuator, measure: Sequence[str], find: FindPhas
         raise DataError(pulsed_log.warning)
     step = float(np.median(np.diff(pulsed_log.log.time))) if len(pulsed_log.log) > 1 else RESET_INTERVAL
     resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
-    rate = MARGIN * stiffness(pulsed_log.actuator)
+    rate = MARGIN * stiffness(pulsed_log.actuator) if rate is None else rate
     prepared = plan(pulsed_log.log, pulsed_log.actuator, rate, resets, with_pressure, pulsed_log.open_std)
     found = prepared.actuator.replace({"T_pwm": actuator.parameters.T_pwm})
     return replace(prepared, actuator=found, phase_std=pulsed_log.phase_std)
@@ -143,13 +150,26 @@ def with_steps(track: Track, actuator: Actuator, margin: float) -> Track:
     def rate(part: int, speed: float) -> float:
         return margin * local_stiffness(actuator, speed, (float(edges[part]), float(edges[part + 1])))
 
-    return replace(track, windows=tuple(_window_with_steps(track, window, edges, rate) for window in track.windows))
+    position = _between_samples(track)
+    return replace(track, windows=tuple(_window_with_steps(position, window, edges, rate) for window in track.windows))
+
+
+def _between_samples(track: Track) -> FloatArray:
+    """Measured position; that of a slow recording interpolated on its time grid, but not where samples are missing."""
+    time, position = track.measured.time, track.measured["position"]
+    known = np.flatnonzero(np.isfinite(position))
+    if track.spacing <= SPEED_WINDOW or known.size < 2:
+        return position
+    between: FloatArray = np.interp(time, time[known], position[known], np.nan, np.nan)
+    after = np.searchsorted(known, np.arange(time.size)).clip(1, known.size - 1)
+    between[np.diff(time[known])[after - 1] > MISSING * track.spacing] = np.nan
+    return between
 
 
 def _window_with_steps(
-    track: Track, window: Segment, edges: FloatArray, rate: Callable[[int, float], float]
+    of_track: FloatArray, window: Segment, edges: FloatArray, rate: Callable[[int, float], float]
 ) -> Segment:
-    position = track.measured["position"][window.start : window.stop]
+    position = of_track[window.start : window.stop]
     far = samples(window, SPEED_WINDOW) - 1
     travel = np.abs(position[far:] - position[:-far])
     if not np.isfinite(travel).all() or travel.size == 0:

@@ -18,7 +18,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
 from clutchid.preparation.time_grid import in_clock, interpolated, latched
-from clutchid.signals.duty_cycle import CONTINUOUS_STEP, grid_phase, on_off, resolves_carrier
+from clutchid.signals.duty_cycle import grid_phase, is_slow, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
@@ -33,9 +33,8 @@ MIN_PERIOD = 0.4
 #: Shortest period in samples whose duty cycles are all recorded: clocks differ.
 EACH_PERIOD = 0.95
 
-#: Time grid in s for the simulation of pulses: on a grid of 1 ms the duty cycles change half a millisecond late, an
-#: error of several percent of the load. Time grid in s for interpolated duty cycles of valves without a carrier.
-FINE_STEP, COARSE_STEP = 2.5e-4, 1e-3
+#: Time grid in s of a slow recording: that of a calibration at 1 kHz, in whose intervals pulses count as their means.
+GRID_STEP = 1e-3
 
 #: Interval in s for which a control unit holds duty cycles that change continuously.
 CONTROL_STEP = 1e-3
@@ -87,7 +86,7 @@ def find_phase(log: Log, actuator: Actuator) -> float:
     part, rate = log.slice(0, min(len(log), round(MAX_DURATION / step))), stiffness(actuator)
     slow = duties_in(log, actuator) is not Duties.RECORDED
     part = part.with_columns(position=part["position"] - p.e_y) if slow else without_sensors(part, p)
-    every = Partition(every=max(2, round(RESET_INTERVAL / (_step(actuator) if slow else step))))
+    every = Partition(every=max(2, round(RESET_INTERVAL / (GRID_STEP if slow else step))))
 
     def misfit(phase: float) -> float:
         # compensate the lag of the sensor, which acts like another phase
@@ -120,7 +119,7 @@ def duties_in(log: Log, actuator: Actuator) -> Duties:
     if step == 0.0 or (actuator.duty_period is None and carrier == 0.0):
         return Duties.RECORDED
     period = carrier or renewed
-    if resolves_carrier(log, period) if period else step <= CONTINUOUS_STEP:
+    if resolves_carrier(log, period) if period else not is_slow(log):
         return Duties.RECORDED
     if on_off(log):
         return Duties.UNKNOWN
@@ -198,20 +197,15 @@ def on_time_grid(log: Log, actuator: Actuator, delay: float = 0.0) -> tuple[Log,
     known, p = duties_in(log, actuator), actuator.parameters
     closed = {"duty_supply": p.R_0vs, "duty_exhaust": p.R_0ve}
     if known is Duties.LATCHED:
-        return latched(log, in_clock(_period(actuator), log.time), p.s_pwm, _step(actuator), closed, delay)
+        return latched(log, in_clock(_period(actuator), log.time), p.s_pwm, GRID_STEP, closed, delay)
     if known is Duties.INTERPOLATED:
-        return interpolated(log, actuator.duty_period or CONTROL_STEP, _step(actuator), closed, delay)
+        return interpolated(log, actuator.duty_period or CONTROL_STEP, GRID_STEP, closed, delay)
     return log, None
 
 
 def _period(actuator: Actuator) -> float:
     """Period in s that a phase refers to: of the valves' carrier, else at which the duty cycles are renewed."""
     return actuator.parameters.T_pwm or actuator.duty_period or 0.0
-
-
-def _step(actuator: Actuator) -> float:
-    latches = actuator.parameters.T_pwm > 0.0 or actuator.duty_period
-    return FINE_STEP if latches else COARSE_STEP
 
 
 def pulsed_without_sensors(log: Log, actuator: Actuator) -> Pulsed:

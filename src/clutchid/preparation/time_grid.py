@@ -11,6 +11,12 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 
 IntArray = NDArray[np.intp]
 
+#: Shortest interval of a grid in s: a period that starts this close to a sample starts with it.
+SHORTEST_STEP = 2e-5
+
+#: An interval may be longer than the step by this part of it, as stamps are rounded and jitter.
+GRID_ROUNDING = 0.1
+
 #: Messages and periods are in step if an interval is a multiple of a quarter of the period, up to the drift of two
 #: quartzes; largest jitter of messages at equal intervals, in intervals.
 PARTS, MAX_DRIFT, MAX_JITTER = 4, 3e-4, 0.2
@@ -33,7 +39,7 @@ def latched(
     phase : 1
         Of the periods relative to the time stamps.
     step : s
-        Of the time grid, approximately.
+        Longest interval of the time grid, which also has the starts of the periods.
     closed : 1
         Largest duty cycle of each valve at which it is closed.
     delay : s
@@ -45,10 +51,11 @@ def latched(
     open_std : (n - 1,) in s
         Standard deviation of the time that a fully open valve is open in each interval of the grid.
     """
-    grid, (stamps, sampled) = _Grid(log, step), _sampled(log)
+    stamps, sampled = _sampled(log)
     numbers = _period_number(_regular(stamps)[0], period, phase)
     last = np.flatnonzero(np.append(numbers[1:] > numbers[:-1], True))
-    wanted = _period_number(grid.time - delay, period, phase)
+    grid = _Grid(log, step, _starts(log.time, period, phase * period + delay))
+    wanted = _period_number(grid.middle - delay, period, phase)
     duties = {name: _between(wanted, numbers[last], sampled[name][last], closed[name]) for name in INPUTS}
     without = np.diff(numbers[last]) - 1.0
     # a change at the start of any of these periods or of the next: a uniform number of them has the later duty cycle
@@ -75,7 +82,7 @@ def interpolated(
         As in `latched`, which also says what is returned.
     """
     grid, (stamps, sampled) = _Grid(log, step), _sampled(log)
-    middle = grid.time + 0.5 * (np.append(np.diff(grid.time), 0.0) - held) - delay
+    middle = grid.middle - 0.5 * held - delay
     duties = {name: _between(middle, stamps, sampled[name], closed[name]) for name in INPUTS}
     size = _unknown_opening(sampled, np.diff(stamps) / np.sqrt(12.0))
     between = np.searchsorted(stamps, grid.time[:-1], side="right") - 1
@@ -142,16 +149,23 @@ def _unknown_opening(duties: Mapping[str, FloatArray], spread: FloatArray) -> Fl
 
 
 class _Grid:
-    """Times of a finer grid, the places of the samples in it, and into how many parts each interval is divided."""
+    """Times of a finer grid: the samples of `log`, `breaks`, and between them equal intervals of at most `step` s.
 
-    def __init__(self, log: Log, step: float) -> None:
-        gaps = np.diff(log.time)
-        usual = float(np.median(gaps))
-        self.parts: IntArray = np.where(gaps <= HOLE * usual, max(1, round(usual / step)), 1)
-        self.first = np.concatenate([[0], np.cumsum(self.parts)])
-        of = np.repeat(np.arange(gaps.size), self.parts)
-        inside = (np.arange(self.first[-1]) - self.first[of]) / self.parts[of]
-        self.time: FloatArray = np.append(log.time[of] + gaps[of] * inside, log.time[-1])
+    `first` are the places of the samples in it, `middle` the middle of each interval, and the last sample.
+    """
+
+    def __init__(self, log: Log, step: float, breaks: FloatArray | None = None) -> None:
+        added = np.zeros(0) if breaks is None else breaks[_apart(breaks, log.time)]
+        points = np.sort(np.concatenate([log.time, added]))
+        gaps, at = np.diff(points), np.searchsorted(points, log.time)
+        hole = np.repeat(np.diff(log.time) > HOLE * np.median(np.diff(log.time)), np.diff(at))
+        parts: IntArray = np.where(hole, 1, np.ceil(gaps / step * (1.0 - GRID_ROUNDING))).astype(np.intp)
+        start = np.concatenate([[0], np.cumsum(parts)])
+        of = np.repeat(np.arange(gaps.size), parts)
+        inside = (np.arange(start[-1]) - start[of]) / parts[of]
+        self.time: FloatArray = np.append(points[of] + gaps[of] * inside, log.time[-1])
+        self.middle = self.time + 0.5 * np.append(np.diff(self.time), 0.0)
+        self.first = start[at]
 
     def with_duties(self, log: Log, duties: Mapping[str, FloatArray]) -> Log:
         """`log` on the grid with duty cycles there; other columns are missing between the samples."""
@@ -164,6 +178,21 @@ class _Grid:
                 columns[name] = np.full(self.time.size, np.nan)
                 columns[name][self.first] = values
         return Log(self.time, columns, log.name, log.metadata, log.warnings)
+
+
+def _starts(time: FloatArray, period: float, first: float) -> FloatArray:
+    """Starts of the periods within the time stamps, one of which is at `first` s."""
+    numbers = np.arange(np.ceil((time[0] - first) / period), np.floor((time[-1] - first) / period) + 1.0)
+    return first + period * numbers
+
+
+def _apart(breaks: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
+    """Which `breaks` lie within `time` and no closer to its stamps than `SHORTEST_STEP`, nor in a hole."""
+    after = np.searchsorted(time, breaks).clip(1, time.size - 1)
+    inside = (breaks - time[after - 1] > SHORTEST_STEP) & (time[after] - breaks > SHORTEST_STEP)
+    gaps = np.diff(time)
+    found: NDArray[np.bool_] = inside & (gaps[after - 1] <= HOLE * np.median(gaps))
+    return found
 
 
 def _period_number(time: FloatArray, period: float, phase: float) -> FloatArray:

@@ -18,6 +18,17 @@ MIN_SAMPLES, MIN_SAMPLES_ON_OFF = 2.5, 2.0
 CONTINUOUS_STEP = 1.5e-3
 
 
+def is_slow(log: Log) -> bool:
+    """Whether duty cycles may change between the samples of a recording, so that it lacks edges of the valves.
+
+    Examples
+    --------
+    >>> [is_slow(Log(step * np.arange(5.0), {})) for step in (1e-3, 1e-2)]
+    [False, True]
+    """
+    return len(log) > 1 and float(np.median(np.diff(log.time))) > CONTINUOUS_STEP
+
+
 def on_off(log: Log) -> bool:
     """Whether the valves are switched on and off (bang-bang), without duty cycles in between.
 
@@ -88,7 +99,7 @@ def duty_period(log: Log) -> float | None:
     >>> f"{duty_period(log):.3f} s"
     '0.010 s'
     """
-    if len(log) < 2 or float(np.median(np.diff(log.time))) > CONTINUOUS_STEP or _changes(log).size < MIN_CHANGES:
+    if len(log) < 2 or is_slow(log) or _changes(log).size < MIN_CHANGES:
         return None
     return duty_grid(log)[0]
 

@@ -1,0 +1,55 @@
+"""Loads read from recordings at 100 Hz: their interval, and the trust in them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import clutchid
+from clutchid.estimation.outcome import QUANTILE
+from clutchid.estimation.slow_logs import MISSED, with_slow_logs
+
+Y = np.linspace(0.5e-3, 15e-3, 40)
+
+pytestmark = pytest.mark.slow
+
+
+def at_100_hz(log):
+    """Each tenth sample of a recording at 1 kHz, as a recorder on the bus keeps it."""
+    return replace(log, time=log.time[3::10], columns={name: values[3::10] for name, values in log.columns.items()})
+
+
+def half_width(fit):
+    """Half width of the 95 % interval of the load at `Y`, in N."""
+    return 0.5 * np.interp(Y, fit.load_curve.position, fit.load_curve.high - fit.load_curve.low)
+
+
+def test_a_load_from_100_hz_is_read_with_care_and_has_no_narrower_interval_than_from_1_khz(
+    calibrated, adapted, worn_log
+):
+    slow = clutchid.fit(at_100_hz(worn_log), calibrated.actuator, calibration=calibrated.calibration)
+    assert np.median(half_width(slow)) >= np.median(half_width(adapted))
+    assert slow.verdict.trust == "with care"
+    (reason,) = [reason for reason in slow.verdict.reasons if "worn: at 100 Hz" in reason]
+    assert "The interval is widened for that" in reason
+    assert "record position and duty cycles at 1 kHz." in reason
+
+
+def test_a_slow_recording_adds_a_share_of_the_load_to_its_interval(adapted, worn_log):
+    assert with_slow_logs(adapted, [worn_log]) is adapted
+    wide = with_slow_logs(adapted, [worn_log, at_100_hz(worn_log)])
+    added = np.sqrt(half_width(wide) ** 2 - half_width(adapted) ** 2)
+    load = np.interp(Y, adapted.load_curve.position, adapted.load_curve.force)
+    # 101 points, interpolated: the square root of a difference of squares bends a little between them
+    assert added == pytest.approx(QUANTILE * MISSED * load, rel=0.01)
+    at = [list(wide.parameters).index(name) for name in wide.actuator.load.names]
+    before, after = (one.covariance[np.ix_(at, at)] for one in (adapted, wide))
+    theta = np.array(wide.actuator.load.theta)
+    assert after - before == pytest.approx(MISSED**2 * np.outer(theta, theta))
+    for name, variance in zip(wide.actuator.load.names, np.diag(after), strict=True):
+        estimate = wide.parameters[name]
+        assert (estimate.std, estimate.high - estimate.value) == pytest.approx(
+            np.sqrt(variance) * np.array([1.0, QUANTILE])
+        )
+    others = [name for name in wide.parameters if name not in wide.actuator.load.names]
+    assert [wide.parameters[name] for name in others] == [adapted.parameters[name] for name in others]
