@@ -46,17 +46,19 @@ def comparison_sections(fit: Fit) -> list[Section]:
         assumed = fit.status != "failed" and fit.calibration is None and of_the_paper(fit)
         return [Section("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
     found = fit.comparison
+    sentences = since_calibration(fit) or ["Besides the load no change was found."]
+    sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
+    changed = Bullets(tuple(map(escape, sentences)))
     blocks: list[Block] = [Text(_baseline(fit.baseline))]
     if found is not None:
         alt = "Load of the calibration and present load over the position, and their difference, with 95 % bands"
-        blocks += [Text(_shift(found)), Picture(svg(comparison_figure(found)), _CAPTION, alt), change_table(found)]
+        figure = Picture(svg(comparison_figure(found)), _CAPTION, alt)
+        blocks += [Text(_shift(found)), changed, figure, change_table(found)]
     elif fit.status != "failed":
         blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
     if fit.readings:
         blocks.append(readings_table(fit.readings))
-    sentences = since_calibration(fit) or ["Besides the load no change was found."]
-    sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
-    return [Section("New against worn", (*blocks, Bullets(tuple(map(escape, sentences)))))]
+    return [Section("New against worn", tuple(blocks) if found is not None else (*blocks, changed))]
 
 
 def _baseline(baseline: Calibration) -> str:
