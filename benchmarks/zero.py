@@ -21,7 +21,7 @@ from clutchid.assess.half_load import half_load
 from clutchid.errors import ClutchidError
 from clutchid.estimation import Fit, fit
 from clutchid.strokes.vented_rest import rest_shift, vented_rest
-from clutchid.truck import GRID, Drive, drive, truck
+from clutchid.truck import GRID, MANOEUVRES, Drive, drive, truck
 
 #: Length of a recording in s, and strokes for a metre of wear.
 SECONDS, STROKES = 30.0, 3e8
@@ -51,6 +51,10 @@ LOADS: Mapping[str, tuple[Mapping[str, Any], Literal["subtract", "keep"]]] = {
     "worn by 2 mm, offset +0.3 mm, kept": ({"wear": 2e-3, "offset": 3e-4}, "keep"),
     "worn by 2 mm, kept zero, offset -0.3 mm": ({"wear": 2e-3, "zero": "kept", "offset": -3e-4}, "subtract"),
 }
+
+
+#: Parts of recordings of 20 s, in samples.
+CUTS = ((0, 20000), (1000, 20000), (5000, 9000), (9000, 16000), (3300, 5200), (12000, 20000))
 
 
 class Read(NamedTuple):
@@ -95,6 +99,22 @@ def levels(family: str, numbers: Sequence[int]) -> list[str]:
             row += f"{f'{covered}/{len(errors)}':>8}"
         rows.append(row)
     return rows
+
+
+def cuts(family: str, numbers: Sequence[int]) -> list[str]:
+    """How often a rest that has not moved is taken to have, in any manoeuvre, and in parts cut out anywhere."""
+    moved, compared = [], 0
+    for n in numbers:
+        before = vented_rest(drive(truck(n, family), seconds=SECONDS, seed=1).log)
+        for manoeuvre in MANOEUVRES:
+            log = drive(truck(n, family), seconds=20.0, seed=7, manoeuvre=manoeuvre, pressure=False).log
+            for begin, end in CUTS:
+                now = vented_rest(log.slice(begin, end))
+                shift = rest_shift(before, now) if before and now else None
+                compared += shift is not None
+                if shift is not None and shift.moved:
+                    moved.append(f"truck {n}, {manoeuvre}, {begin} to {end} ms: {1e3 * shift.value:+.3f} mm")
+    return [f"{len(moved)} of {compared} parts seem to have moved", *moved]
 
 
 def read(done: Drive, once: Fit, zero: Literal["subtract", "keep"]) -> Read | None:
@@ -149,9 +169,12 @@ def main() -> None:
     parser.add_argument("--trucks", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0, help="number of the first truck")
     parser.add_argument("--loads", action="store_true", help="calibrate and read as well")
+    parser.add_argument(
+        "--cuts", action="store_true", help="any manoeuvre, cut anywhere, with a zero that has not moved"
+    )
     given = parser.parse_args()
     numbers = range(given.seed, given.seed + given.trucks)
-    rows = loads(given.family, numbers) if given.loads else levels(given.family, numbers)
+    rows = (cuts if given.cuts else loads if given.loads else levels)(given.family, numbers)
     print(f"family {given.family}, trucks {numbers[0]} to {numbers[-1]}", *rows, sep="\n")
 
 

@@ -58,10 +58,17 @@ def test_more_friction_alone_moves_no_rest():
     assert without.high - without.low > with_stop.high - with_stop.low
 
 
-def test_a_recording_without_strokes_may_rest_at_the_stop_or_above():
+def test_a_hold_at_the_beginning_is_no_vented_rest():
+    t = np.arange(0, 4, 1e-3)
+    held = {"position": np.interp(t, [1.0, 1.2], [5e-3, 2e-2]), "duty_supply": 1.0 * ((t > 1) & (t < 1.2))}
     before = vented_rest(strokes([3e-4] * 3))
-    still = Log(np.arange(0, 1, 1e-3), {"position": np.full(1000, 3e-4), "duty_supply": np.zeros(1000)})
-    shift = rest_shift(before, vented_rest(still))
+    assert rest_shift(before, vented_rest(Log(t, {**held, "duty_exhaust": np.zeros(t.size)}))) is None
+
+
+def test_a_vented_rest_without_strokes_may_be_at_the_stop_or_above():
+    before = vented_rest(strokes([3e-4] * 3))
+    still = {"position": np.full(1000, 3e-4), "duty_supply": np.zeros(1000)}
+    shift = rest_shift(before, vented_rest(Log(np.arange(0, 1, 1e-3), still)))
     assert shift.low <= 0.0 <= shift.high
 
 
