@@ -159,7 +159,7 @@ def test_duty_cycles_that_start_a_sample_late_give_the_load_of_the_csv_and_the_e
     assert np.isnan(read(path, channels=chosen)["duty_supply"]).nonzero()[0].tolist() == [0]
     fits = [answered(capsys, "fit", tmp_path / "run.csv")]
     fits.append(answered(capsys, "fit", path, "--map", chosen, "--save", tmp_path / "FIT.toml"))
-    assert [one["notes"] for one in fits] == [[], []]
+    assert not any("its start was estimated" in note for one in fits for note in one["notes"])
     # the sample at rest depends on no parameter; the search stops within 1e-9 of the least cost n / 2, so at 1e-9 n of
     # the squared standard error
     within = np.sqrt(1e-9 * len(log))
@@ -179,7 +179,7 @@ def test_a_start_that_was_estimated_is_said_saved_and_used(tmp_path, log, capsys
     late = {name: np.r_[np.nan, part[name][1:]] for name in INPUTS}
     write(part.with_columns(**late), tmp_path / "moving.csv")
     fit = answered(capsys, "fit", tmp_path / "moving.csv", "--save", tmp_path / "FIT.toml")
-    (note,) = fit["notes"]
+    (note,) = [note for note in fit["notes"] if "its start was estimated" in note]
     assert note.startswith("moving: does not start vented and at rest, so that its start was estimated: position ")
     starts = tomllib.loads((tmp_path / "FIT.toml").read_text())["recording"]["moving"]
     assert f"position {1e3 * starts['position_start'][0]:.3g} mm" in note

@@ -31,6 +31,7 @@ def calibrate(
     priors: Mapping[str, Prior] | None = None,
     profile: str | Sequence[str] = (),
     bootstrap: int = 0,
+    zero: Zero = "subtract",
     on_failure: Literal["raise", "return"] = "raise",
     progress: Progress | None = None,
 ) -> Fit:
@@ -49,7 +50,7 @@ def calibrate(
         Measured columns to compare with; a calibration needs the pressure among them.
     free : names
         Free parameters; 'auto' means all that recordings with pressure can determine.
-    bounds, partition, verify, method, priors, profile, bootstrap, on_failure, progress
+    bounds, partition, verify, method, priors, profile, bootstrap, zero, on_failure, progress
         As in `clutchid.fit`.
 
     Returns
@@ -74,6 +75,7 @@ def calibrate(
         priors=priors,
         profile=profile,
         bootstrap=bootstrap,
+        zero=zero,
         on_failure=on_failure,
         progress=progress,
     )
