@@ -44,6 +44,11 @@ class Row:
         return math.isfinite(value) and above and value <= self.high
 
     @property
+    def width(self) -> float:
+        """The admissible range from end to end."""
+        return self.high - self.low
+
+    @property
     def limits(self) -> tuple[float, float]:
         """What a search with a prior may try: a magnitude is limited by its prior, and by 0."""
         return (0, math.inf) if self.magnitude else (self.low, self.high)

@@ -11,6 +11,7 @@ import psutil
 import pytest
 
 import clutchid.cli
+from clutchid.cli.common import check_outputs
 from clutchid.errors import ExportError, ParameterError
 from clutchid.io.files import check_writable
 from clutchid.study.proving.ground import _read
@@ -93,6 +94,8 @@ def test_an_output_that_no_file_can_be_is_refused(tmp_path):
         ExportError, match=r"one\.toml: cannot be written \(.*loop|one\.toml: cannot be written \(.*links"
     ):
         check_writable(one)
+    with pytest.raises(ExportError, match=r"one\.toml: cannot be written \(.*(loop|links)"):
+        check_outputs({"--out": one}, [("the recording", tmp_path / "log.csv")])
     with pytest.raises(ExportError, match=r"cannot be written \(File name too long\); name another file"):
         check_writable(tmp_path / ("a" * 300))
 

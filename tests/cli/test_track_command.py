@@ -97,6 +97,13 @@ def test_the_object_has_the_keys_of_every_result(folder, capsys):
     ("options", "sentence"),
     [
         (("--out", "x.csv"), "is written as .parquet"),
+        *(
+            (
+                ("--out", "x.parquet", "--limit", limit),
+                f"--limit {limit}: a shift in mm is needed, not 0 and at most 100",
+            )
+            for limit in ("nan", "inf", "0")
+        ),
         (
             ("--out", "x.parquet", "--table", "two.csv"),
             "the recordings are of 2 vehicles (V1, V2, ...); track follows one",

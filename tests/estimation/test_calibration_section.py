@@ -206,3 +206,46 @@ def test_wrong_conditions_of_a_calibration_are_one_sentence(tmp_path, wrong):
     path.write_text(f"{SECTION}[fit.calibration.conditions]\n{wrong}\n")
     with pytest.raises(ParameterError, match="temperature in K, supply and supply_estimated in Pa, above 0"):
         _ = read_parameters(path).calibration
+
+
+@pytest.mark.parametrize(
+    ("covariance", "words"),
+    [
+        ("[[nan, 0], [0, 1]]", "not finite"),
+        ("[[1e-20, inf], [inf, 1]]", "not finite"),
+        ("[[-1e-20, 0], [0, 1]]", "the variance of C_vs is -1e-20, from 0 to 1e-10"),
+        ("[[1e300, 0], [0, 1]]", "the variance of C_vs is 1e+300"),
+        ("[[1e-20, 0], [0, 1e300]]", "the variance of F_C is 1e+300"),
+        ("[[1e-20, 1e-11], [0, 1]]", "is not symmetric"),
+        ("[[1e-20, 2e-10], [2e-10, 1]]", "correlations beyond -1 to 1"),
+    ],
+)
+def test_a_matrix_that_is_no_covariance_is_one_sentence(tmp_path, covariance, words):
+    path = tmp_path / "CAL.toml"
+    path.write_text(f"[fit.calibration]\nnames = ['C_vs', 'F_C']\ncovariance = {covariance}\n")
+    with pytest.raises(ParameterError, match=r"^CAL\.toml: \[fit\.calibration\] covariance: ") as caught:
+        _ = read_parameters(path).calibration
+    assert words in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("spread", [(-1.0, 1.0, 1.0), (1e300, 1.0, 1.0)])
+def test_a_covariance_of_the_load_that_is_none_is_one_sentence(tmp_path, spread):
+    kept = replace(KEPT, theta_covariance=np.diag(spread))
+    with pytest.raises(ParameterError, match="theta_covariance: the variance of theta_1 is"):
+        calibration_of(tmp_path / "CAL.toml", kept)
+
+
+def test_a_parameter_that_the_data_do_not_determine_has_an_infinite_variance(tmp_path):
+    kept = replace(KEPT, names=("C_vs", "F_C"), covariance=np.diag([np.inf, 4.0]))
+    np.testing.assert_array_equal(calibration_of(tmp_path / "CAL.toml", kept).covariance, kept.covariance)
+
+
+@pytest.mark.parametrize("valve", ["C_vs", "C_ve"])
+def test_a_calibrated_valve_that_passes_no_air_is_one_sentence(tmp_path, valve):
+    path = tmp_path / "CAL.toml"
+    path.write_text(f"[parameters]\n{valve} = 0.0\n{SECTION}")
+    with pytest.raises(
+        ParameterError, match=rf"^CAL\.toml: \[parameters\] {valve} = 0 m³/\(Pa·s\): a calibrated valve passes air"
+    ):
+        _ = read_parameters(path).calibration

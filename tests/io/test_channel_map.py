@@ -24,7 +24,7 @@ def entries(draw):
         draw(st.sampled_from([1.0, -1.0])),
         draw(numbers.filter(bool)),
         draw(numbers),
-        draw(numbers),
+        draw(st.floats(-0.5, 0.5)),
         draw(st.none() | st.floats(1e-3, 1e3)),
     )
     return name, entry
@@ -120,3 +120,11 @@ def test_no_toml_and_no_file(save, tmp_path):
         read_map(tmp_path / "NO.toml")
     with pytest.raises(DataError, match="name one channel map in it"):
         read_map(tmp_path)
+
+
+@pytest.mark.parametrize("delay", [0.8, -8.0, 1e300])
+def test_a_delay_that_no_bus_has_is_a_problem(save, delay):
+    path = save(f"[position]\nchannel = 'Weg'\ndelay = {delay}\n", "MAP.toml")
+    with pytest.raises(ParameterError, match=r"\[position\] delay = .* s: a channel is at most 0.5 s late") as caught:
+        read_map(path)
+    assert f"delay = {delay:g} s" in str(caught.value)

@@ -1,12 +1,9 @@
 """The reduced joint filter: the calibrated load plus modes of it that adapt, against the filter with all weights."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.errors import ParameterError
 from clutchid.observe import curve, known, observe, observer, read_state, start, write_state
 from clutchid.observe.methods import MODES
 from clutchid.observe.observer import DRIFT
@@ -87,11 +84,3 @@ def test_a_run_that_is_resumed_from_its_file_gives_the_same_numbers(reduced, log
     for one, other in zip(*(state.filter for state, _ in ends), strict=True):
         assert np.array_equal(one, other)
     assert np.array_equal(ends[0][1].states, ends[1][1].states)
-
-
-def test_a_state_with_a_root_of_fewer_columns_than_rows_is_refused(reduced, joint, tmp_path):
-    """As `joint-reduced` had it before its load had modes."""
-    former = start(joint).T[:, :17]
-    write_state(reduced, replace(start(joint), T=former), tmp_path / "state.toml")
-    with pytest.raises(ParameterError, match=r"'joint-reduced' before it was mended.*; start without it"):
-        read_state(reduced, tmp_path / "state.toml")

@@ -1,5 +1,9 @@
 """The page template."""
 
+import base64
+import hashlib
+import re
+
 from clutchid.report.html import Bullets, Details, Notice, Page, Picture, Section, Sortable, Text, escape, render
 from clutchid.report.link import Link
 from clutchid.report.tables import Column, Table
@@ -75,3 +79,24 @@ def test_only_a_page_with_a_sortable_table_has_its_script_and_a_box_to_filter():
     html = render(Page("t", "s", (Section("h", (Sortable(table),)),)))
     assert html.count("<script>") == html.count('type="search"') == 1
     assert html.index("<script>") < html.index("<th scope=row>x</th>") < html.index("<th scope=row>y</th>")
+
+
+def test_a_page_runs_its_own_script_and_loads_nothing():
+    table = Sortable(Table("all", (Column("a", "text"),), (("x",),)))
+    scripted = render(Page("title", "", (Section("heading", (table,)),)))
+    (script,) = re.findall(r"<script>(.*?)</script>", scripted, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    for html, allowed in ((scripted, f"; script-src 'sha256-{digest}'"), (render(PAGE), "")):
+        (policy,) = re.findall(r'<meta http-equiv="Content-Security-Policy" content="(.*?)">', html)
+        assert policy.startswith("default-src 'none'; img-src data:; ")
+        assert policy.partition("form-action 'none'")[2] == allowed
+        assert html.index("Content-Security-Policy") < html.index("<style>")
+
+
+def test_letters_that_cannot_be_shown_are_question_marks():
+    hidden = "a\x1b[31m\x07\u202egpj.exe\u2066\ud800\x9b\u2028\r"
+    html = render(
+        Page(hidden, "10\u00a0mm, 1\u2009000 \u00fc\n", (Section("heading", (Notice(hidden, items=(hidden,)),)),))
+    )
+    assert html.count("a?[31m??gpj.exe?????") == 4  # title twice, notice and item of its list
+    assert "10\u00a0mm, 1\u2009000 \u00fc\n" in html

@@ -1,6 +1,8 @@
 """Recordings of a vehicle in the order of its life."""
 
+import os
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -92,8 +94,63 @@ def test_a_table_of_wear_starts_at_the_new_clutch(tmp_path):
     for text, sentence in (
         ("wear [mm],load [N]\n0,1\n1,2\n", "lacks the column 'half_load \\[mm\\]'"),
         ("wear [mm],half_load [mm],load [N]\n1,2.8,4000\n2,2.9,4400\n", "must start at 0 and increase"),
-        ("wear [mm],half_load [mm],load [N]\n0,x,4000\n2,2.9,4400\n", "every cell is a number"),
+        ("wear [mm],half_load [mm],load [N]\n0,x,4000\n2,2.9,4400\n", "line 2: half_load \\[mm\\] 'x' is no number"),
     ):
         path.write_text(text)
         with pytest.raises(DataError, match=sentence):
             read_wear_table(path)
+
+
+@pytest.mark.parametrize(
+    ("cell", "reason"),
+    [
+        ("inf", "is no number"),
+        ("1_000", "is no number"),
+        ("-5", "is not from 0 to 1e"),
+        ("1e300", "is not from 0 to 1e"),
+    ],
+)
+@pytest.mark.parametrize("column", ["odometer_km", "strokes"])
+def test_a_count_that_no_truck_has_is_a_sentence(tmp_path, column, cell, reason):
+    path = tmp_path / "recordings.csv"
+    path.write_text(f"recording,{column}\na,1\nb,{cell}\n")
+    with pytest.raises(DataError) as error:
+        read_table(path)
+    assert f"line 3: {column} '{cell}' {reason}" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("row", "reason"),
+    [
+        ("nan,2.9,4400", r"line 3: wear \[mm\] 'nan' is no number"),
+        ("1,inf,4400", r"line 3: half_load \[mm\] 'inf' is no number"),
+        ("1,1e300,4400", r"line 3: half_load \[mm\] '1e300' is not from -100 to 100"),
+        ("1,2.9,1e300", r"line 3: load \[N\] '1e300' is not from"),
+        ("1,2.9,0", r"'load \[N\]' must be above 0 in every row; line 3 has 0 N"),
+    ],
+)
+def test_a_cell_of_a_table_of_wear_that_no_clutch_has_is_a_sentence(tmp_path, row, reason):
+    path = tmp_path / "wear.csv"
+    path.write_text(f"wear [mm],half_load [mm],load [N]\n0,2.8,4000\n{row}\n")
+    with pytest.raises(DataError, match=reason):
+        read_wear_table(path)
+
+
+def test_a_heading_that_stands_twice_is_a_sentence(tmp_path):
+    path = tmp_path / "recordings.csv"
+    path.write_text("recording,vehicle, vehicle\na,V1,V2\n")
+    with pytest.raises(DataError, match="has the column 'vehicle' twice"):
+        read_table(path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="a FIFO is a file of POSIX")
+@pytest.mark.parametrize("read", [read_table, read_wear_table])
+def test_a_table_is_a_plain_file_of_limited_size(tmp_path, monkeypatch, read):
+    os.mkfifo(tmp_path / "fifo")
+    for path in (tmp_path / "fifo", Path("/dev/zero")):
+        with pytest.raises(DataError, match="is not a plain file; save the table to a file first"):
+            read(path)
+    monkeypatch.setattr("clutchid.wear.tables._LARGEST", 100)
+    (tmp_path / "large.csv").write_text("recording\n" + "a\n" * 100)
+    with pytest.raises(DataError, match=r"is no table: it has more than 0\.0001 MB"):
+        read(tmp_path / "large.csv")

@@ -140,6 +140,20 @@ def pressure(text: str | None, default: float) -> float:
     return value
 
 
+def life_limit(limit: float | None) -> float | None:
+    """A shift option ``--limit`` in m: what ends the life of a clutch."""
+    from clutchid.wear.tables import MOST_MM
+
+    if limit is None:
+        return None
+    if not 0.0 < abs(limit) <= MOST_MM:
+        raise ParameterError(
+            f"--limit {limit:g}: a shift in mm is needed, not 0 and at most {MOST_MM:g}; for example 0.7, or below 0 "
+            "if the half-load position falls."
+        )
+    return limit * 1e-3
+
+
 def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
     """``NAME=LOW:HIGH`` options; an empty side is open."""
     result = {}
@@ -228,7 +242,7 @@ def _same(one: Path, other: Path) -> bool:
     """Whether two paths are the same file, also by links or another spelling."""
     try:
         return one.resolve() == other.resolve() or one.samefile(other)
-    except OSError:  # one of them does not exist
+    except (OSError, RuntimeError):  # one of them does not exist, or is a loop of links
         return False
 
 

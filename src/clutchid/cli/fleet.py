@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, pressure, print_json, progress_bar
+from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_bar
 from clutchid.cli.progress import progress_of
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ParameterError
@@ -122,6 +122,7 @@ def fleet(
 
         if limit is not None and verb != "track":
             raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
+        shift = life_limit(limit)
         place, found = pool.place(), fleet_of(source, start)
         if start.is_file():
             start_file(start, None)  # a broken one is one sentence, not one a recording
@@ -132,7 +133,7 @@ def fleet(
             todo = tasks(found, options, kept, retry=retry)
             if todo:
                 _run(place, todo, kept)
-            statuses, vehicles = _written(found, kept, out, _limits(found, start, limit), trends=verb == "track")
+            statuses, vehicles = _written(found, kept, out, _limits(found, start, shift), trends=verb == "track")
         _say(statuses, vehicles, len(todo), out, as_json=json)
         return DONE if statuses["ok"] + statuses["warning"] else FAILED
 
@@ -165,12 +166,11 @@ def _written(
     return statuses, write_vehicles(vehicles_of(found, kept, ends), command, out, trends=trends)
 
 
-def _limits(found: Fleet, start: Path, limit: float | None) -> dict[str, Limits]:
-    """What ends a life, by type: a shift for all, and the load against wear of a type, beside its calibration."""
+def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, Limits]:
+    """What ends a life, by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
     from clutchid.fleet.tracking import Limits
     from clutchid.wear.tables import read_wear_table
 
-    shift = None if limit is None else limit * 1e-3
     tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}
     return {
         kind: Limits(shift, read_wear_table(path) if kind and path.is_file() else None) for kind, path in tables.items()

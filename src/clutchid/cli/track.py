@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, check_outputs, guarded, pressure, print_json, print_written
+from clutchid.cli.common import DONE, check_outputs, guarded, life_limit, pressure, print_json, print_written
 from clutchid.cli.progress import progress_of
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ExportError, ParameterError
@@ -80,10 +80,10 @@ def track(
         from clutchid.fleet.reading import How
         from clutchid.wear.tables import read_table, read_wear_table
 
+        shift = life_limit(limit)
         _check(out, report, start, table, wear_table, logs)
         content = workflow.start_file(start, None)
         rows = read_table(table) if table else {}
-        shift = None if limit is None else limit * 1e-3
         ends = tracking.Limits(shift, read_wear_table(wear_table) if wear_table else None)
         paths = tracking.recordings_of(logs, (out, tracking.curves_path(out)))
         vehicle = tracking.vehicle_of(paths, rows, str(table))

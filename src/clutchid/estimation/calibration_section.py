@@ -9,9 +9,16 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
+from clutchid.parameters import Parameters
 from clutchid.strokes.vented_rest import VentedRest
 from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.uncertainty.conditions import Conditions
+
+#: Correlations may differ from those of a covariance by as much: what rounding adds to a matrix of ill condition.
+ROUNDING = 1e-6
+
+#: No standard deviation is larger, in SI: ten times the largest admissible value, that of a stiffness.
+LARGEST = 1e12
 
 
 def calibration_section(kept: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
@@ -58,10 +65,9 @@ def calibration_in(section: Any, load_names: Sequence[str], method: str, file: O
         raise ParameterError(
             "[fit.calibration]: names and a square covariance are needed; save the calibration again."
         ) from error
-    theta, spread = _load(section)
-    weights = len(load_names)
-    if len(theta) not in (0, weights):
-        raise ParameterError(f"[fit.calibration] theta: {len(theta)} numbers for {weights} load weights.")
+    if problem := _no_covariance(covariance, names):
+        raise ParameterError(f"[fit.calibration] covariance: {problem}; save the calibration again.")
+    theta, spread = _load(section, load_names)
     errors = _errors(section["position_only"]) if "position_only" in section else _older(section, load_names)
     converged = section.get("converged", True) is not False
     origin = file._replace(**text_entries(section.get("origin"), Origin._fields))
@@ -102,12 +108,12 @@ def text_entries(section: Any, known: Iterable[str]) -> dict[str, str]:
     return {name: entries[name] for name in known if isinstance(entries.get(name), str)}
 
 
-def _load(section: Any) -> tuple[tuple[float, ...], FloatArray]:
+def _load(section: Any, load_names: Sequence[str]) -> tuple[tuple[float, ...], FloatArray]:
     """Calibrated load weights and their covariance."""
     try:
         theta = tuple(map(float, section.get("theta", ())))
         covariance = np.array(section.get("theta_covariance", []), dtype=np.float64).reshape(len(theta), len(theta))
-        known = bool(np.isfinite(theta).all()) and not np.isnan(covariance).any()
+        known = bool(np.isfinite(theta).all())
     except (AttributeError, TypeError, ValueError, OverflowError):
         known = False
     if not known:
@@ -115,7 +121,36 @@ def _load(section: Any) -> tuple[tuple[float, ...], FloatArray]:
             "[fit.calibration] theta: finite load weights and their square theta_covariance are needed; save the "
             "calibration again."
         )
+    weights = len(load_names)
+    if len(theta) not in (0, weights):
+        raise ParameterError(f"[fit.calibration] theta: {len(theta)} numbers for {weights} load weights.")
+    if problem := _no_covariance(covariance, load_names[: len(theta)]):
+        raise ParameterError(f"[fit.calibration] theta_covariance: {problem}; save the calibration again.")
     return theta, covariance
+
+
+def _no_covariance(matrix: FloatArray, names: Sequence[str]) -> str:
+    """Why a matrix is not the covariance of parameters in SI; empty if it may be one.
+
+    A parameter that the data do not determine has an infinite variance and covariances of zero.
+    """
+    determined = np.flatnonzero(np.diag(matrix) != np.inf)
+    matrix = matrix[np.ix_(determined, determined)]
+    if not np.isfinite(matrix).all():
+        return "has a value that is not finite"
+    variances = np.diag(matrix)
+    for index, variance in zip(determined.tolist(), variances.tolist(), strict=True):
+        name = names[index]
+        largest = Parameters.row(name).width if name in Parameters.names() else LARGEST
+        if not 0.0 <= variance <= largest**2:
+            return f"the variance of {name} is {variance:g}, from 0 to {largest**2:g} is possible"
+    scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    correlations = matrix / scale / scale[:, None]
+    if np.abs(correlations - correlations.T).max(initial=0.0) > ROUNDING:
+        return "is not symmetric"
+    if np.linalg.eigvalsh(correlations).min(initial=0.0) < -ROUNDING:
+        return "has correlations beyond -1 to 1, or that exclude each other"
+    return ""
 
 
 def _conditions(section: Any) -> Conditions:

@@ -71,6 +71,7 @@ class ParameterFile:
             return None
         weights, method = self.actuator.load.names, str(self.fit.get("method", "shooting"))
         try:
+            _check_valves(self.actuator)
             return calibration_in(entry, weights, method, self.origin)
         except ParameterError as error:
             raise ParameterError(f"{self.origin.name or 'parameter file'}: {error}") from error
@@ -114,6 +115,16 @@ class ParameterFile:
         data = self.fit.get("data")
         known = data.get(log.name) if isinstance(data, Mapping) else None
         return isinstance(known, str) and known == log.metadata.get("sha256")
+
+
+def _check_valves(actuator: Actuator) -> None:
+    """Refuse a calibrated valve that passes no air: its actuator cannot have moved."""
+    for valve in {"C_vs", "C_ve"} & {*actuator.names}:
+        if actuator.value(valve) == 0.0:
+            raise ParameterError(
+                f"[parameters] {valve} = 0 m³/(Pa·s): a calibrated valve passes air, a conductance above 0 is needed; "
+                "save the calibration again."
+            )
 
 
 def started(content: ParameterFile, request: FitRequest) -> FitRequest:

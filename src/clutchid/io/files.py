@@ -14,7 +14,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.errors import DataError, ExportError
+from clutchid.errors import DataError, ExportError, ParameterError
 
 if TYPE_CHECKING:
     import polars as pl
@@ -128,6 +128,27 @@ def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({_reason(error)}).") from error
     return file
+
+
+def small_file(path: str | PathLike[str], what: str, most: int) -> bytes:
+    """The bytes of a plain file of at most `most`; `what` names it in messages.
+
+    Raises
+    ------
+    DataError
+        As `plain_file`.
+    ParameterError
+        If it is larger.
+    """
+    file = plain_file(path, what)
+    try:
+        with file.open("rb") as stream:
+            content = stream.read(most + 1)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+    if len(content) > most:
+        raise ParameterError(f"{path}: is no {what}: it has more than {most / 1e6:g} MB; name another file.")
+    return content
 
 
 def digest(path: Path) -> str:

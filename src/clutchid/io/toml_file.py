@@ -7,7 +7,7 @@ from os import PathLike
 from typing import Any
 
 from clutchid.errors import ParameterError
-from clutchid.io.files import plain_file
+from clutchid.io.files import small_file
 
 #: Bytes of a TOML file; the largest that clutchid writes, a calibration with many recordings, has a fifth of it.
 _LARGEST = 4_000_000
@@ -23,11 +23,7 @@ def read_toml(path: str | PathLike[str], what: str) -> dict[str, Any]:
     ParameterError
         If it is too large for what it should be, or no TOML.
     """
-    file = plain_file(path, what)
-    with file.open("rb") as stream:
-        content = stream.read(_LARGEST + 1)
-    if len(content) > _LARGEST:
-        raise ParameterError(f"{path}: is no {what}: it has more than {_LARGEST / 1e6:g} MB; name another file.")
+    content = small_file(path, what, _LARGEST)
     try:
         return tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:

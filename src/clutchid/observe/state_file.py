@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Mapping
 from hashlib import sha256
 from os import PathLike
 from typing import Any
@@ -14,13 +16,15 @@ from clutchid.filter.joint_filter import JointState
 from clutchid.io.files import atomic_write
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
+from clutchid.observe.following import ROUNDING
 from clutchid.observe.observer import Observer, ObserverState, blank, start
-from clutchid.observe.rest import RestWatch
+from clutchid.observe.rest import LOW, REMEMBERED, RestWatch
 from clutchid.observe.strokes import Strokes
 from clutchid.observe.tail import Tail
+from clutchid.parameters import is_number
 from clutchid.strokes.vented_rest import FURTHEST
 
-FORMAT = 4
+FORMAT = 5
 
 
 def write_state(observer: Observer, state: ObserverState, path: str | PathLike[str]) -> None:
@@ -51,6 +55,7 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
     }
     if state.filter is not None:
         content["filter"] = {name: array.tolist() for name, array in state.filter._asdict().items()}
+    content["observer"]["sha256"] = _checksum(content)
     with atomic_write(path) as temporary, temporary.open("wb") as file:
         tomli_w.dump(content, file)
 
@@ -63,24 +68,21 @@ def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
     DataError
         If there is no readable file.
     ParameterError
-        If it is damaged, of another calibration or method, or of the former 'joint-reduced'.
+        If it is damaged, or of another calibration, method or format.
     """
     content, head = _content(path)
-    match content:
-        case {"parameters": {"root": [[*first], *others]}} if len(first) <= len(others):
-            raise ParameterError(
-                f"{path}: the state of the method 'joint-reduced' before it was mended, in which standard deviations "
-                "are much too small; start without it."
-            )
     if head.get("method") != observer.method or head.get("fingerprint") != fingerprint(observer):
         raise ParameterError(
             f"{path}: the state of the method '{head.get('method')}' of another calibration or method; give the "
             "calibration and method that it was saved with, or start without it."
         )
     try:
-        return _state(observer, content)
-    except (KeyError, TypeError, ValueError) as error:
-        raise ParameterError(f"{path}: the state of an observer is damaged ({error}); start without it.") from None
+        state = _state(observer, content)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ParameterError(_damaged(path, f"entry {error}" if isinstance(error, KeyError) else str(error))) from None
+    if problem := next(_problems(observer, state), ""):
+        raise ParameterError(_damaged(path, problem))
+    return state
 
 
 def saved_spacing(path: str | PathLike[str]) -> float:
@@ -94,17 +96,29 @@ def saved_spacing(path: str | PathLike[str]) -> float:
     _, head = _content(path)
     spacing = head.get("spacing")
     if not isinstance(spacing, float) or not 0.0 < spacing < np.inf:
-        raise ParameterError(f"{path}: the state of an observer is damaged (spacing); start without it.")
+        raise ParameterError(_damaged(path, "spacing"))
     return spacing
 
 
+def _damaged(path: str | PathLike[str], reason: str) -> str:
+    return f"{path}: the state of an observer is damaged ({reason}); start without it."
+
+
 def _content(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The file, and the section that says what it belongs to."""
+    """The file, whose checksum is right, and the section that says what it belongs to."""
     content = read_toml(path, "state of an observer")
     head = content.get("observer")
     if not isinstance(head, dict) or head.get("format") != FORMAT:
         raise ParameterError(f"{path}: is no state of an observer that this version reads; start without it.")
+    if head.get("sha256") != _checksum(content):
+        raise ParameterError(_damaged(path, "it was changed after it was written: its checksum is another"))
     return content, head
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    """SHA-256 of the entries of a state, apart from the checksum itself; floats by their shortest decimal digits."""
+    head = {name: value for name, value in content["observer"].items() if name != "sha256"}
+    return sha256(json.dumps({**content, "observer": head}, sort_keys=True, default=str).encode()).hexdigest()
 
 
 def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
@@ -113,30 +127,97 @@ def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
 
     columns = {"time": (-1,), "duties": (-1, 2), "position": (-1,), "supply": (-1,)}
     tail = Tail(**{name: array("tail", name, *shape) for name, shape in columns.items()})
-    found = None
+    saved = None
     if "filter" in content:
-        saved = content["filter"]
         shapes = blank(observer)._asdict().items()
-        found = JointState(**{name: np.array(saved[name], a.dtype).reshape(a.shape) for name, a in shapes})
+        saved = JointState(**{name: np.array(content["filter"][name], a.dtype).reshape(a.shape) for name, a in shapes})
     made = start(observer)
     (theta, root), sound = (
         (array(section, "theta", *made.theta.shape), array(section, "root", *made.T.shape))
         for section in ("parameters", "sound")
     )
     deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
-    strokes = Strokes(int(content["strokes"]["ended"]), content["strokes"].get("began"))
-    number, mismatch = int(content["number"]), float(content["mismatch"])
-    leaking, zero, rest = bool(content["leaking"]), float(content["zero"]), _rest(content["rest"])
-    return ObserverState(found, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero)
+    began = _number(content["strokes"], "began") if "began" in content["strokes"] else None
+    strokes = Strokes(_count(content["strokes"], "ended"), began)
+    number, mismatch = _count(content, "number"), _number(content, "mismatch")
+    leaking, zero, rest = _flag(content, "leaking"), _number(content, "zero"), _rest(content["rest"])
+    return ObserverState(saved, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero)
 
 
 def _rest(content: dict[str, Any]) -> RestWatch:
-    shift, lowest = float(content["shift"]), float(content["lowest"])
-    if not abs(shift) <= FURTHEST:
-        raise ValueError(f"rest shift {shift:g} m")
-    returned, window = tuple(map(float, content["returned"])), np.array(content["window"], dtype=np.float64)
-    vents, stroke, taken = int(content["vents"]), bool(content["stroke"]), bool(content["taken"])
-    return RestWatch(shift, lowest, returned, window, vents, stroke, taken)
+    returned, window = (np.array(content[name], dtype=np.float64).reshape(-1) for name in ("returned", "window"))
+    return RestWatch(
+        _number(content, "shift"),
+        _number(content, "lowest"),
+        tuple(returned.tolist()),
+        window,
+        _count(content, "vents"),
+        _flag(content, "stroke"),
+        _flag(content, "taken"),
+    )
+
+
+def _number(section: Mapping[str, Any], name: str) -> float:
+    if not is_number(section[name]):
+        raise ValueError(f"{name} is no number")
+    return float(section[name])
+
+
+def _count(section: Mapping[str, Any], name: str) -> int:
+    value = section[name]
+    if type(value) is not int or not 0 <= value < 1 << 62:
+        raise ValueError(f"{name} is no number of at least 0")
+    return value
+
+
+def _flag(section: Mapping[str, Any], name: str) -> bool:
+    if section[name] is not True and section[name] is not False:
+        raise ValueError(f"{name} is neither true nor false")
+    return section[name] is True
+
+
+def _problems(observer: Observer, state: ObserverState) -> Iterator[str]:
+    """What no observer writes: values that are not finite, lengths that differ, values outside of their ranges."""
+    tail, rest, m = state.tail, state.rest, state.tail.time.size
+    finite: dict[str, Any] = {
+        "parameters": (state.theta, state.T),
+        "sound": state.sound,
+        "filter": state.filter or (),
+        "strokes": () if state.strokes.began is None else (state.strokes.began,),
+        "tail": (tail.time, tail.duties),
+        "rest": (rest.returned, rest.window),
+    }
+    yield from (f"{name} has a value that is not finite" for name, each in finite.items()
+                if not all(np.isfinite(values).all() for values in each))  # fmt: skip
+    wrong = {
+        "the columns of tail have different lengths": any(len(column) != m for column in tail),
+        "the times of tail do not increase": np.any(np.diff(tail.time) <= 0.0),
+        "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < -ROUNDING) | (tail.duties > 1.0 + ROUNDING)),
+        "filter, number and tail are not of the same stretch":
+            not (state.filter is None) == (state.number == 0) == (m == 0),
+        "a root has a row of zeros, a standard deviation of 0":
+            not all(np.linalg.norm(root, axis=1).all() for root in (state.T, state.sound[1])),
+        "a standard deviation is below 0 or infinite":
+            np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
+        f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
+        f"the vented rest has moved by more than {FURTHEST:g} m":
+            not (abs(rest.shift) <= FURTHEST and abs(state.zero) <= FURTHEST),
+        f"a vented rest lies above {LOW:g} m":
+            any(level > LOW for level in (*rest.returned, *rest.window, rest.lowest)) or np.isinf(rest.lowest),
+        f"more than {REMEMBERED} vented rests are remembered": len(rest.returned) > REMEMBERED,
+    }  # fmt: skip
+    yield from (sentence for sentence, is_wrong in wrong.items() if is_wrong)
+    if state.filter is not None:
+        yield from _filter_problems(observer, state, state.filter)
+
+
+def _filter_problems(observer: Observer, state: ObserverState, saved: JointState) -> Iterator[str]:
+    if not (np.array_equal(saved.theta, state.theta) and np.array_equal(saved.T, state.T)):
+        yield "the parameters are not those of filter"
+    if observer.joint.rule.columns and not saved.S.any():
+        yield "S is 0, as if the states were known exactly"
+    if not np.isin(saved.stroke, (0, 1)).all():
+        yield "the stroke of filter is neither 0 nor 1"
 
 
 def fingerprint(observer: Observer) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
@@ -24,6 +26,12 @@ __all__ = [
     "escape",
     "render",
 ]
+
+
+#: Letters that no text of a page has: control characters, and marks that hide text or turn the direction of writing.
+_UNSHOWN = re.compile(
+    "[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb]"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,14 +118,32 @@ class Page:
 
 
 def render(page: Page) -> str:
-    """The page as self-contained HTML."""
+    """The page as self-contained HTML, with a question mark for each letter that cannot be shown."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
         loader=PackageLoader("clutchid.report"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    return environment.get_template("page.html.j2").render(page=page, kind=_kind, table=to_html)
+    template = environment.get_template("page.html.j2")
+    script = environment.get_template("sortable.js").render() if page.has_script else ""
+    html = template.render(page=page, kind=_kind, table=to_html, script=script, policy=_policy(script))
+    return _UNSHOWN.sub("?", html)
+
+
+def _policy(script: str) -> str:
+    """What a page may load and run: its own styles and pictures, and this script alone, by its hash."""
+    allowed = [
+        "default-src 'none'",
+        "img-src data:",
+        "style-src 'unsafe-inline'",
+        "base-uri 'none'",
+        "form-action 'none'",
+    ]
+    if script:
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+        allowed.append(f"script-src 'sha256-{digest}'")
+    return "; ".join(allowed)
 
 
 def _kind(block: Block) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
+import re
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -12,7 +14,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from clutchid.errors import DataError
+from clutchid.errors import DataError, ParameterError
+from clutchid.io.files import small_file
+from clutchid.log import FloatArray
 from clutchid.wear.history import Listed
 from clutchid.wear.trend import WearTable
 
@@ -20,6 +24,18 @@ Key = TypeVar("Key", bound=Hashable)
 
 #: Columns of a table of load against wear, in mm, mm and N.
 WEAR_COLUMNS = ("wear [mm]", "half_load [mm]", "load [N]")
+
+#: Bytes of a table: a hundred for each of a million recordings.
+_LARGEST = 100_000_000
+
+#: Largest wear and position in mm and load in N of a clutch, far above those of any truck.
+MOST_MM, MOST_N = 100.0, 1e6
+
+#: Largest odometer reading in km and number of strokes: a hundred lives of a truck.
+MOST_KM, MOST_STROKES = 1e8, 1e9
+
+#: A number as tables have it: no blanks, no underscores.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def read_table(path: Path) -> dict[str, Listed]:
@@ -81,24 +97,42 @@ def read_wear_table(path: Path) -> WearTable:
     missing = [name for name in WEAR_COLUMNS if name not in rows[0]]
     if missing:
         raise DataError(f"{path}: lacks the column {' and '.join(map(repr, missing))}.")
-    try:
-        wear, half, load = (np.array([float(row[name]) for row in rows]) for name in WEAR_COLUMNS)
-    except ValueError as error:
-        raise DataError(f"{path}: {error}; every cell is a number.") from error
+    wear, half, load = (_column(path, rows, name, MOST_N if name == "load [N]" else MOST_MM) for name in WEAR_COLUMNS)
     if wear.size < 2 or wear[0] != 0.0 or np.any(np.diff(wear) <= 0.0):
         raise DataError(f"{path}: 'wear [mm]' must start at 0 and increase, in two rows or more.")
+    if load.min() <= 0.0:
+        raise DataError(
+            f"{path}: 'load [N]' must be above 0 in every row; line {int(load.argmin()) + 2} has {load.min():g} N."
+        )
     return WearTable(wear * 1e-3, (half - half[0]) * 1e-3, load / load[0] - 1.0)
+
+
+def _column(path: Path, rows: list[dict[str, str]], name: str, most: float) -> FloatArray:
+    """A column of numbers of at most `most` in absolute value."""
+    values = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            values.append(_value(row[name], -most, most))
+        except ValueError as error:
+            raise DataError(f"{path}: line {line}: {name} {error}.") from None
+    return np.array(values)
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [{(k or "").strip(): (v or "").strip() for k, v in row.items() if isinstance(v, str | None)}
-                    for row in csv.DictReader(file)]  # fmt: skip
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        text = small_file(path, "table", _LARGEST).decode("utf-8-sig")
+        reader = csv.DictReader(io.StringIO(text, newline=""))
+        names = [name.strip() for name in reader.fieldnames or ()]
+        rows = [{(k or "").strip(): (v or "").strip() for k, v in row.items() if isinstance(v, str | None)}
+                for row in reader]  # fmt: skip
+    except ParameterError as error:
+        raise DataError(str(error)) from None
+    except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{path}: cannot be read as CSV ({error}).") from error
     if not rows:
         raise DataError(f"{path}: has no rows.")
+    if twice := [name for name in dict.fromkeys(names) if name and names.count(name) > 1]:
+        raise DataError(f"{path}: has the column {' and '.join(map(repr, twice))} twice; keep one of each.")
     return rows
 
 
@@ -116,14 +150,23 @@ def _listed(row: Mapping[str, str]) -> Listed:
         row.get("vehicle", ""),
         row.get("type", ""),
         begin.replace(tzinfo=UTC) if begin and not begin.tzinfo else begin,
-        _number(row, "odometer_km"),
-        _number(row, "strokes"),
+        _number(row, "odometer_km", MOST_KM),
+        _number(row, "strokes", MOST_STROKES),
     )
 
 
-def _number(row: Mapping[str, str], name: str) -> float:
+def _number(row: Mapping[str, str], name: str, most: float) -> float:
+    """A number of at least 0, NaN where the cell is empty."""
     text = row.get(name, "")
     try:
-        return float(text) if text else math.nan
-    except ValueError:
-        raise ValueError(f"{name} '{text}' is no number.") from None
+        return _value(text, 0.0, most) if text else math.nan
+    except ValueError as error:
+        raise ValueError(f"{name} {error}.") from None
+
+
+def _value(text: str, least: float, most: float) -> float:
+    if not _NUMBER.fullmatch(text):
+        raise ValueError(f"'{text}' is no number")
+    if not least <= float(text) <= most:
+        raise ValueError(f"'{text}' is not from {least:g} to {most:g}")
+    return float(text)
