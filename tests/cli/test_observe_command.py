@@ -64,6 +64,7 @@ def test_it_writes_samples_and_strokes_and_says_what_was_found_with_the_load_and
         "innovation std [m]",
         "used [1]",
         "nis_ratio [1]",
+        "rest_shift [m]",
     }
     recorded = {"time [s]", "duty_supply [1]", "duty_exhaust [1]", "position_measured [m]", "pressure_a_measured [Pa]"}
     assert set(samples.columns) == states | bands | recorded
