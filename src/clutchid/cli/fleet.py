@@ -16,7 +16,7 @@ from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, pressure, print_js
 from clutchid.cli.progress import progress_of
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ParameterError
-from clutchid.names import printable
+from clutchid.names import as_text, printable
 
 if TYPE_CHECKING:
     from clutchid.fleet.cluster import Place
@@ -153,7 +153,7 @@ def fleet(
         options = Options(
             "observe" if verb == "observe" else "fit", pressure(ambient, math.nan), map_, tuple(dbc or ())
         )
-        with store(out, {"source": str(source.resolve()), "verb": verb}) as kept:
+        with store(out, {"source": as_text(str(source.resolve())), "verb": verb}) as kept:
             todo = tasks(found, options, kept, retry=retry)
             if todo:
                 _run(place, todo, kept)
