@@ -166,6 +166,7 @@ def test_the_observer_reads_a_fleet_too(folder, tracked):
     ("options", "said"),
     [
         (("--workers", "0"), "--workers 0: must be at least 1"),
+        (("--workers", "100000"), "--workers 100000: this machine has"),
         (("--limit", "1"), "--limit: belongs to --verb track"),
         (("--timeout", "-1"), "--timeout -1.0: a time in s of at least 0"),
         (("--memory", "2 bananas"), "--memory 2 bananas: at least 300MB is needed"),

@@ -64,8 +64,9 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(DataError, match="empty: has no recordings"):
         fleet_of(tmp_path / "empty", cal)
-    with pytest.raises(DataError, match="nowhere: there is no such folder or table"):
-        fleet_of(tmp_path / "nowhere", cal)
+    for name in ("nowhere", "n" * 300):
+        with pytest.raises(DataError, match=f"{name}: there is no such folder or table"):
+            fleet_of(tmp_path / name, cal)
     (depot / "fleet" / "other" / "V1").mkdir(parents=True)
     (depot / "fleet" / "other" / "V1" / "c.csv").touch()
     with pytest.raises(DataError, match="two vehicles under one name, 'V1'"):

@@ -11,6 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from clutchid.errors import ParameterError
 from clutchid.fleet import pool
 from clutchid.fleet.alone import Lost
 from clutchid.fleet.cluster import Place, cluster, results
@@ -30,6 +31,14 @@ def test_only_the_item_that_ends_its_process_is_lost():
     assert list(lost) == [("SIGKILL", 100)]
     assert "SIGKILL" in lost["SIGKILL", 100].message
     assert all(result == item[1] for item, result in found if item not in lost)
+
+
+def test_more_workers_than_the_machine_can_use_are_refused_before_any_starts(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    pool.check_workers(32)
+    for workers in (0, 33, 100_000):
+        with pytest.raises(ParameterError, match=f"--workers {workers}: "):
+            pool.check_workers(workers)
 
 
 def test_an_error_of_the_work_is_raised():

@@ -207,3 +207,17 @@ def test_a_store_of_an_earlier_version_is_gone_on_with(tmp_path):
     with pytest.raises(ExportError, match="whose verb is fit, not track"), store(path.parent, {"verb": "track"}):
         pass
     assert resumed(tmp_path / "out", before) == before.keys()
+
+
+def test_a_folder_that_cannot_be_made_or_written_is_a_sentence(tmp_path):
+    (tmp_path / "closed" / "run.sqlite").mkdir(parents=True)  # as good as a folder without permission, also for root
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "file").touch()
+    for out, said in (
+        (tmp_path / ("n" * 300), "the folder cannot be created .File name too long"),
+        (tmp_path / "file" / "out", "the folder cannot be created .Not a directory"),
+        (tmp_path / "loop", "the folder cannot be created"),
+        (tmp_path / "closed", "cannot be written .unable to open database file.; allow writing in it"),
+    ):
+        with pytest.raises(ExportError, match=f"^--out .*{said}"), store(out, ABOUT):
+            pass

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from clutchid.errors import DataError, ParameterError
 from clutchid.fleet.reading import ABSENT
 from clutchid.fleet.tracking import SUFFIXES, name_of, recording_files
+from clutchid.io.files import is_there
 from clutchid.names import as_text
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
@@ -56,7 +57,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     ParameterError
         If no recording has a calibration.
     """
-    if not source.exists():
+    if not is_there(source):
         raise DataError(f"{source}: there is no such folder or table.")
     table = source if source.is_file() else source / TABLE
     if table.is_file():
@@ -124,7 +125,7 @@ def _listed(rows: Mapping[tuple[str, str], Listed], files: Sequence[Path]) -> di
 
 def _calibrations(start: Path) -> dict[str, Path] | None:
     """Calibrations by type or vehicle; None where one serves all."""
-    if not start.exists():
+    if not is_there(start):
         raise ParameterError(f"--start {start}: there is no such file or folder.")
     if start.is_file():
         return None

@@ -22,16 +22,27 @@ Result = TypeVar("Result")
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
+#: Workers that may be asked for, a processor of this machine, and on the smallest one.
+_PER_PROCESSOR, _AT_LEAST = 4, 16
+
+
 def check_workers(workers: int) -> None:
     """Check the number of workers.
 
     Raises
     ------
     ParameterError
-        If there is none.
+        If there is none, or so many that this machine cannot use them.
     """
     if workers < 1:
         raise ParameterError(f"--workers {workers}: must be at least 1.")
+    processors = os.cpu_count() or 1
+    most = max(_AT_LEAST, _PER_PROCESSOR * processors)
+    if workers > most:
+        raise ParameterError(
+            f"--workers {workers}: this machine has {processors} processors, and takes {most} workers at most; more "
+            "than one a processor are hardly faster."
+        )
 
 
 def results(

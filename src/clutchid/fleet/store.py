@@ -17,7 +17,7 @@ import numpy as np
 from clutchid.assess.half_load import HalfLoad
 from clutchid.errors import ExportError
 from clutchid.fleet.reading import Read
-from clutchid.io.files import atomic_write
+from clutchid.io.files import atomic_write, make_folder
 from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.life import Curve
 from clutchid.wear.measurement import Leak, Measurement, Reading
@@ -27,6 +27,9 @@ STORE = "run.sqlite"
 
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5
+
+#: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
+_CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -82,14 +85,16 @@ class Store:
 
     def keys(self) -> dict[tuple[str, str], tuple[str, str, str, str]]:
         """Inputs, file, checksum and status of what is done, by vehicle and recording."""
-        return {(one.vehicle, one.recording): _key(one) for one in self.results()}
+        return {(row[0], row[1]): (row[2], row[3], row[6], row[4]) for row in self._rows()}
 
     def results(self) -> Iterator[Kept]:
         """All results, in the order of vehicle and recording."""
+        return map(_kept, self._rows())
+
+    def _rows(self) -> Iterator[tuple[Any, ...]]:
+        """The rows that are whole, in the order of vehicle and recording."""
         with _room(self.path):
-            for row in self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"):
-                if _is_whole(row):
-                    yield _kept(row)
+            yield from filter(_is_whole, self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"))
 
     def put(self, kept: Kept) -> None:
         """Keep a result; it is on the disk after `saved`."""
@@ -127,12 +132,13 @@ def store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
         If the folder has other files, the run of something else, a run that is going on, or cannot be written.
     """
     path = folder / STORE
-    if folder.exists() and not path.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ExportError(f"--out {folder}: is not empty and has no run of a fleet; name a new folder.")
+    make_folder(folder, "--out")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        occupied = not path.exists() and any(folder.iterdir())
     except OSError as error:
-        raise ExportError(f"--out {folder}: the folder cannot be created ({error.strerror}).") from error
+        raise ExportError(f"--out {folder}: cannot be read ({error.strerror}); name another folder.") from error
+    if occupied:
+        raise ExportError(f"--out {folder}: is not empty and has no run of a fleet; name a new folder.")
     with _room(path):
         base = _whole(path)
     try:
@@ -248,14 +254,21 @@ def _room(path: Path) -> Iterator[None]:
             raise ExportError(
                 f"{path}: is not the file of a run, or was damaged ({error}); name another folder."
             ) from error
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in _CLOSED:
+            raise ExportError(
+                f"--out {path.parent}: cannot be written ({error}); allow writing in it, or name another folder."
+            ) from error
         raise ExportError(
             f"{path}: cannot be written ({error}); what was written before is whole. Make room on the disk, and run "
             "the same command again to go on."
         ) from error
 
 
-def _checksum(values: object) -> str:
-    return hashlib.sha256(repr(values).encode()).hexdigest()
+def _checksum(values: Iterable[object]) -> str:
+    total = hashlib.sha256()
+    for value in values:
+        total.update(value if isinstance(value, bytes) else f"{value!r}\n".encode())
+    return total.hexdigest()
 
 
 def _is_whole(row: _Row) -> bool:
@@ -280,10 +293,6 @@ def _kept(row: tuple[Any, ...]) -> Kept:
     vehicle, recording, inputs, file, status, message, sha256, content, curve, seconds, _ = row
     read = _read(recording, status, message, sha256, json.loads(content), curve)
     return Kept(vehicle, recording, inputs, file, read, seconds)
-
-
-def _key(kept: Kept) -> tuple[str, str, str, str]:
-    return kept.inputs, kept.file, kept.read.sha256, kept.read.reading.status
 
 
 def _content(read: Read) -> dict[str, object]:

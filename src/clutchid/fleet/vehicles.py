@@ -17,7 +17,7 @@ from clutchid.fleet.output import rows_of
 from clutchid.fleet.store import Store
 from clutchid.fleet.tracking import Limits, Tracked, table_of
 from clutchid.fleet.version import version_and_source
-from clutchid.io.files import atomic_write, write_frame
+from clutchid.io.files import atomic_write, make_folder, write_frame
 from clutchid.report.fleet_page import fleet_page
 from clutchid.report.fleet_values import Reason, VehicleRow
 from clutchid.report.wear_page import wear_page
@@ -134,7 +134,7 @@ def _write_page(
     tracked: Tracked, table: object, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
     """What the page of a vehicle is made from; made, unless it was made from the same."""
-    (out / PAGES).mkdir(exist_ok=True)
+    make_folder(out / PAGES)
     content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)  # type: ignore[attr-defined]
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
