@@ -141,7 +141,7 @@ def resumed(folder, before):
 @pytest.mark.parametrize(
     "edit",
     [
-        "status = 'warning'", "message = ''", "sha256 = 'abd'", "inputs = 'other'", "file = '12 35'", "seconds = 1",
+        "status = 'warning'", "message = ''", "sha256 = 'xyz'", "inputs = 'other'", "file = '12 35'", "seconds = 1",
         "content = replace(content, '0.0001', '0.0002')", "content = '{}'", "content = 'no JSON'", "content = x'ff'",
         "curve = NULL", "curve = x'00'", "checksum = ''", "recording = 'r99'",
     ],
