@@ -94,9 +94,11 @@ def cluster(place: Place) -> Iterator[Cluster]:
     """
     check_workers(place.workers)
     try:
-        import cryptography  # noqa: F401
         import dask
         import distributed  # noqa: F401
+
+        if not place.scheduler:
+            import cryptography  # noqa: F401
     except ImportError as error:
         library = "cryptography" if error.name == "cryptography" else "Dask"
         raise missing("sharing the work between workers", library, "fleet") from error
