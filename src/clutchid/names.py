@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -97,3 +98,14 @@ def printable(text: str) -> str:
     ('run?[31m?7', '?gpj.exe')
     """
     return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def as_text(name: str) -> str:
+    r"""The name of a file or folder with its bytes that are no UTF-8 as numbers, so that it can be written as text.
+
+    Examples
+    --------
+    >>> as_text("r\udcff.csv"), as_text("Prüfung.csv")
+    ('r\\xff.csv', 'Prüfung.csv')
+    """
+    return os.fsencode(name).decode("utf-8", "backslashreplace")

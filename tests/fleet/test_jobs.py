@@ -1,9 +1,12 @@
 """Which recordings a fleet has, from folders and from tables, and what contradicts."""
 
+import os
+
 import pytest
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.fleet.jobs import fleet_of
+from clutchid.fleet.tracking import recordings_of
 
 
 @pytest.fixture
@@ -61,8 +64,9 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(DataError, match="empty: has no recordings"):
         fleet_of(tmp_path / "empty", cal)
-    with pytest.raises(DataError, match="nowhere: there is no such folder or table"):
-        fleet_of(tmp_path / "nowhere", cal)
+    for name in ("nowhere", "n" * 300):
+        with pytest.raises(DataError, match=f"{name}: there is no such folder or table"):
+            fleet_of(tmp_path / name, cal)
     (depot / "fleet" / "other" / "V1").mkdir(parents=True)
     (depot / "fleet" / "other" / "V1" / "c.csv").touch()
     with pytest.raises(DataError, match="two vehicles under one name, 'V1'"):
@@ -99,3 +103,27 @@ def test_results_of_a_run_are_no_recordings_and_a_link_to_a_file_that_is_gone_is
     (depot / "fleet" / "V2" / "c.parquet").symlink_to(depot / "share" / "c.parquet")
     found = keys(fleet_of(depot / "fleet", depot / "cal.toml"))
     assert found == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b"), ("V2", "c")]
+
+
+def test_hidden_files_and_folders_are_no_recordings(depot):
+    """As a write that was cut off leaves them, the system of a share, or another program."""
+    hidden = depot / "fleet" / "V1" / ".trash"
+    hidden.mkdir()
+    for path in (hidden / "a.parquet", hidden.parent / ".clutchid-0123456789ab.parquet", hidden.parent / "._a.parquet"):
+        path.touch()
+    assert keys(fleet_of(depot / "fleet", depot / "cal.toml")) == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b")]
+    assert keys(fleet_of(table(depot, "a,V1,"), depot / "cal.toml")) == [("V1", "a")]
+    assert [path.name for path in recordings_of([depot / "fleet" / "V1"])] == ["a.parquet", "b.mf4"]
+
+
+def test_names_that_are_no_text_are_shown_by_their_bytes(depot):
+    folder = depot / "fleet" / os.fsdecode(b"V\xfc3")
+    folder.mkdir()
+    for name in (b"\xff\xfe.parquet", b"\xff\xff.parquet"):
+        (folder / os.fsdecode(name)).touch()
+    found = fleet_of(depot / "fleet", depot / "cal.toml")
+    assert keys(found)[-2:] == [(r"V\xfc3", r"\xff\xfe"), (r"V\xfc3", r"\xff\xff")]
+    (depot / "cals").mkdir()
+    (depot / "cals" / "V1.toml").touch()
+    problems = [job.problem for job in fleet_of(depot / "fleet", depot / "cals").jobs]
+    assert any(one.startswith(r"there is no calibration of vehicle 'V\xfc3'") for one in problems)

@@ -16,12 +16,13 @@ from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressu
 from clutchid.cli.progress import progress_of
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ParameterError
-from clutchid.names import printable
+from clutchid.names import as_text, printable
 
 if TYPE_CHECKING:
     from clutchid.fleet.cluster import Place
     from clutchid.fleet.jobs import Fleet
     from clutchid.fleet.run import Task
+    from clutchid.fleet.scheduler import Tls
     from clutchid.fleet.store import Store
     from clutchid.fleet.tracking import Limits
 
@@ -44,6 +45,13 @@ class Pool:
         Address of a Dask scheduler, which hands recordings to workers on other machines, for example tcp://host:8786.
     timeout
         Time in s that one recording may take; 0 for no limit.
+    tls_ca
+        With a scheduler at tls://host:port: PEM file with the authority whose certificates it trusts; by default these
+        three files are those of Dask's configuration.
+    tls_cert
+        PEM file with a certificate of that authority, by which the scheduler knows this process.
+    tls_key
+        PEM file with the key of that certificate.
     memory
         Memory of a worker, for example 2GB; this machine's by the number of its processors by default.
     """
@@ -52,12 +60,29 @@ class Pool:
     scheduler: str = ""
     timeout: float = 600.0
     memory: str = ""
+    tls_ca: Path | None = None
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
 
     def place(self) -> Place:
         """The same in SI."""
         from clutchid.fleet.cluster import Place
 
-        return Place(self.workers, self.scheduler, _memory(self.memory), _seconds(self.timeout))
+        return Place(self.workers, self.scheduler, _memory(self.memory), _seconds(self.timeout), self._tls())
+
+    def _tls(self) -> Tls | None:
+        """The files of certificates, all or none."""
+        from clutchid.fleet.scheduler import Tls
+
+        given = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
+        absent = [name for name, path in given.items() if path is None]
+        if len(absent) == len(given):
+            return None
+        if not self.scheduler:
+            raise ParameterError("--tls-ca, --tls-cert, --tls-key: belong to --scheduler tls://host:port.")
+        if self.tls_ca is None or self.tls_cert is None or self.tls_key is None:
+            raise ParameterError(f"{' and '.join(absent)}: also needed; a connection by TLS takes three files.")
+        return Tls(self.tls_ca, self.tls_cert, self.tls_key)
 
 
 #: One worker on this machine.
@@ -129,7 +154,7 @@ def fleet(
         options = Options(
             "observe" if verb == "observe" else "fit", pressure(ambient, math.nan), map_, tuple(dbc or ())
         )
-        with store(out, {"source": str(source.resolve()), "verb": verb}) as kept:
+        with store(out, {"source": as_text(str(source.resolve())), "verb": verb}) as kept:
             todo = tasks(found, options, kept, retry=retry)
             if todo:
                 _run(place, todo, kept)

@@ -6,7 +6,6 @@ was merely there when one was lost.
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import pickle
@@ -21,8 +20,7 @@ from typing import Any, NamedTuple
 
 import psutil
 
-#: Request to Linux for a signal when the thread that started this process has ended.
-_PR_SET_PDEATHSIG = 1
+from clutchid.processes import end_with_parent
 
 #: Interval in s at which time and memory are looked at.
 _GLANCE = 0.05
@@ -74,19 +72,10 @@ def _alone(work: Callable[[Any], Any], item: Any, limits: Limits) -> Any:
 
 def main() -> None:
     """Do the work that a file describes, and write what came of it."""
-    _end_with_parent(int(sys.argv[4]))
+    end_with_parent(int(sys.argv[4]))
     given, found = map(Path, sys.argv[2:4])
     work, item = pickle.loads(given.read_bytes())
     found.write_bytes(pickle.dumps(work(item)))
-
-
-def _end_with_parent(parent: int) -> None:
-    """Let this process end with the one that started it: nobody else would end work that never ends."""
-    if sys.platform != "linux":
-        return
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:  # it ended before this one could ask
-        os._exit(1)
 
 
 def _watched(process: subprocess.Popen[bytes], limits: Limits) -> Lost | None:

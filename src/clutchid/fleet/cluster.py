@@ -20,7 +20,7 @@ from clutchid.extras import missing
 from clutchid.fleet import pool
 from clutchid.fleet.alone import Limits, Lost, alone
 from clutchid.fleet.pool import THREADS, check_workers
-from clutchid.fleet.scheduler import answered, check_scheduler
+from clutchid.fleet.scheduler import Tls, answered, check_scheduler, security_of
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -41,6 +41,9 @@ ANSWER = 4.0
 #: ended by the item, but by others or from outside.
 ATTEMPTS = 5
 
+#: Address of this machine that no other one reaches.
+LOOPBACK = "127.0.0.1"
+
 #: Time in s in which a local worker starts on a busy machine.
 START = "120s"
 
@@ -49,13 +52,15 @@ START = "120s"
 class Place:
     """Where work is done: processes on this machine, or the workers of the scheduler at an address.
 
-    `memory` is that of a worker in bytes, and `seconds` what one item may take; 0 for no limit.
+    `memory` is that of a worker in bytes, and `seconds` what one item may take; 0 for no limit. `tls` has the files of
+    certificates of a scheduler at a tls:// address.
     """
 
     workers: int = 1
     scheduler: str = ""
     memory: int = 0
     seconds: float = 0.0
+    tls: Tls | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +88,7 @@ def cluster(place: Place) -> Iterator[Cluster]:
     Raises
     ------
     MissingExtra
-        Without Dask.
+        Without Dask, or without `cryptography` for workers on this machine.
     ParameterError
         If there is no worker, the scheduler does not answer, or its workers have another version of clutchid.
     """
@@ -91,8 +96,12 @@ def cluster(place: Place) -> Iterator[Cluster]:
     try:
         import dask
         import distributed  # noqa: F401
+
+        if not place.scheduler:
+            import cryptography  # noqa: F401
     except ImportError as error:
-        raise missing("sharing the work between workers", "Dask", "fleet") from error
+        library = "cryptography" if error.name == "cryptography" else "Dask"
+        raise missing("sharing the work between workers", library, "fleet") from error
     with _quiet(), dask.config.set(_settings(place)), _client(place) as client:
         dashboard = client.dashboard_link if find_spec("bokeh") or place.scheduler else ""
         if place.scheduler:
@@ -233,31 +242,44 @@ def _settings(place: Place) -> dict[str, Any]:
         "distributed.comm.timeouts.connect": f"{ANSWER:g}s" if place.scheduler else START,
         "distributed.comm.retry.count": 0,
         "distributed.admin.tick.limit": "1h",
+        **_pages(place),
     }
+
+
+def _pages(place: Place) -> dict[str, Any]:
+    """No pages of local workers, and of the local scheduler only the dashboard: they have no authentication."""
+    if place.scheduler:
+        return {}
+    routes: dict[str, Any] = {"distributed.worker.http.routes": []}
+    return routes if find_spec("bokeh") else {**routes, "distributed.scheduler.http.routes": []}
 
 
 @contextmanager
 def _client(place: Place) -> Iterator[Client]:
     from distributed import Client, LocalCluster
+    from distributed.security import Security
 
     if not place.scheduler:
         memory = place.memory or "auto"
         with (
             LocalCluster(
                 n_workers=place.workers, threads_per_worker=1, processes=True, memory_limit=memory,
-                dashboard_address=":0", silence_logs=logging.CRITICAL,
+                host=LOOPBACK, dashboard_address=f"{LOOPBACK}:0", security=Security.temporary(),
+                silence_logs=logging.CRITICAL,
             ) as local,
             Client(local) as client,
         ):  # fmt: skip
             yield client
         return
+    security = security_of(place.scheduler, place.tls)
     try:
-        asyncio.run(answered(place.scheduler, ANSWER))
-        client = Client(place.scheduler, timeout=f"{ANSWER:g}s")
+        asyncio.run(answered(place.scheduler, security, ANSWER))
+        client = Client(place.scheduler, timeout=f"{ANSWER:g}s", security=security)
     except Exception as error:  # whatever listens there may answer anything
         raise ParameterError(
             f"--scheduler {place.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an address "
-            "is like tcp://host:8786, and the scheduler is started with `dask scheduler`."
+            "is like tcp://host:8786, or tls://host:8786 for one with certificates, and the scheduler is started with "
+            "`dask scheduler`."
         ) from error
     with client:
         yield client

@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.fleet.reading import ABSENT
-from clutchid.fleet.tracking import SUFFIXES, recording_files
+from clutchid.fleet.tracking import SUFFIXES, name_of, recording_files
+from clutchid.io.files import is_there
+from clutchid.names import as_text
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 
@@ -55,7 +57,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     ParameterError
         If no recording has a calibration.
     """
-    if not source.exists():
+    if not is_there(source):
         raise DataError(f"{source}: there is no such folder or table.")
     table = source if source.is_file() else source / TABLE
     if table.is_file():
@@ -80,14 +82,14 @@ def _in_folders(source: Path) -> dict[tuple[str, str], Path | None]:
     folders: dict[str, Path] = {}
     found: dict[tuple[str, str], Path | None] = {}
     for path in recording_files(source):
-        vehicle = path.parent.resolve().name
+        vehicle = as_text(path.parent.resolve().name)
         other = folders.setdefault(vehicle, path.parent)
         if other != path.parent:
             raise DataError(
                 f"{source}: '{other}' and '{path.parent}' are two vehicles under one name, '{vehicle}'; rename one, or "
                 "say in a table which recordings belong together."
             )
-        one = found.setdefault((vehicle, path.stem), path)
+        one = found.setdefault((vehicle, name_of(path)), path)
         if one is not path:
             raise DataError(f"{one} and {path}: have the same name; every recording of a vehicle needs its own.")
     return found
@@ -111,11 +113,11 @@ def _listed(rows: Mapping[tuple[str, str], Listed], files: Sequence[Path]) -> di
     """The file of every row: with the name of the recording, in a folder of the vehicle if several have it."""
     by_name: dict[str, list[Path]] = {}
     for path in files:
-        by_name.setdefault(path.stem, []).append(path)
+        by_name.setdefault(name_of(path), []).append(path)
     found: dict[tuple[str, str], Path | None] = {}
     for key in rows:
         same = by_name.get(key[1], [])
-        own = [path for path in same if path.parent.name == key[0]]
+        own = [path for path in same if as_text(path.parent.name) == key[0]]
         chosen = own or same
         found[key] = chosen[0] if len(chosen) == 1 else None
     return found
@@ -123,11 +125,11 @@ def _listed(rows: Mapping[tuple[str, str], Listed], files: Sequence[Path]) -> di
 
 def _calibrations(start: Path) -> dict[str, Path] | None:
     """Calibrations by type or vehicle; None where one serves all."""
-    if not start.exists():
+    if not is_there(start):
         raise ParameterError(f"--start {start}: there is no such file or folder.")
     if start.is_file():
         return None
-    found = {path.stem: path for path in sorted(start.glob("*.toml"))}
+    found = {as_text(path.stem): path for path in sorted(start.glob("*.toml"))}
     if not found:
         raise ParameterError(
             f"--start {start}: has no calibrations (TYPE.toml); `clutchid calibrate --save` writes them."
@@ -146,5 +148,5 @@ def _job(
         problem = ABSENT
     elif calibration is None:
         what = f"type '{kind}'" if kind else f"vehicle '{vehicle}'"
-        problem = f"there is no calibration of {what}: {start / (kind or vehicle)}.toml."
+        problem = as_text(f"there is no calibration of {what}: {start / (kind or vehicle)}.toml.")
     return Job(vehicle, recording, kind, path, calibration, problem)

@@ -13,7 +13,7 @@ import numpy as np
 from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.reading import Read, counted_as, without_file
 from clutchid.fleet.store import Kept, Store
-from clutchid.io.files import write_frame
+from clutchid.io.files import make_folder, write_frame
 from clutchid.wear.life import Curve
 from clutchid.wear.measurement import Reading
 
@@ -80,7 +80,7 @@ def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
     statuses: Counter[str] = Counter()
     results: list[Mapping[str, object]] = []
     timings: list[tuple[str, str, float]] = []
-    (out / CURVES).mkdir(exist_ok=True)
+    make_folder(out / CURVES)
     rows, part = rows_of(fleet, kept), 0
     while some := list(islice(rows, PART)):
         statuses.update(row.read.reading.status for row in some)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from typing import TypeVar
 
 from clutchid.errors import ParameterError
 from clutchid.fleet.alone import Limits, Lost, alone
+from clutchid.processes import end_with_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -22,16 +22,27 @@ Result = TypeVar("Result")
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
+#: Workers that may be asked for, a processor of this machine, and on the smallest one.
+_PER_PROCESSOR, _AT_LEAST = 4, 16
+
+
 def check_workers(workers: int) -> None:
     """Check the number of workers.
 
     Raises
     ------
     ParameterError
-        If there is none.
+        If there is none, or so many that this machine cannot use them.
     """
     if workers < 1:
         raise ParameterError(f"--workers {workers}: must be at least 1.")
+    processors = os.cpu_count() or 1
+    most = max(_AT_LEAST, _PER_PROCESSOR * processors)
+    if workers > most:
+        raise ParameterError(
+            f"--workers {workers}: this machine has {processors} processors, and takes {most} workers at most; more "
+            "than one a processor are hardly faster."
+        )
 
 
 def results(
@@ -64,7 +75,7 @@ def results(
 def _together(work: Callable[[Item], Result], todo: list[Item], count: int) -> Iterator[tuple[int, Result]]:
     """Results by the index of their item, until all are there or a process is lost."""
     futures: dict[Future[Result], int] = {}
-    with ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent) as pool:
+    with spawned(count) as pool:
         with suppress(BrokenProcessPool):
             for k, item in enumerate(todo):
                 futures[pool.submit(work, item)] = k
@@ -73,16 +84,9 @@ def _together(work: Callable[[Item], Result], todo: list[Item], count: int) -> I
                 yield futures[future], future.result()
 
 
-def end_with_parent() -> None:
-    """Let this worker end when the process that started it is gone, however it went."""
-
-    def wait() -> None:
-        parent = parent_process()
-        if parent is not None:
-            parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
+def spawned(count: int) -> ProcessPoolExecutor:
+    """New processes, started as work is given to them, that end with the thread that gives it."""
+    return ProcessPoolExecutor(count, get_context("spawn"), initializer=end_with_parent, initargs=(os.getpid(),))
 
 
 @contextmanager

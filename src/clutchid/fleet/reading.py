@@ -16,6 +16,7 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import LoadCurve
 from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
+from clutchid.names import as_text
 from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.life import Curve
 from clutchid.wear.measurement import Reading, leak_of, measured, unmeasured
@@ -63,6 +64,12 @@ class Read(NamedTuple):
 
 def read_recording(how: How, path: Path) -> Read:
     """Read the load of a recording from position alone; a fault is a status with its sentence."""
+    read = _read(how, path)
+    reading = read.reading  # its sentences name the file
+    return read._replace(reading=reading._replace(message=as_text(reading.message), reason=as_text(reading.reason)))
+
+
+def _read(how: How, path: Path) -> Read:
     clock = checksum = ""
     try:
         checksum = digest(path)

@@ -3,21 +3,81 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING
+import ssl
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.errors import ParameterError
 from clutchid.fleet.version import version_and_source
+from clutchid.io.files import plain_file
 
 if TYPE_CHECKING:
     from distributed import Client
-
-
-async def answered(address: str, seconds: float) -> None:
-    """Ask the scheduler who it is; a `Client` waits much longer for one that takes the connection and is silent."""
-    from distributed import rpc
     from distributed.security import Security
 
-    async with rpc(address, connection_args=Security().get_connection_args("client")) as scheduler:
+
+class Tls(NamedTuple):
+    """PEM files by which scheduler, workers and this process know each other: authority, own certificate, its key."""
+
+    authority: Path
+    certificate: Path
+    key: Path
+
+
+def security_of(address: str, tls: Tls | None) -> Security:
+    """How the connection to a scheduler is secured: by certificates, of Dask's own configuration where none are given.
+
+    Raises
+    ------
+    DataError
+        If a file of certificates cannot be read.
+    ParameterError
+        If the files are no certificate and key, or certificates and the scheme of the address do not fit.
+    """
+    from distributed.security import Security
+
+    secured = address.startswith("tls://")
+    if tls is None:
+        configured = Security()
+        if secured and not (configured.tls_ca_file and configured.tls_client_cert):
+            raise ParameterError(
+                f"--scheduler {address}: a connection by TLS needs certificates; give --tls-ca, --tls-cert and "
+                "--tls-key, or name the files in Dask's configuration (distributed.comm.tls)."
+            )
+        return configured
+    if not secured:
+        raise ParameterError(
+            f"--scheduler {address}: is not secured by TLS, so --tls-ca, --tls-cert and --tls-key have no effect; its "
+            "address must be like tls://host:8786, or leave them out."
+        )
+    _check_certificates(tls)
+    authority, certificate, key = map(str, tls)
+    return Security(require_encryption=True, tls_ca_file=authority, tls_client_cert=certificate, tls_client_key=key)
+
+
+def _check_certificates(tls: Tls) -> None:
+    """Load the files once: what is wrong with them is otherwise a scheduler that does not answer."""
+    for path in tls:
+        plain_file(path, "certificate")
+    context = ssl.create_default_context()
+    try:
+        context.load_verify_locations(tls.authority)
+    except ssl.SSLError as error:
+        raise ParameterError(f"--tls-ca {tls.authority}: is no certificate in PEM format ({error.reason}).") from error
+    try:
+        context.load_cert_chain(tls.certificate, tls.key, password="")
+    except ssl.SSLError as error:
+        raise ParameterError(
+            f"--tls-cert {tls.certificate}, --tls-key {tls.key}: are no certificate and its key, without a password, "
+            f"in PEM format ({error.reason})."
+        ) from error
+
+
+async def answered(address: str, security: Security, seconds: float) -> None:
+    """Ask the scheduler who it is; a `Client` waits much longer for one that takes the connection and is silent."""
+    from distributed import rpc
+
+    async with rpc(address, connection_args=security.get_connection_args("client")) as scheduler:
         await asyncio.wait_for(scheduler.identity(n_workers=0), seconds)
 
 

@@ -16,6 +16,7 @@ from clutchid.fleet.alone import Lost
 from clutchid.fleet.reading import How, Read, counted_as, read_recording, without_file, without_result
 from clutchid.fleet.store import STORE
 from clutchid.io.files import write_frame
+from clutchid.names import as_text
 from clutchid.wear.history import History, Listed, arranged
 from clutchid.wear.life import Curve, Wear, wear_of
 from clutchid.wear.trend import WearTable
@@ -48,18 +49,27 @@ class Tracked:
     def curves(self) -> list[tuple[str, Curve]]:
         """The loads of the recordings that count in the trend, by name."""
         reads = zip(self.reads, self.wear.counted, strict=True)
-        return [(one.path.stem, one.curve) for one, counts in reads if one.curve and counts]
+        return [(name_of(one.path), one.curve) for one, counts in reads if one.curve and counts]
 
 
 def recording_files(folder: Path) -> list[Path]:
     """Files below a folder that can be recordings, in order, also links to files that are gone.
 
-    Results of a fleet are none.
+    Results of a fleet are none, nor is what is hidden, as what a write that was cut off has left.
     """
-    below = sorted(folder.rglob("*"))
+    below = [path for path in sorted(folder.rglob("*")) if not _is_hidden(path.relative_to(folder))]
     runs = {path.parent for path in below if path.name == STORE}
     found = [path for path in below if path.suffix.lower() in SUFFIXES and (path.is_file() or _is_dangling(path))]
     return [path for path in found if runs.isdisjoint(path.parents)] if runs else found
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
+
+
+def name_of(recording: Path) -> str:
+    """The name of a recording in tables: that of its file, without the suffix."""
+    return as_text(recording.stem)
 
 
 def _is_dangling(path: Path) -> bool:
@@ -93,7 +103,7 @@ def recordings_of(paths: Sequence[Path], results: Sequence[Path] = ()) -> list[P
         raise DataError(f"{where}: has no recordings; they are files with {', '.join(SUFFIXES)}.")
     names: dict[str, Path] = {}
     for path in found:
-        other = names.setdefault(path.stem, path)
+        other = names.setdefault(name_of(path), path)
         if other is not path:
             raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own.")
     return found
@@ -109,8 +119,8 @@ def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) 
     """
     if not table:
         folders = {path.resolve().parent for path in paths}
-        return folders.pop().name if len(folders) == 1 else ""
-    names = {path.stem for path in paths}
+        return as_text(folders.pop().name) if len(folders) == 1 else ""
+    names = set(map(name_of, paths))
     vehicles = {table[name].vehicle for name in names if name in table}
     if not vehicles:
         raise DataError(f"{source}: names none of the {len(names)} recordings; its column 'recording' has their names.")
@@ -153,7 +163,7 @@ def track(
         found[path] = without_result(path, read) if isinstance(read, Lost) else read
         if progress:
             progress(len(found), len(paths))
-    names = [path.stem for path in paths]
+    names = [name_of(path) for path in paths]
     absent = sorted(name for name, row in table.items() if row.vehicle == vehicle and name not in set(names))
     reads = [*_once([found[path] for path in paths]), *(without_file(name) for name in absent)]
     history = arranged([*names, *absent], [read.clock for read in reads], table)
@@ -167,7 +177,7 @@ def _with_folders(history: History, paths: Sequence[Path], table: Mapping[str, L
     folders = sorted({path.resolve().parent for path in paths})
     if table or len(folders) < 2:
         return history
-    names = ", ".join([*(one.name for one in folders[:3]), *(["..."] if len(folders) > 3 else [])])
+    names = ", ".join([*(as_text(one.name) for one in folders[:3]), *(["..."] if len(folders) > 3 else [])])
     warning = (
         f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
         "with the vehicle of each, or one folder."
@@ -182,7 +192,7 @@ def _once(reads: Sequence[Read]) -> list[Read]:
     for read in reads:
         other = first.setdefault(read.sha256, read.path) if read.sha256 and read.reading.has_result else read.path
         if other != read.path:
-            read = counted_as(read, other.name)  # noqa: PLW2901
+            read = counted_as(read, as_text(other.name))  # noqa: PLW2901
         found.append(read)
     return found
 
@@ -238,7 +248,7 @@ def curves_of(tracked: Tracked) -> pl.DataFrame:
 
     read = [one for one in tracked.reads if one.curve is not None]
     values = np.concatenate([np.column_stack(one.curve) for one in read if one.curve]) if read else np.zeros((0, 4))
-    names = [one.path.stem for one in read for _ in range(one.curve.position.size if one.curve else 0)]
+    names = [name_of(one.path) for one in read for _ in range(one.curve.position.size if one.curve else 0)]
     heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
     return pl.DataFrame({"recording": names, **dict(zip(heads, values.T, strict=True))})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
@@ -16,7 +17,7 @@ from clutchid.fleet.output import rows_of
 from clutchid.fleet.store import Store
 from clutchid.fleet.tracking import Limits, Tracked, table_of
 from clutchid.fleet.version import version_and_source
-from clutchid.io.files import atomic_write, write_frame
+from clutchid.io.files import atomic_write, make_folder, write_frame
 from clutchid.report.fleet_page import fleet_page
 from clutchid.report.fleet_values import Reason, VehicleRow
 from clutchid.report.wear_page import wear_page
@@ -32,6 +33,9 @@ _PARTICULAR = re.compile(r"'[^']*'|\S*[/\\]\S*|\b\d[\d.,]*\b")
 
 #: A value with its band, of which nothing is known.
 UNKNOWN = (float("nan"), float("nan"), float("nan"))
+
+#: Bytes of the name of a page, beside its mark and its suffix: most systems have 255 for all, some fewer.
+_LONGEST_NAME = 120
 
 #: Length of a reason.
 _LONGEST = 160
@@ -78,13 +82,15 @@ def write_vehicles(vehicles: Iterable[Vehicle], command: str, out: Path, *, tren
     reasons: dict[tuple[str, str], list[str]] = {}
     tables: list[pl.DataFrame] = []
     made: dict[str, str] = {}
+    names: set[str] = set()
     before = _made(out / PAGES)
     for one in vehicles:
         page = ""
         if trends:
             table = table_of(one.tracked)
             tables.append(table)
-            page, made[page] = _page(one.tracked, table, before, command, out)
+            page = f"{PAGES}/{_page_name(one.tracked.wear.vehicle, names)}.html"
+            made[page] = _write_page(one.tracked, table, before, command, out, page)
         rows.append(_row(one, page))
         _add_reasons(one.tracked, reasons)
     if trends:
@@ -107,19 +113,33 @@ def _made(folder: Path) -> Mapping[str, str]:
     return found if isinstance(found, dict) else {}
 
 
-def _page(tracked: Tracked, table: object, before: Mapping[str, str], command: str, out: Path) -> tuple[str, str]:
-    """Address of the page of a vehicle, and what it is made from; made, unless it was made from the same."""
-    (out / PAGES).mkdir(exist_ok=True)
-    vehicle = tracked.wear.vehicle
-    name = re.sub(r"[^\w.-]", "_", vehicle)
-    if name != vehicle or name.startswith("."):  # two vehicles may not share a page
+def _page_name(vehicle: str, taken: set[str]) -> str:
+    """The name of a file for a vehicle, which no other one has, on any system; it is added to those that are `taken`.
+
+    A name that cannot be that of a file, or differs from another one by case only, is marked by its checksum.
+    """
+    name = re.sub(r"[^\w.-]", "_", vehicle).encode()[:_LONGEST_NAME].decode(errors="ignore")
+    if name != vehicle or name.startswith(".") or _same(name) in taken:
         name = f"{name.lstrip('.')}-{hashlib.sha256(vehicle.encode()).hexdigest()[:8]}"
-    address = f"{PAGES}/{name}.html"
+    taken.add(_same(name))
+    return name
+
+
+def _same(name: str) -> str:
+    """What names of files have in common that are one on some systems: case, and how letters are composed."""
+    return unicodedata.normalize("NFC", name).casefold()
+
+
+def _write_page(
+    tracked: Tracked, table: object, before: Mapping[str, str], command: str, out: Path, address: str
+) -> str:
+    """What the page of a vehicle is made from; made, unless it was made from the same."""
+    make_folder(out / PAGES)
     content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)  # type: ignore[attr-defined]
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
         wear_page(tracked.wear, tracked.curves, command, out / address, home=f"../{INDEX}")
-    return address, digest
+    return digest
 
 
 def _row(one: Vehicle, page: str) -> VehicleRow:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 from clutchid.errors import ClutchidError
+from clutchid.fleet.pool import spawned
 
 
 def warm(calibrations: Iterable[Path]) -> None:
@@ -15,7 +14,7 @@ def warm(calibrations: Iterable[Path]) -> None:
 
     Workers on other machines compile once a machine, by themselves.
     """
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+    with spawned(1) as pool:
         pool.submit(_compile, tuple(calibrations)).result()
 
 

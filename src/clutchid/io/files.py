@@ -106,6 +106,29 @@ def check_writable(path: str | PathLike[str]) -> None:
         raise ExportError(f"{path}: the folder '{folder}' cannot be written ({_reason(error)}).") from error
 
 
+def is_there(path: Path) -> bool:
+    """Whether there is a file or folder; at a name that none can have, or cannot be looked at, there is none."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
+
+
+def make_folder(folder: Path, option: str = "") -> None:
+    """Create a folder, unless it is there; `option` names it in messages.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be created.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        named = f"{option} {folder}".strip()
+        raise ExportError(f"{named}: the folder cannot be created ({_reason(error)}); name another one.") from error
+
+
 def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
     """Check that `path` is a readable plain file; `what` names it in messages.
 

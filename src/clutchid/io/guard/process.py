@@ -44,7 +44,7 @@ class ReaderProcess:
         self.forgotten: deque[int] = deque()
         self._folder = tempfile.mkdtemp(prefix="clutchid-")
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _START, json.dumps(sys.path)],
+            [sys.executable, "-P", "-c", _START, json.dumps(sys.path), str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pipesize=_PIPE,

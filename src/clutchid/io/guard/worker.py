@@ -17,6 +17,7 @@ from clutchid.io.guard.limits import memory
 from clutchid.io.guard.messages import Arrays, Message, described, packed, receive, send
 from clutchid.io.source import Source
 from clutchid.io.table import Table
+from clutchid.processes import end_with_parent
 
 Answer = tuple[Message, Arrays]
 
@@ -26,6 +27,7 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     _limit_allocations()
+    end_with_parent(int(sys.argv[2]), with_thread=False)  # any thread may have asked first
     serve(sys.stdin.buffer, answers)
 
 
