@@ -154,6 +154,10 @@ def spoiled(lines, kind):
         cells[3000][place["position"]] = b"nan"
     if kind == "an infinite position":
         cells[3000][place["position"]] = b"inf"
+    if kind == "a time far ahead":
+        cells[3000][0] = cells[3000][0].replace(b".", b"")
+    if kind == "a first time far ahead":
+        cells[1][0] = b"1e9"
     if kind == "a duty cycle above 1":
         cells[3000][place["duty_supply"]] = b"1.5"
     lines = [b",".join(row) for row in cells]
@@ -177,6 +181,8 @@ def spoiled(lines, kind):
         ("an infinite position", "invalid"),
         ("a duty cycle above 1", "invalid"),
         ("a time that goes back", "late"),
+        ("a time far ahead", "invalid"),
+        ("a first time far ahead", "invalid"),
         ("a line that is cut", "unreadable"),
         ("a line that comes twice", "repeated"),
         ("a line that is lost", "lost"),
