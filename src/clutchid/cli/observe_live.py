@@ -6,7 +6,7 @@ import math
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TextIO
 
 from clutchid.cli.common import BAD_INPUT, DONE, complain
 from clutchid.cli.observe_output import Files, answer
-from clutchid.cli.observe_sinks import Sink, published_frames, published_lines, say, view
+from clutchid.cli.observe_sinks import Sink, Stopped, published_frames, published_lines, say, view
 from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.io.live.bus import BusName, bus_name
 from clutchid.names import printable
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 #: What stands for standard input, and for standard output.
 STANDARD_INPUT = STANDARD_OUTPUT = "-"
-
-Stopped = Callable[[], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +98,7 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
     _check_format(files)
     with stop_signals() as stopped:
         with closing(_blocks(files.log, content, options, stopped)) as blocks:
-            run, trouble = _followed(blocks, files, content, options)
+            run, trouble = _followed(blocks, files, content, options, stopped)
         files.write_rest(run.recent(), content)
     answer(run.recent(), content, files, as_json=options.as_json, trouble=trouble, to=options.messages)
     if not trouble:
@@ -162,7 +160,7 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
 
 
 def _followed(
-    blocks: Iterator[LiveBlock], files: Files, content: ParameterFile, options: LiveOptions
+    blocks: Iterator[LiveBlock], files: Files, content: ParameterFile, options: LiveOptions, stopped: Stopped
 ) -> tuple[LiveRun, str]:
     """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault."""
     from clutchid.io.spool import spooled
@@ -172,7 +170,11 @@ def _followed(
     first = next(blocks)
     run = live_run(*_start(first, content, options))
     trouble = ""
-    with _sinks(options, files) as sinks, spooled(files.out) as add_samples, spooled(files.by_stroke) as add_strokes:
+    with (
+        _sinks(options, files, stopped) as sinks,
+        spooled(files.out) as add_samples,
+        spooled(files.by_stroke) as add_strokes,
+    ):
         for block in _until_trouble(first, blocks):
             if isinstance(block, DataError):
                 trouble = str(block)
@@ -213,7 +215,7 @@ def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[Li
 
 
 @contextmanager
-def _sinks(options: LiveOptions, files: Files) -> Iterator[list[Sink]]:
+def _sinks(options: LiveOptions, files: Files, stopped: Stopped) -> Iterator[list[Sink]]:
     """What takes the results of each block besides the files."""
     with ExitStack() as stack:
         sinks = []
@@ -221,7 +223,7 @@ def _sinks(options: LiveOptions, files: Files) -> Iterator[list[Sink]]:
         if options.bus is not None:
             sinks.append(stack.enter_context(published_frames(options.bus, every, files.results_dbc)))
         elif options.publish is not None:
-            sinks.append(stack.enter_context(published_lines(every or 0.0)))
+            sinks.append(stack.enter_context(published_lines(every or 0.0, stopped)))
         if options.view:
             sinks.append(stack.enter_context(view()))
         yield sinks
