@@ -284,6 +284,13 @@ def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_pa
     assert max(map(len, plain.splitlines())) <= 70
 
 
+def test_a_bus_that_cannot_be_opened_leaves_no_file(call, folder, tmp_path, piped):
+    code, said, errors = call("-", "--publish", "can:nosuchif:x")
+    assert (code, said) == (2, "")
+    assert "can:nosuchif:x: cannot be opened" in " ".join(errors.split())
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_view_is_nothing_where_there_is_no_terminal(call, folder, tmp_path, piped):
     code, _, errors = call("-", "--view")
     assert (code, errors) == (0, "")

@@ -175,6 +175,10 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
         name = printable(bus.channel)
         blocks = bus_blocks(frames, name, options.dbc, channels, options.ambient, required)
     elif str(log) == STANDARD_INPUT:
+        if sys.stdin is None:
+            raise DataError(
+                "standard input: is closed; name a file, or send samples, as in: cat LOG | clutchid observe -"
+            )
         pieces = from_descriptor(sys.stdin.fileno(), stopped)
         blocks = text_blocks(pieces, "stdin", channels, options.ambient, required)
     else:

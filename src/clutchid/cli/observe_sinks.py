@@ -116,15 +116,16 @@ def _sent(descriptor: int, text: bytes, stopped: Stopped, *, wait: bool) -> byte
 def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[Sink]:
     """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.report.observe_frames.PERIOD`.
 
-    Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written.
+    Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
+    the bus is open.
     """
     from clutchid.io.live.bus import sender
     from clutchid.report.files import write_text
     from clutchid.report.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
 
-    write_text(results_dbc(), dbc)
     sent, failed = 0, False
     with sender(name) as send:
+        write_text(results_dbc(), dbc)
 
         def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
             nonlocal sent, failed
