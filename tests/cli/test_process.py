@@ -99,6 +99,20 @@ def test_an_output_that_no_file_can_be_is_refused(tmp_path):
         check_writable(tmp_path / ("a" * 300))
 
 
+@posix
+def test_an_output_that_is_a_loop_of_links_is_one_sentence(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, other in (("a.parquet", "b.parquet"), ("b.parquet", "a.parquet")):
+        Path(name).symlink_to(other)
+    Path("log.csv").write_text("time [s],position [m]\n")
+    with pytest.raises(SystemExit) as end:
+        clutchid.cli.main(["observe", "log.csv", "--start", "cal.toml", "--out", "a.parquet"])
+    assert end.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("clutchid: a.parquet: cannot be written (")
+    assert "links" in said
+
+
 @pytest.mark.parametrize("name", ["../../x:y", ":run", "module:", "a b:run", ".x:run"])
 def test_a_workflow_that_is_no_name_of_a_function_is_refused(name):
     with pytest.raises(ParameterError, match="write MODULE:FUNCTION of an importable module"):

@@ -228,7 +228,7 @@ def _same(one: Path, other: Path) -> bool:
     """Whether two paths are the same file, also by links or another spelling."""
     try:
         return one.resolve() == other.resolve() or one.samefile(other)
-    except OSError:  # one of them does not exist
+    except (OSError, RuntimeError):  # one of them does not exist, or is a loop of links
         return False
 
 
