@@ -49,8 +49,7 @@ class Kept:
         """
         from clutchid.io.spool import spooled
 
-        begun, open_ = False, True
-
+        begun, open_, before = False, True, _number(path)
         try:
             with spooled(path, lambda place: self._move(path, place)) as add:
 
@@ -68,6 +67,8 @@ class Kept:
         except ExportError as error:
             if not begun:
                 raise
+            if _number(path) == before:  # what was there, or nothing
+                self.moved[path] = None
             self._note(f"{error} What came before is kept.")
 
     def save(self, path: Path | None, run: LiveRun) -> None:
@@ -97,6 +98,14 @@ class Kept:
             self.moved[path] = None
         else:
             self._move(path, place)
+
+
+def _number(path: Path) -> int | None:
+    """Number of a file on its disk, None where there is none."""
+    try:
+        return path.stat().st_ino
+    except OSError:
+        return None
 
 
 def offer(files: Files) -> None:

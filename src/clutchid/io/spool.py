@@ -57,7 +57,8 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
 
     On any error what was written is removed, and an existing file stays unchanged. A block without samples defines the
     columns of a recording that stays empty. The metadata are those of the first block. Where the disk is full, the
-    function raises, and the file holds what was written before; it must not be called again. The same at the end.
+    function raises, and the file holds what was written before, if anything was; it must not be called again. The same
+    at the end.
 
     Parameters
     ----------
@@ -88,8 +89,9 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
                 rest = end()
             except ExportError as error:
                 trouble, rest = error, end()
-            with suppress(OSError):
-                (folder / _RESERVED).unlink(missing_ok=True)
+            _release(folder)
+            if trouble is not None and data.tell() <= len(MAGIC):
+                raise trouble
             _finish(data, rest, folder / _DATA, target, moved)
             if trouble is not None:
                 raise trouble
@@ -172,6 +174,11 @@ def _reserve(path: Path) -> None:
     """Keep a part of the disk free for the end, where that can be."""
     with suppress(OSError, AttributeError), path.open("wb") as file:
         os.posix_fallocate(file.fileno(), 0, RESERVE)
+
+
+def _release(folder: Path) -> None:
+    with suppress(OSError):
+        (folder / _RESERVED).unlink(missing_ok=True)
 
 
 def _finish(data: BinaryIO, end: bytes, source: Path, target: Path, moved: Callable[[Path], None] | None) -> None:
@@ -294,6 +301,8 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
             _note(folder / _SYNCED, groups, synced=True)
 
     def end() -> bytes:
+        if 8 * size <= RESERVE // 4:  # a part of what is kept free for the end; a larger piece must leave it
+            _release(folder)
         if (held or short) and not stopped:
             write_piece()
         return footer_bytes(groups) if groups.footer else b""
