@@ -42,12 +42,14 @@ class Compact:
         self.data, self.at = data, 0
 
     def take(self, size: int) -> bytes:
+        """The next bytes."""
         self.at += size
         if self.at > len(self.data):
             raise ValueError("it ends too early")
         return self.data[self.at - size : self.at]
 
     def varint(self) -> int:
+        """The next number without a sign."""
         value = shift = 0
         while (byte := self.take(1)[0]) & 128:
             value |= (byte & 127) << shift
@@ -55,6 +57,7 @@ class Compact:
         return value | byte << shift
 
     def value(self, kind: int) -> Any:
+        """The next value, which is of a `Kind`."""
         if kind in (Kind.TRUE, Kind.FALSE):
             return kind == Kind.TRUE
         if kind in (Kind.BYTE, Kind.DOUBLE):
