@@ -3,11 +3,17 @@
 import fcntl
 import json
 import os
+import re
+import resource
+import shutil
 import signal
+import subprocess
+import sys
 import termios
 import threading
 import time
 from itertools import pairwise
+from pathlib import Path
 
 import polars as pl
 import pytest
@@ -117,7 +123,7 @@ def test_live_and_file_give_the_same_numbers_bit_for_bit(call, folder, tmp_path,
     assert {path.name for path in tmp_path.iterdir()} == set(OUTPUTS)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_in_mid_line_leaves_whole_files_of_all_whole_lines(call, folder, tmp_path, number):
     text = b"".join((folder / "worn.csv").read_bytes().splitlines(keepends=True)[:4001])
     code, _, errors = call([text, b"4.000,0.0"], "--save", "state.toml", end=stop(number))
@@ -126,6 +132,101 @@ def test_a_signal_in_mid_line_leaves_whole_files_of_all_whole_lines(call, folder
     assert pl.read_parquet(tmp_path / "est.parquet").height == 4000
     same(folder, tmp_path, rows=4000)
     assert signal.getsignal(number) is not None
+
+
+def test_a_terminal_that_is_closed_sends_its_signal_twice_and_one_that_ignores_it_goes_on(call, folder, tmp_path):
+    def twice(writing):
+        drained(writing)
+        os.kill(os.getpid(), signal.SIGHUP)
+        os.kill(os.getpid(), signal.SIGHUP)
+        stop(signal.SIGHUP)(writing)
+
+    text = (folder / "worn.csv").read_bytes()
+    assert call(text, "--save", "state.toml", end=twice)[0] == 0
+    same(folder, tmp_path)
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert call([text[:100_000], text[100_000:]], end=stop(signal.SIGHUP))[0] == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    same(folder, tmp_path, rows=5900)
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_folder_that_is_removed_costs_no_result(call, folder, tmp_path, as_json):
+    (tmp_path / "out").mkdir()
+
+    def remove(writing):
+        while len([*(tmp_path / "out").glob(".*")]) < 2:  # the outputs are begun
+            time.sleep(0.01)
+        drained(writing)
+        shutil.rmtree(tmp_path / "out")
+        os.close(writing)
+
+    text = (folder / "worn.csv").read_bytes()
+    options = ["--save", "out/state.toml", *(["--json"] if as_json else [])]
+    code, said, errors = call(text, *options, out="out/est.parquet", end=remove)
+    assert code == 1
+    places = dict(re.findall(r"warning: (\S+): cannot be written any more; it is in (\S+) instead", errors))
+    assert set(places) == {"out/est.parquet", "out/est.load.parquet", "out/state.toml"}
+    for name, place in places.items():
+        file = folder / "file" / name.removeprefix("out/")
+        if name.endswith("parquet"):
+            assert pl.read_parquet(place).equals(pl.read_parquet(file), null_equal=True)
+        else:
+            assert Path(place).read_text() == file.read_text()
+        assert place in said
+        shutil.rmtree(Path(place).parent)
+    assert json.loads(said)["status"] == "failed" if as_json else said.startswith("observed stdin: ")
+
+
+def test_a_full_disk_costs_what_comes_later_and_the_right_file_is_named(call, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("clutchid.io.spool.PIECE", 1 << 14)
+    before, limit = resource.getrlimit(resource.RLIMIT_FSIZE), 400_000
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        code, said, errors = call((folder / "worn.csv").read_bytes(), "--save", "state.toml")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert code == 1
+    assert said.startswith("observed stdin: ")
+    words = "est.parquet: cannot be written any further (File too large). What came before is kept"
+    assert words in " ".join(errors.split())
+    live, file = pl.read_parquet(tmp_path / "est.parquet"), pl.read_parquet(folder / "file" / "est.parquet")
+    assert 500 < live.height < 6000
+    assert live.equals(file.head(live.height), null_equal=True)
+    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
+    assert {path.name for path in tmp_path.iterdir()} == set(OUTPUTS)
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call, folder, tmp_path):
+    script = "from clutchid.cli import main, observe_live; observe_live.MINUTE = 0.0; main()"
+    options = ["--start", str(folder / "cal.toml"), "--out", "est.parquet", "--save", "state.toml"]
+    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
+    command = [sys.executable, "-c", script, "observe", "-", *options]
+    with subprocess.Popen(command, cwd=tmp_path, stdin=subprocess.PIPE) as killed:
+        killed.stdin.write(head + b"".join(lines[:4000]))
+        killed.stdin.flush()
+        deadline = time.monotonic() + 60.0
+        while not (tmp_path / "state.toml").exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        time.sleep(1.0)
+        killed.kill()
+    assert not (tmp_path / "est.parquet").exists()
+    _, _, errors = call(b"", "--save", "state.toml")
+    said = " ".join(errors.split())
+    assert "an earlier run ended before it wrote est.parquet: what it had observed is in" in said
+    assert "go on from it with --resume state.toml" in said
+    kept = pl.read_parquet(tmp_path / "est.recovered.parquet")
+    file = pl.read_parquet(folder / "file" / "est.parquet")
+    assert kept.height == pytest.approx(3950, abs=1)  # the rest waits for samples that are late
+    assert kept.equals(file.head(kept.height), null_equal=True)
+    rest = head + b"".join(lines[kept.height :])
+    assert call(rest, "--resume", "state.toml", "--save", "state.toml")[0] == 0
+    assert pl.concat([kept, pl.read_parquet(tmp_path / "est.parquet")]).equals(file, null_equal=True)
+    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
 
 
 def test_a_live_run_goes_on_from_a_state_and_gives_the_numbers_of_one_run(call, folder, tmp_path):
@@ -154,6 +255,10 @@ def spoiled(lines, kind):
         cells[3000][place["position"]] = b"nan"
     if kind == "an infinite position":
         cells[3000][place["position"]] = b"inf"
+    if kind == "a time far ahead":
+        cells[3000][0] = cells[3000][0].replace(b".", b"")
+    if kind == "a first time far ahead":
+        cells[1][0] = b"1e9"
     if kind == "a duty cycle above 1":
         cells[3000][place["duty_supply"]] = b"1.5"
     lines = [b",".join(row) for row in cells]
@@ -177,6 +282,8 @@ def spoiled(lines, kind):
         ("an infinite position", "invalid"),
         ("a duty cycle above 1", "invalid"),
         ("a time that goes back", "late"),
+        ("a time far ahead", "invalid"),
+        ("a first time far ahead", "invalid"),
         ("a line that is cut", "unreadable"),
         ("a line that comes twice", "repeated"),
         ("a line that is lost", "lost"),

@@ -161,6 +161,95 @@ def test_where_nobody_reads_the_lines_any_more_the_recording_goes_on(call, folde
     same(folder, tmp_path)
 
 
+def full():
+    return os.open("/dev/full", os.O_WRONLY)
+
+
+def hung_up():
+    leader, follower = pty.openpty()
+    os.close(leader)
+    return follower
+
+
+@pytest.mark.parametrize("lost", [full, hung_up])
+def test_where_standard_output_is_lost_the_recording_goes_on(call, folder, tmp_path, monkeypatch, piped, lost):
+    with os.fdopen(lost(), "w") as stream:
+        monkeypatch.setattr("sys.stdout", stream)
+        code, _, errors = call("-", "--publish", "-", "--save", "state.toml")
+    assert code == 0
+    assert "warning: standard output was lost (" in errors
+    assert errors.count("warning") == 1
+    same(folder, tmp_path)
+    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stall", [0.05, 1e3])
+def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_files(
+    call, folder, tmp_path, monkeypatch, stall
+):
+    monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", stall)
+    (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
+    reading, writing = os.pipe()
+    before = signal.getsignal(signal.SIGTERM)
+
+    def stop():
+        ready(signal.SIGTERM, before)
+        time.sleep(1.5)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    other = threading.Thread(target=stop)
+    other.start()
+    with os.fdopen(writing, "w") as stream:
+        monkeypatch.setattr("sys.stdout", stream)
+        code, _, errors = call("worn.csv", "--follow", "--publish", "-")
+    other.join()
+    with os.fdopen(reading) as lines:
+        whole = lines.read().rpartition("\n")[0].splitlines()
+    assert code == 0
+    assert ("warning: standard output is not read" in errors) is (stall < 1.0)
+    samples, *_ = published("\n".join(whole))
+    assert 0 < len(samples) < 6000
+    same(folder, tmp_path)
+
+
+@pytest.mark.slow
+def test_lines_go_on_whole_once_they_are_read_again(call, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", 0.05)
+    text = (folder / "worn.csv").read_bytes()
+    (tmp_path / "worn.csv").write_bytes(text[:200_000])
+    reading, writing = os.pipe()
+    before, said = signal.getsignal(signal.SIGTERM), []
+
+    def read():
+        ready(signal.SIGTERM, before)
+        time.sleep(1.0)
+        with os.fdopen(reading, "rb") as lines:
+            rest = threading.Thread(target=grow)
+            rest.start()
+            said.append(lines.read())
+            rest.join()
+
+    def grow():
+        for begin in range(200_000, len(text), 50_000):
+            with (tmp_path / "worn.csv").open("ab") as file:
+                file.write(text[begin : begin + 50_000])
+            time.sleep(0.2)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    with os.fdopen(writing, "w") as stream:
+        monkeypatch.setattr("sys.stdout", stream)
+        code, _, _ = call("worn.csv", "--follow", "--publish", "-")
+    reader.join()
+    assert code == 0
+    samples, *_ = published(b"".join(said).decode())
+    assert samples[-1]["time [s]"] == pytest.approx(5.999)
+    assert len(samples) < 6000
+    same(folder, tmp_path)
+
+
 def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_path, monkeypatch, piped):
     leader, follower = pty.openpty()
     shown = []
@@ -193,6 +282,13 @@ def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_pa
         assert words in text
     plain = re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", text)
     assert max(map(len, plain.splitlines())) <= 70
+
+
+def test_a_bus_that_cannot_be_opened_leaves_no_file(call, folder, tmp_path, piped):
+    code, said, errors = call("-", "--publish", "can:nosuchif:x")
+    assert (code, said) == (2, "")
+    assert "can:nosuchif:x: cannot be opened" in " ".join(errors.split())
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_view_is_nothing_where_there_is_no_terminal(call, folder, tmp_path, piped):

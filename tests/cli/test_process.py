@@ -1,6 +1,7 @@
 """The command as a process: signals, full disks and odd paths end in one sentence, and nothing is left behind."""
 
 import json
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pytest
 import clutchid.cli
 from clutchid.cli.common import check_outputs
 from clutchid.errors import ExportError, ParameterError
+from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.io.files import check_writable
 from clutchid.study.proving.ground import _read
 from clutchid.study.proving.workflows import workflow
@@ -100,6 +102,20 @@ def test_an_output_that_no_file_can_be_is_refused(tmp_path):
         check_writable(tmp_path / ("a" * 300))
 
 
+@posix
+def test_an_output_that_is_a_loop_of_links_is_one_sentence(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, other in (("a.parquet", "b.parquet"), ("b.parquet", "a.parquet")):
+        Path(name).symlink_to(other)
+    Path("log.csv").write_text("time [s],position [m]\n")
+    with pytest.raises(SystemExit) as end:
+        clutchid.cli.main(["observe", "log.csv", "--start", "cal.toml", "--out", "a.parquet"])
+    assert end.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("clutchid: a.parquet: cannot be written (")
+    assert "links" in said
+
+
 @pytest.mark.parametrize("name", ["../../x:y", ":run", "module:", "a b:run", ".x:run"])
 def test_a_workflow_that_is_no_name_of_a_function_is_refused(name):
     with pytest.raises(ParameterError, match="write MODULE:FUNCTION of an importable module"):
@@ -138,3 +154,36 @@ def test_a_file_that_cannot_be_written_does_not_cost_the_fit(shared, tmp_path):
         else:
             assert "load     greatest" in done.stdout
             assert f"clutchid: {said}" in done.stderr.splitlines()
+
+
+@posix
+@pytest.mark.parametrize("closed", ["0<&-", "2>&-", "0<&- 1>&- 2>&-"])
+def test_closed_standard_streams_are_a_sentence_and_no_file_takes_their_number(closed, plant, tmp_path):
+    write_parameters(ParameterFile(plant), tmp_path / "cal.toml")
+    inner = f"{shlex.join(COMMAND)} observe - --start cal.toml --out est.parquet {closed}"
+    sent = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n"
+    done = subprocess.run(["sh", "-c", inner], input=sent, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("clutchid: standard input: is closed;" if closed == "0<&-" else "")
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["cal.toml"]
+
+
+def test_an_interrupt_that_python_ignores_comes_again():
+    script = """
+import sys, time
+from clutchid.__main__ import keeping_interrupts
+sys.unraisablehook = keeping_interrupts(sys.unraisablehook)
+class Page:
+    def __del__(self):
+        raise KeyboardInterrupt
+page = Page()
+try:
+    del page
+    time.sleep(20)
+except KeyboardInterrupt:
+    print("stopped")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("stopped\n", "")

@@ -33,6 +33,7 @@ def test_the_readme_names_every_verb_of_the_command_line():
         "common",
         "drive_fleet",
         "fit_output",
+        "observe_kept",
         "observe_live",
         "observe_output",
         "observe_sinks",

@@ -1,5 +1,9 @@
 """A recording that is written while it grows."""
 
+import resource
+import shutil
+from contextlib import contextmanager
+
 import numpy as np
 import polars as pl
 import pytest
@@ -7,7 +11,8 @@ import pytest
 from clutchid.errors import ExportError
 from clutchid.io import read, write
 from clutchid.io import spool as module
-from clutchid.io.spool import spooled
+from clutchid.io.formats.parquet.pages import damage
+from clutchid.io.spool import recovered, spooled
 from clutchid.log import Log
 
 
@@ -44,6 +49,84 @@ def test_a_recording_without_samples_has_its_columns(tmp_path, log):
     with spooled(tmp_path / "none.parquet") as add:
         add(log.slice(0, 0))
     assert pl.read_parquet(tmp_path / "none.parquet").columns[0] == "time [s]"
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+@pytest.mark.parametrize("cut", ["", "data", "footer"])
+def test_what_a_killed_run_left_is_recovered_once_in_a_file_of_its_own(tmp_path, log, suffix, cut, monkeypatch):
+    monkeypatch.setattr(module, "PIECE", 400)
+    (tmp_path / "killed").mkdir()
+    path = tmp_path / "killed" / f"live{suffix}"
+    with spooled(tmp_path / f"live{suffix}") as add:
+        for begin in range(0, 900, 150):
+            add(log.slice(begin, begin + 150), now=begin == 300)
+        assert recovered(tmp_path / f"live{suffix}") == []  # it still runs
+        (folder,) = tmp_path.glob(".clutchid-live-*")
+        shutil.copytree(folder, tmp_path / "killed" / folder.name)
+    left = tmp_path / "killed" / folder.name
+    if cut and suffix == ".parquet":  # the power was cut: only what was synced is there
+        content = (left / cut).read_bytes()
+        (left / cut).write_bytes(content[: len(content) * 2 // 3])
+    elif cut:
+        with (left / "data").open("ab") as data:
+            data.write(b"0.9,1")
+    assert recovered(tmp_path / "killed" / f"other{suffix}") == []
+    (found,) = recovered(path)
+    assert found.name == f"live.recovered{suffix}"
+    frame = getattr(pl, f"read_{suffix[1:]}")(found)
+    assert frame["time [s]"].to_list() == log.time[: 450 if cut and suffix == ".parquet" else 900].tolist()
+    assert recovered(path) == []
+    assert [one.name for one in path.parent.iterdir()] == [found.name]
+    if suffix == ".parquet":
+        assert damage(found) == ""
+
+
+@contextmanager
+def little_room(size):
+    """No file can grow beyond so many bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def filled(path, log):
+    """Written until the disk is full: at a piece, or at the end."""
+    with spooled(path) as add:
+        for begin in range(0, 1000, 100):
+            with little_room(16_000):
+                try:
+                    add(log.slice(begin, begin + 100))
+                except ExportError as error:
+                    return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):
+    monkeypatch.setattr(module, "PIECE", 400)
+    noise = {name: np.random.default_rng(1).standard_normal(1000) for name in log.columns}
+    log = Log(log.time, noise, "run")
+    path = tmp_path / f"live{suffix}"
+    assert filled(path, log) == f"{path}: cannot be written any further (File too large)."
+    frame = getattr(pl, f"read_{suffix[1:]}")(path)
+    assert 200 <= frame.height < 1000
+    assert frame["time [s]"].to_list() == log.time[: frame.height].tolist()
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_folder_that_is_removed_costs_only_the_place_of_the_file(tmp_path, log):
+    (tmp_path / "out").mkdir()
+    places = []
+    with spooled(tmp_path / "out" / "live.parquet", places.append) as add:
+        add(log.slice(0, 500))
+        shutil.rmtree(tmp_path / "out")
+        add(log.slice(500, 1000))
+    (place,) = places
+    assert pl.read_parquet(place).height == 1000
+    shutil.rmtree(place.parent)
 
 
 def stopped(path, log, error):

@@ -1,4 +1,7 @@
-"""Observe a live recording: follow samples while they arrive; Ctrl-C and SIGTERM end it, and files are whole."""
+"""Observe a live recording: follow samples while they arrive; a signal ends it, and files are whole.
+
+What fails beside it, such as a disk that is full, costs what comes later in that file; the state is saved every minute.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,18 @@ import math
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator
+import time
+from collections.abc import Generator, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
-from clutchid.cli.common import BAD_INPUT, DONE, complain
+from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
+from clutchid.cli.observe_kept import Kept, offer
 from clutchid.cli.observe_output import Files, answer
-from clutchid.cli.observe_sinks import Sink, published_frames, published_lines, say, view
+from clutchid.cli.observe_sinks import Sink, Stopped, published_frames, published_lines, say, view
 from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.io.live.bus import BusName, bus_name
 from clutchid.names import printable
@@ -30,7 +35,11 @@ if TYPE_CHECKING:
 #: What stands for standard input, and for standard output.
 STANDARD_INPUT = STANDARD_OUTPUT = "-"
 
-Stopped = Callable[[], bool]
+#: Signals that end a recording, and stop the command at once when they come again.
+STOPS = (signal.SIGINT, signal.SIGTERM)
+
+#: Time in s from one saved state to the next; as much is lost where the power is.
+MINUTE = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,17 +104,27 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
     Raises
     ------
     DataError, ExportError, ParameterError
-        If nothing could be observed, or a file cannot be written; nothing is written then.
+        If nothing could be observed, or a file cannot be begun; nothing is written then.
     """
     _check_format(files)
+    offer(files)
+    kept = Kept()
     with stop_signals() as stopped:
         with closing(_blocks(files.log, content, options, stopped)) as blocks:
-            run, trouble = _followed(blocks, files, content, options)
-        files.write_rest(run.recent(), content)
-    answer(run.recent(), content, files, as_json=options.as_json, trouble=trouble, to=options.messages)
-    if not trouble:
+            run, trouble = _followed(blocks, files, content, options, kept, stopped)
+        kept.write_rest(files, run.recent(), content)
+    failed = " ".join(kept.troubles)
+    status = "bad_input" if trouble else "failed"
+    message = " ".join(filter(None, (trouble, failed)))
+    answer(
+        run.recent(), content, files, as_json=options.as_json, trouble=(status, message), to=options.messages,
+        moved=kept.moved,
+    )  # fmt: skip
+    if not message:
         return DONE
-    return BAD_INPUT if options.as_json else complain(trouble, as_json=False, status="bad_input")
+    if options.as_json:
+        return BAD_INPUT if trouble else FAILED
+    return complain(message, as_json=False, status=status)
 
 
 def _check_format(files: Files) -> None:
@@ -117,18 +136,22 @@ def _check_format(files: Files) -> None:
 
 @contextmanager
 def stop_signals() -> Iterator[Stopped]:
-    """Function that says whether Ctrl-C or SIGTERM came; a second one stops at once, as everywhere else."""
+    """Function that says whether Ctrl-C, SIGTERM or SIGHUP came; a second one stops at once, as everywhere else.
+
+    A terminal that is closed sends SIGHUP, several times: it stops nothing at once, and is left ignored where it is.
+    """
     asked: list[int] = []
 
     def ask(number: int, _frame: FrameType | None) -> None:
-        if asked:
+        if asked and number in STOPS:
             raise KeyboardInterrupt
         asked.append(number)
 
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
         return
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    hang_up = [signal.SIGHUP] if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN else []
+    before = {number: signal.signal(number, ask) for number in (*STOPS, *hang_up)}
     try:
         yield lambda: bool(asked)
     finally:
@@ -152,6 +175,10 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
         name = printable(bus.channel)
         blocks = bus_blocks(frames, name, options.dbc, channels, options.ambient, required)
     elif str(log) == STANDARD_INPUT:
+        if sys.stdin is None:
+            raise DataError(
+                "standard input: is closed; name a file, or send samples, as in: cat LOG | clutchid observe -"
+            )
         pieces = from_descriptor(sys.stdin.fileno(), stopped)
         blocks = text_blocks(pieces, "stdin", channels, options.ambient, required)
     else:
@@ -162,26 +189,38 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
 
 
 def _followed(
-    blocks: Iterator[LiveBlock], files: Files, content: ParameterFile, options: LiveOptions
+    blocks: Iterator[LiveBlock],
+    files: Files,
+    content: ParameterFile,
+    options: LiveOptions,
+    kept: Kept,
+    stopped: Stopped,
 ) -> tuple[LiveRun, str]:
     """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault."""
-    from clutchid.io.spool import spooled
     from clutchid.observe.live import checked, gone_on, live_run
     from clutchid.observe.recording import no_sample
 
     first = next(blocks)
     run = live_run(*_start(first, content, options))
-    trouble = ""
-    with _sinks(options, files) as sinks, spooled(files.out) as add_samples, spooled(files.by_stroke) as add_strokes:
+    trouble, saved = "", time.monotonic()
+    with (
+        _sinks(options, files, stopped) as sinks,
+        kept.spooled(files.out) as add_samples,
+        kept.spooled(files.by_stroke) as add_strokes,
+    ):
         for block in _until_trouble(first, blocks):
             if isinstance(block, DataError):
                 trouble = str(block)
                 break
             before = run
             run, part = gone_on(run, block.log, block.left_out._asdict())
-            add_samples(part.estimates())
-            if part.strokes or part.before is run.before:
-                add_strokes(part.load_by_stroke())
+            now = run.usable and time.monotonic() - saved >= MINUTE
+            add_samples(part.estimates(), now=now)
+            if part.strokes or part.before is run.before or now:
+                add_strokes(part.load_by_stroke(), now=now)
+            if now:
+                saved = time.monotonic()
+                kept.save(files.save, run)
             if before.checked is None and run.checked and not options.as_json:
                 say(run.checked)
             for sink in sinks:
@@ -213,7 +252,7 @@ def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[Li
 
 
 @contextmanager
-def _sinks(options: LiveOptions, files: Files) -> Iterator[list[Sink]]:
+def _sinks(options: LiveOptions, files: Files, stopped: Stopped) -> Iterator[list[Sink]]:
     """What takes the results of each block besides the files."""
     with ExitStack() as stack:
         sinks = []
@@ -221,7 +260,7 @@ def _sinks(options: LiveOptions, files: Files) -> Iterator[list[Sink]]:
         if options.bus is not None:
             sinks.append(stack.enter_context(published_frames(options.bus, every, files.results_dbc)))
         elif options.publish is not None:
-            sinks.append(stack.enter_context(published_lines(every or 0.0)))
+            sinks.append(stack.enter_context(published_lines(every or 0.0, stopped)))
         if options.view:
             sinks.append(stack.enter_context(view()))
         yield sinks

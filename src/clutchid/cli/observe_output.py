@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, TextIO
 
 from clutchid.cli.common import EMPTY, check_outputs, print_json, print_written
@@ -63,14 +65,20 @@ class Files:
 
     def write_rest(self, run: ObservedRecording, content: ParameterFile) -> None:
         """Write the state and the page."""
+        for path, write in self.rest(run, content):
+            write(path)
+
+    def rest(self, run: ObservedRecording, content: ParameterFile) -> list[tuple[Path, Callable[[Path], None]]]:
+        """Paths of the state and of the page, those that are asked for, and the functions that write them."""
         from clutchid.observe.state_file import write_state
         from clutchid.report.observe_page import observe_page
 
-        if self.save is not None:
-            write_state(run.observer, run.after, self.save)
-        if self.report is not None:
-            command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
-            observe_page(run, content.origin, command, self.report)
+        command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
+        each = (
+            (self.save, lambda path: write_state(run.observer, run.after, path)),
+            (self.report, lambda path: observe_page(run, content.origin, command, path)),
+        )
+        return [(path, write) for path, write in each if path is not None]
 
 
 def calibration_file(path: Path) -> ParameterFile:
@@ -92,18 +100,26 @@ def answer(
     files: Files,
     *,
     as_json: bool,
-    trouble: str = "",
+    trouble: tuple[str, str] = ("", ""),
     to: TextIO | None = None,
+    moved: Mapping[Path, Path | None] = MappingProxyType({}),
 ) -> None:
-    """Say what was found, and which files were written; `trouble` is why a live recording ended.
+    """Say what was found, and which files were written.
 
-    `to` is where sentences go, standard output by default.
+    Parameters
+    ----------
+    trouble
+        Status and message, which is empty where a live recording ended without a fault.
+    to
+        Where sentences go, standard output by default.
+    moved
+        Places of files that could not be written where they were asked for; None is nowhere.
     """
     from clutchid.report.observe_json import observe_json
     from clutchid.report.observe_text import end_rows, observe_sentence
 
     if as_json:
-        ended = {"status": "bad_input", "message": trouble} if trouble else {}
+        ended = dict(zip(("status", "message"), trouble, strict=True)) if trouble[1] else {}
         print_json({**EMPTY, **observe_json(run, content.origin), **ended})
         return
     for warning in run.log.warnings:
@@ -111,4 +127,5 @@ def answer(
     print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), file=to)
     print_rows(end_rows(run), to)
     published = files.results_dbc if files.publishes_frames else None
-    print_written(files.out, files.by_stroke, files.save, files.report, published, to=to)
+    written = [path for path in (files.out, files.by_stroke, files.save, files.report, published) if path is not None]
+    print_written(*(moved.get(path, path) for path in written), to=to)

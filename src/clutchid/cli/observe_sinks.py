@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import select
+import stat
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -21,47 +23,109 @@ if TYPE_CHECKING:
 #: Takes the recording before a block, after it, and the block.
 Sink = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
 
+Stopped = Callable[[], bool]
+
+#: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped.
+STALL, STALL_STOPPED = 2.0, 0.2
+
+#: Time in s after which a wait asks whether it is stopped.
+PATIENCE = 0.1
+
 #: Time in s from one picture of the view to the next.
 FRAME = 0.25
 
 
 @contextmanager
-def published_lines(every: float) -> Iterator[Sink]:
-    """Results as JSON lines on standard output, flushed block by block; a sample each `every` seconds, 0 for all.
+def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
+    """Results as JSON lines on standard output, written block by block; a sample each `every` seconds, 0 for all.
 
-    Where nobody reads them any more, the recording goes on without them.
+    Where standard output is closed, full or fails, the recording goes on without it; where nobody reads it, what does
+    not fit is left out until somebody does. Once `stopped`, nothing waits for a reader.
     """
     from clutchid.report.observe_lines import observe_lines
 
-    open_ = True
+    with _standard_output() as descriptor:
+        unsent, open_, stalled = b"", True, False
 
-    def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
-        nonlocal open_
-        lines = observe_lines(before, after, part, every) if open_ else []
-        try:
+        def send(text: bytes) -> None:
+            nonlocal unsent, open_, stalled
+            try:
+                if descriptor is None:
+                    print(text.decode(), end="", flush=True)
+                    return
+                unsent = _sent(descriptor, unsent, stopped, wait=not stalled)
+                unsent = unsent or _sent(descriptor, text, stopped, wait=True)
+            except OSError as error:
+                unsent, open_ = b"", False
+                _discard_output()
+                reason = "closed" if isinstance(error, BrokenPipeError) else f"lost ({error.strerror or error})"
+                say([f"standard output was {reason}: nothing is published any more, the recording goes on."])
+                return
+            if unsent and not stalled and not stopped():
+                say(["standard output is not read: results are left out there until it is, the recording goes on."])
+            stalled = bool(unsent)
+
+        def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
+            lines = observe_lines(before, after, part, every) if open_ else []
             if lines:
-                print("\n".join(lines), flush=True)
-        except BrokenPipeError:
-            open_ = False
-            _discard_output()
-            say(["standard output was closed: nothing is published any more, the recording goes on."])
+                send("".join(f"{line}\n" for line in lines).encode())
 
-    yield publish
+        yield publish
+
+
+@contextmanager
+def _standard_output() -> Iterator[int | None]:
+    """Descriptor of standard output; None where it has none.
+
+    A pipe and a terminal are opened anew where that is possible, so that they do not block, for us alone.
+    """
+    try:
+        descriptor = sys.stdout.fileno()
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        yield None
+        return
+    own = -1
+    with suppress(OSError):
+        if stat.S_ISFIFO(os.fstat(descriptor).st_mode) or os.isatty(descriptor):
+            own = os.open(f"/proc/self/fd/{descriptor}", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    try:
+        yield descriptor if own < 0 else own
+    finally:
+        if own >= 0:
+            os.close(own)
+
+
+def _sent(descriptor: int, text: bytes, stopped: Stopped, *, wait: bool) -> bytes:
+    """What standard output did not take of a text: it is given `STALL` seconds from one part to the next to `wait`."""
+    since = time.monotonic()
+    while text:
+        patience = (STALL_STOPPED if stopped() else STALL) if wait else 0.0
+        rest = max(since + patience - time.monotonic(), 0.0)
+        if not select.select([], [descriptor], [], min(rest, PATIENCE))[1]:
+            if rest == 0.0:
+                break
+            continue
+        with suppress(BlockingIOError):
+            text = text[os.write(descriptor, text[: select.PIPE_BUF]) :]
+            since = time.monotonic()
+    return text
 
 
 @contextmanager
 def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[Sink]:
     """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.report.observe_frames.PERIOD`.
 
-    Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written.
+    Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
+    the bus is open.
     """
     from clutchid.io.live.bus import sender
     from clutchid.report.files import write_text
     from clutchid.report.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
 
-    write_text(results_dbc(), dbc)
     sent, failed = 0, False
     with sender(name) as send:
+        write_text(results_dbc(), dbc)
 
         def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
             nonlocal sent, failed
@@ -118,6 +182,7 @@ def view() -> Iterator[Sink]:
 
 
 def say(warnings: Iterable[str]) -> None:
-    """Say warnings while the recording goes on."""
-    for warning in warnings:
-        print(f"warning: {printable_lines(warning)}", file=sys.stderr, flush=True)
+    """Say warnings while the recording goes on, also where nobody hears them: a closed terminal ends nothing."""
+    with suppress(OSError, ValueError):
+        for warning in warnings:
+            print(f"warning: {printable_lines(warning)}", file=sys.stderr, flush=True)

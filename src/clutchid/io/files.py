@@ -45,7 +45,7 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
     """
     temporary: Path | None = None
     try:
-        target = _writable(path)
+        target = writable_target(path)
         temporary = target.parent / f".clutchid-{secrets.token_hex(6)}{target.suffix}"
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield temporary
@@ -98,7 +98,7 @@ def check_writable(path: str | PathLike[str]) -> None:
     ExportError
         If the folder is missing or cannot be written, or `path` is not a plain file.
     """
-    folder = _writable(path).parent
+    folder = writable_target(path).parent
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -192,7 +192,7 @@ def digest(path: Path) -> str:
     return total.hexdigest()
 
 
-def _writable(path: str | PathLike[str]) -> Path:
+def writable_target(path: str | PathLike[str]) -> Path:
     """Target of `path` with links resolved, so that a link is kept and its file replaced."""
     try:
         target = Path(path).resolve()

@@ -37,7 +37,7 @@ LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
     "repeated": "samples repeat the time of others; the last ones count",
     "lost": "single samples are missing",
     "unreadable": "lines or frames could not be read",
-    "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and was taken as missing",
+    "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and counts as missing; or a time was far ahead",
 })  # fmt: skip
 
 

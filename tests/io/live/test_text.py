@@ -67,6 +67,23 @@ def test_a_broken_line_of_json_is_left_out_and_a_value_that_is_no_number_is_miss
     assert unreadable == 5
 
 
+@pytest.mark.parametrize("sizes", [[], [9000, LONGEST, LONGEST // 2, 7], [8000 + LONGEST, LONGEST]])
+def test_a_line_that_is_too_long_takes_no_other_with_it(sizes):
+    text = lines_of(400, {300: "x" * (2 * LONGEST), 350: "y"})
+    (time, *_), unreadable = read(cut(text, sizes))
+    assert (time.size, unreadable) == (398, 2)
+
+
+@pytest.mark.parametrize("value", ["true", '"0.5"', "false", '"1"'])
+def test_only_a_number_of_json_is_a_number(value):
+    lines = ['{"time [s]": 0.0, "a": 1}', f'{{"time [s]": 0.1, "a": {value}}}', '{"time [s]": 0.2, "a": null}']
+    (time, a), unreadable = read([("\n".join(lines) + "\n").encode()], (0, 1))
+    assert time.tolist() == [0.0, 0.1, 0.2]
+    assert a[0] == 1.0
+    assert np.isnan(a[1:]).all()
+    assert unreadable == 1
+
+
 def test_an_unfinished_line_at_the_end_is_dropped():
     (time, *_), unreadable = read([lines_of(200)[:-4]])
     assert (time.size, unreadable) == (199, 0)

@@ -12,7 +12,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.io.alignment import align
 from clutchid.io.checks import usual_interval
-from clutchid.io.live.order import Ordered, final, followed_by, none_waiting, part, sorted_in
+from clutchid.io.live.order import LeftOut, Ordered, final, followed_by, none_waiting, part, sorted_in, unconfirmed
 from clutchid.io.live.streams import Arrived
 from clutchid.io.map.picking import Pick
 from clutchid.log import HOLE, FloatArray, Log
@@ -99,7 +99,9 @@ def _all_blocks(
             piece, trouble = None, error
         if piece is not None:
             waiting, out = sorted_in(waiting, piece.arrived)
-            left = _added(left, piece, out.late, out.repeated)
+        else:
+            waiting, out = unconfirmed(waiting)
+        left = _added(left, piece, out)
         lost = not math.isnan(waiting.lost)
         ended = piece is None or lost
         waiting, ready = final(waiting, ended=ended)
@@ -118,10 +120,13 @@ def _all_blocks(
         raise trouble
 
 
-def _added(left: LeftOutOf, piece: Piece, late: int, repeated: int) -> LeftOutOf:
-    invalid = sum(one.invalid for one in piece.arrived)
+def _added(left: LeftOutOf, piece: Piece | None, out: LeftOut) -> LeftOutOf:
+    unreadable, values = (0, 0) if piece is None else (piece.unreadable, sum(one.invalid for one in piece.arrived))
     return LeftOutOf(
-        left.late + late, left.repeated + repeated, left.unreadable + piece.unreadable, left.invalid + invalid
+        left.late + out.late,
+        left.repeated + out.repeated,
+        left.unreadable + unreadable,
+        left.invalid + out.invalid + values,
     )
 
 

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 
+#: Types of a number in JSON, and of null; neither a string nor true is one.
+_NUMBERS = {int, float, type(None)}
+
 
 def keys_of(text: bytes, name: str) -> list[str]:
     """The keys of the objects of some lines, in the order in which they first occur.
@@ -38,7 +41,7 @@ def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], ND
 
     Examples
     --------
-    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "x"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
+    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "0.5"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
     >>> columns, spoiled.tolist(), left_out
     ([array([1. , 2.5]), array([nan, nan])], [True, False], 1)
     """
@@ -47,9 +50,8 @@ def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], ND
     if objects is None:
         objects = [one for one in map(_object, lines) if one is not None]
     spoiled = np.zeros(len(objects), dtype=bool)
-    try:
-        columns = [np.array([one.get(key) for one in objects], dtype=np.float64) for key in keys]
-    except (TypeError, ValueError, OverflowError):
+    columns = _all_numbers([[one.get(key) for one in objects] for key in keys])
+    if columns is None:
         rows = [[_number(one.get(key)) for key in keys] for one in objects]
         spoiled |= [None in row for row in rows]
         columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
@@ -66,6 +68,16 @@ def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
     return found if whole else None
 
 
+def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
+    """The columns as arrays; None unless every value is a number or null."""
+    if not all(set(map(type, values)) <= _NUMBERS for values in columns):
+        return None
+    try:
+        return [np.array(values, dtype=np.float64) for values in columns]
+    except OverflowError:
+        return None
+
+
 def _object(line: bytes) -> dict[str, Any] | None:
     try:
         found = json.loads(line)
@@ -79,6 +91,6 @@ def _number(value: Any) -> float | None:
     if value is None:
         return math.nan
     try:
-        return float(value) if isinstance(value, (int, float, str)) else None
-    except (ValueError, OverflowError):
+        return float(value) if type(value) in _NUMBERS else None
+    except OverflowError:
         return None

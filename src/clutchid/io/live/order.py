@@ -1,4 +1,7 @@
-"""Samples in the order of their stamps: those that are late by little are sorted in, others left out and counted."""
+"""Samples in the order of their stamps: those that are late by little are sorted in, others left out and counted.
+
+A stamp far ahead waits until the next one confirms it, so that one spoiled stamp costs one sample.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,10 @@ WINDOW = 0.05
 LOST = 1000
 
 
+#: Time in s by which a stamp may lie ahead of the latest one without a second sample that confirms it.
+JUMP = 0.2
+
+
 class Ordered(NamedTuple):
     """Samples of one stream with increasing stamps: time in s, columns in SI."""
 
@@ -30,20 +37,23 @@ class Ordered(NamedTuple):
 class Waiting:
     """Samples by stream that others may still precede; the latest stamp in s; late samples in a row.
 
-    `lost` is the stamp in s at which the clock was found to have gone back, NaN before.
+    `lost` is the stamp in s at which the clock was found to have gone back, NaN before. `ahead` are samples, one each,
+    whose stamps are more than `JUMP` ahead of the latest and wait for the next one.
     """
 
     streams: tuple[Ordered, ...]
     latest: float = -math.inf
     late: int = 0
     lost: float = math.nan
+    ahead: tuple[Arrived, ...] = ()
 
 
 class LeftOut(NamedTuple):
-    """Samples that were left out: too late, and with a stamp that a later one repeats."""
+    """Samples that were left out: too late, with a stamp that a later one repeats, or that no later one confirms."""
 
     late: int = 0
     repeated: int = 0
+    invalid: int = 0
 
 
 def none_waiting(names: Sequence[Sequence[str]]) -> Waiting:
@@ -55,8 +65,10 @@ def sorted_in(waiting: Waiting, found: Sequence[Arrived]) -> tuple[Waiting, Left
     """What waits after some samples came; those that came together may be cut in any way.
 
     A sample whose stamp is `WINDOW` or more below one that came before is late. Of equal stamps the last counts. After
-    `LOST` late samples in a row all others are left out.
+    `LOST` late samples in a row all others are left out. A sample whose stamp is more than `JUMP` ahead waits: it is
+    invalid if the next stamp is `WINDOW` or more below it.
     """
+    found, ahead, invalid = _confirmed(waiting, found)
     late, latest, run, end = _late(waiting, found)
     streams, repeated = list(waiting.streams), 0
     begin = 0
@@ -65,8 +77,68 @@ def sorted_in(waiting: Waiting, found: Sequence[Arrived]) -> tuple[Waiting, Left
         begin += one.time.size
         streams[one.stream], again = _merged(streams[one.stream], one, keep)
         repeated += again
-    after = replace(waiting, streams=tuple(streams), latest=latest, late=run, lost=end)
-    return after, LeftOut(int(late.sum()), repeated)
+    after = replace(waiting, streams=tuple(streams), latest=latest, late=run, lost=end, ahead=ahead)
+    return after, LeftOut(int(late.sum()), repeated, invalid)
+
+
+def unconfirmed(waiting: Waiting) -> tuple[Waiting, LeftOut]:
+    """What waits at the end: a sample far ahead is invalid, unless it is the only one."""
+    after = replace(waiting, ahead=())
+    if waiting.latest > -math.inf or not waiting.ahead:
+        return after, LeftOut(invalid=len(waiting.ahead))
+    first = waiting.ahead[0]
+    streams = list(waiting.streams)
+    streams[first.stream] = _joined(streams[first.stream], first.time, first.columns)
+    return replace(after, streams=tuple(streams), latest=float(first.time[0])), LeftOut()
+
+
+def _confirmed(waiting: Waiting, found: Sequence[Arrived]) -> tuple[Sequence[Arrived], tuple[Arrived, ...], int]:
+    """The samples that are taken, those that wait because they are far ahead, and the number of invalid ones."""
+    held = [one._replace(place=np.array([i - len(waiting.ahead)])) for i, one in enumerate(waiting.ahead)]
+    found = [*held, *found]
+    place = np.concatenate([np.empty(0, dtype=np.int64), *(one.place for one in found)])
+    order = np.argsort(place, kind="stable")
+    stamps = np.concatenate([np.empty(0), *(one.time for one in found)])[order]
+    before = np.maximum.accumulate(np.append(waiting.latest, stamps))[:-1]
+    if not held and (stamps <= before + JUMP).all():
+        return found, (), 0
+    wait, invalid = _far_ahead(waiting.latest, stamps.tolist())
+    taken = np.ones(stamps.size, dtype=bool)
+    taken[order[[*wait, *invalid]]] = False
+    begins = np.cumsum([0, *(one.time.size for one in found)])
+    ahead = []
+    for at in order[wait].tolist():
+        i = int(np.searchsorted(begins, at, side="right")) - 1
+        ahead.append(_rows(found[i], np.array([at - begins[i]])))
+    rest = [_rows(one, taken[begin : begin + one.time.size]) for one, begin in zip(found, begins, strict=False)]
+    return rest, tuple(ahead), len(invalid)
+
+
+def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[int]]:
+    """Which samples still wait for one that confirms them, and which are invalid, in the order of arrival.
+
+    The next stamp confirms those that wait if it is neither `WINDOW` below nor as far ahead again.
+    """
+    wait: list[int] = []
+    invalid: list[int] = []
+    for i, stamp in enumerate(stamps):
+        invalid += [j for j in wait if stamps[j] >= stamp + WINDOW]
+        wait = [j for j in wait if stamps[j] < stamp + WINDOW]
+        if wait:
+            last = stamps[wait[-1]]
+            earlier = stamps[wait[-2]] if len(wait) > 1 else latest
+            if stamp - last <= max(JUMP, 2.0 * (last - earlier)):
+                latest, wait = last, []
+        if stamp > latest + JUMP:
+            wait.append(i)
+        else:
+            latest = max(latest, stamp)
+    return wait, invalid
+
+
+def _rows(samples: Arrived, which: np.ndarray) -> Arrived:
+    columns = {name: values[which] for name, values in samples.columns.items()}
+    return samples._replace(place=samples.place[which], time=samples.time[which], columns=columns)
 
 
 def _late(waiting: Waiting, found: Sequence[Arrived]) -> tuple[np.ndarray, float, int, float]:

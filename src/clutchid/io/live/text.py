@@ -26,6 +26,9 @@ HEAD = 120
 #: Bytes of the longest line.
 LONGEST = 1 << 20
 
+#: What stands for a line that is longer: it cannot be read either.
+_TOO_LONG = b"?\n"
+
 #: Lines from which on polars reads faster than NumPy.
 _MANY = 400
 
@@ -117,22 +120,32 @@ def _filled(first: bytes, others: Iterator[bytes]) -> Iterator[bytes]:
 
 
 def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
-    """Whole lines in UTF-8 with line feeds; an unfinished line waits for its rest, and is dropped at the end."""
-    kept, begun = b"", False
+    """Whole lines in UTF-8 with line feeds; an unfinished line waits for its rest, and is dropped at the end.
+
+    A line that is too long is `_TOO_LONG` instead, unless it is the first one.
+    """
+    kept, begun, any_, cutting = b"", False, False, False
     for piece in pieces:
         text = kept + piece
+        if cutting:  # the rest of a line that was too long
+            _, ended, text = text.partition(b"\n")
+            cutting = not ended
         if not begun and len(text) >= len(_MARK):
             if text.startswith(_WIDE):
                 raise DataError(f"{name}: is no text in UTF-8; send CSV or JSON lines, a sample a line.")
             text, begun = text.removeprefix(_MARK), True
         end = text.rfind(b"\n") + 1 if begun else 0
         kept = text[end:]
-        if len(kept) > LONGEST:
-            raise DataError(
-                f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, a sample a line."
-            )
         if end:
+            any_ = True
             yield _as_utf8(text[:end]).replace(b"\r\n", b"\n")
+        if len(kept) > LONGEST:
+            if not any_:
+                raise DataError(
+                    f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, a sample a line."
+                )
+            kept, cutting = b"", True
+            yield _TOO_LONG
 
 
 def _as_utf8(text: bytes) -> bytes:
