@@ -25,8 +25,9 @@ Sink = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
 
 Stopped = Callable[[], bool]
 
-#: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped.
-STALL, STALL_STOPPED = 2.0, 0.2
+#: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
+#: and where the reader had stalled and takes something again.
+STALL, STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
 
 #: Time in s after which a wait asks whether it is stopped.
 PATIENCE = 0.1
@@ -71,6 +72,9 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
                 send("".join(f"{line}\n" for line in lines).encode())
 
         yield publish
+        if descriptor is not None and unsent:  # the last line is whole where somebody reads
+            with suppress(OSError):
+                _sent(descriptor, unsent, stopped, wait=True)
 
 
 @contextmanager
@@ -97,10 +101,13 @@ def _standard_output() -> Iterator[int | None]:
 
 
 def _sent(descriptor: int, text: bytes, stopped: Stopped, *, wait: bool) -> bytes:
-    """What standard output did not take of a text: it is given `STALL` seconds from one part to the next to `wait`."""
-    since = time.monotonic()
+    """What standard output did not take of a text: it is given `STALL` seconds from one part to the next to `wait`.
+
+    Without it the first part must go at once, as after a stall.
+    """
+    since, patience = time.monotonic(), STALL if wait else 0.0
     while text:
-        patience = (STALL_STOPPED if stopped() else STALL) if wait else 0.0
+        patience = min(patience, STALL_STOPPED) if stopped() else patience
         rest = max(since + patience - time.monotonic(), 0.0)
         if not select.select([], [descriptor], [], min(rest, PATIENCE))[1]:
             if rest == 0.0:
@@ -108,7 +115,7 @@ def _sent(descriptor: int, text: bytes, stopped: Stopped, *, wait: bool) -> byte
             continue
         with suppress(BlockingIOError):
             text = text[os.write(descriptor, text[: select.PIPE_BUF]) :]
-            since = time.monotonic()
+            since, patience = time.monotonic(), max(patience, STALL_AGAIN)
     return text
 
 
