@@ -45,11 +45,12 @@ def read_recordings(
     equipment: Equipment | None = None,
     required: Sequence[str] | None = None,
     measured: Sequence[str] = (),
+    verify: Sequence[Path] = (),
 ) -> list[Log]:
-    """Read recordings with the `required` columns.
+    """Read recordings with the `required` columns, and behind them those to `verify` with.
 
     By default these are the time, the position, and the duty cycles of the existing valves; with a channel map also
-    those `measured`.
+    those `measured`, which the recordings to verify with may lack.
 
     Raises
     ------
@@ -64,16 +65,18 @@ def read_recordings(
 
         channels = read_map(reading.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
+    fitted = needed
     if channels is not None:
         from clutchid.io.map.picking import OPTIONAL
 
-        needed = (*needed, *(name for name in measured if name in OPTIONAL))
+        fitted = (*needed, *(name for name in measured if name in OPTIONAL))
 
-    def one(path: Path) -> Log:
-        log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=needed)
+    def one(item: tuple[Path, Sequence[str]]) -> Log:
+        path, names = item
+        log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=names)
         return equipment.driven(log) if equipment else log
 
-    return read_each(paths, one)
+    return read_each([*((path, fitted) for path in paths), *((path, needed) for path in verify)], one)
 
 
 def inspected(

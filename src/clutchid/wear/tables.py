@@ -156,10 +156,10 @@ def _listed(row: Mapping[str, str]) -> Listed:
 
 
 def _number(row: Mapping[str, str], name: str, most: float) -> float:
-    """A number of at least 0, NaN where the cell is empty."""
+    """A number of at least 0, NaN where the cell is empty or says so."""
     text = row.get(name, "")
     try:
-        return _value(text, 0.0, most) if text else math.nan
+        return math.nan if text.lower() in ("", "nan") else _value(text, 0.0, most)
     except ValueError as error:
         raise ValueError(f"{name} {error}.") from None
 
