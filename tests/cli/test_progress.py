@@ -7,7 +7,7 @@ from clutchid.cli.progress import EVERY, progress_of, progress_words
 
 @pytest.fixture
 def passing():
-    """A clock, in s, that goes on as far as it is told."""
+    """A clock in s that a test sets forward."""
 
     class Clock:
         now = 1000.0

@@ -29,9 +29,10 @@ LEVEL, FRICTION = 5e-6, 0.25
 #: A rest this far in m below those after a stroke is at the stop; the usual distance where no recording shows it.
 CLEARLY, HELD = 8e-5, 3e-4
 
-#: Rests at the stop and after a stroke have moved alike if they differ by at most so many times what friction explains;
-#: and so many times the usual distance a recording may begin above the stop. Chosen on trucks 0 to 9 of both families
-#: (`python benchmarks/zero.py --cuts`): of 651 parts of manoeuvres of trucks 4300 to 4307 one seems to have moved.
+#: Largest difference of the moves of rests at the stop and after a stroke, as a multiple of what friction explains; and
+#: how far above the stop a recording may begin, as a multiple of the usual distance. Chosen on trucks 0 to 9 of both
+#: families (`python benchmarks/zero.py --cuts`): of 651 parts of manoeuvres of trucks 4300 to 4307 one seems to have
+#: moved.
 UNLIKE, HIGHER = 1.5, 1.25
 
 #: A rest cannot have moved further in m: what lies there is a hold, or another actuator.
