@@ -52,13 +52,21 @@ def keeping_interrupts(hook: Callable[[Any], object]) -> Callable[[Any], object]
 
     def handle(error: Any) -> None:
         if error.exc_type is KeyboardInterrupt:
-            again = threading.Timer(BEHIND, _thread.interrupt_main)
+            again = threading.Timer(BEHIND, _interrupt)
             again.daemon = True
             again.start()
         else:
             hook(error)
 
     return handle
+
+
+def _interrupt() -> None:
+    """Interrupt the main thread, also where it waits; without signals to threads, once it goes on."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        _thread.interrupt_main()
 
 
 if __name__ == "__main__":
