@@ -69,7 +69,7 @@ def rest_cause(shift: RestShift, stop: Stop | None = None, *, less_worn: bool = 
     ('sensor', 'unknown', 'wear', 'sensor')
     """
     if stop is not None and stop.std <= DECISIVE * abs(shift.value):
-        half = QUANTILE * float(np.hypot(stop.std, (shift.high - shift.low) / (2.0 * QUANTILE)))
+        half = QUANTILE * float(np.hypot(stop.std, shift.std))
         if abs(stop.growth) <= half < abs(stop.growth + shift.value):
             return "sensor"
         if abs(stop.growth + shift.value) <= half < abs(stop.growth):

@@ -14,7 +14,7 @@ def rest_check(rested: Rested) -> Check:
     if shift is None:
         sentence = "the vented rest cannot be compared with that of the calibration: one has none."
         return Check(CHECK, "-", "undetermined", sentence)
-    value = f"{shift.value * 1e3:+.2f} mm ({shift.low * 1e3:+.2f} to {shift.high * 1e3:+.2f})"
+    value = str(shift)
     if not shift.moved:
         return Check(CHECK, value, "good", f"it is where it was at the calibration, {value}.")
     causes = "the position sensor or its bracket" if shift.value > 0.0 else "wear or the position sensor"

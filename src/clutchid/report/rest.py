@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from clutchid.assess.rest import Cause, MovedRest, moved_rests
 from clutchid.estimation.result import Fit
-from clutchid.report.style import MM
-from clutchid.strokes.vented_rest import RestShift
 
 _CAUSE: dict[Cause, str] = {
     "sensor": "the position sensor or its bracket has moved, or was exchanged",
@@ -22,18 +20,7 @@ def rest_sentences(fit: Fit) -> list[str]:
 def rest_words(one: MovedRest) -> str:
     """How far a rest has moved, why, and what was done about it."""
     done = "subtracted, so that the load is over the travel from the rest" if one.subtracted else "kept"
-    return f"the vented rest has moved by {shift_words(one.shift)} since the calibration ({_CAUSE[one.cause]}); {done}"
-
-
-def shift_words(shift: RestShift) -> str:
-    """A shift with its interval.
-
-    Examples
-    --------
-    >>> shift_words(RestShift(3e-4, 2.8e-4, 3.2e-4))
-    '+0.30 mm (+0.28 to +0.32)'
-    """
-    return f"{shift.value / MM:+.2f} mm ({shift.low / MM:+z.2f} to {shift.high / MM:+z.2f})"
+    return f"the vented rest has moved by {one.shift} since the calibration ({_CAUSE[one.cause]}); {done}"
 
 
 def rests_json(fit: Fit) -> dict[str, dict[str, float | str | None]]:

@@ -66,7 +66,13 @@ class VentedRest(NamedTuple):
 
 
 class RestShift(NamedTuple):
-    """How far the vented rest has moved since a calibration, in m with its 95 % interval."""
+    """How far the vented rest has moved since a calibration, in m with its 95 % interval.
+
+    Examples
+    --------
+    >>> f"{RestShift(3e-4, 2.8e-4, 3.2e-4)}"
+    '+0.30 mm (+0.28 to +0.32)'
+    """
 
     value: float
     low: float
@@ -76,6 +82,14 @@ class RestShift(NamedTuple):
     def moved(self) -> bool:
         """Whether it has moved, by its interval."""
         return self.low > 0.0 or self.high < 0.0
+
+    @property
+    def std(self) -> float:
+        """Standard deviation in m."""
+        return (self.high - self.low) / (2.0 * QUANTILE)
+
+    def __str__(self) -> str:
+        return f"{1e3 * self.value:+.2f} mm ({1e3 * self.low:+z.2f} to {1e3 * self.high:+z.2f})"
 
 
 def vented_rest(log: Log) -> VentedRest | None:

@@ -9,7 +9,6 @@ import numpy as np
 from scipy import stats
 
 from clutchid.log import FloatArray
-from clutchid.numerics.interval import QUANTILE
 from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.measurement import Measurement
 from clutchid.wear.settings import FALL, FALSE_ALARMS, FASTER
@@ -67,7 +66,7 @@ def rest_moves(
             found.append(RestMove(0.0, ""))
             base = before = k, rest
             continue
-        move, noise = rest.value - before[1].value, z * _std(rest, before[1])
+        move, noise = rest.value - before[1].value, z * float(np.hypot(rest.std, before[1].std))
         fallen = base[1].value - before[1].value
         allowed = _allowed_fall(float(s[k] - s[before[0]]), float(s[before[0]] - s[base[0]]), fallen, noise, life)
         if move > noise or -move > allowed + noise:
@@ -77,15 +76,10 @@ def rest_moves(
             base = k, rest
         else:
             drift = rest.value - base[1].value
-            moved = abs(drift) > z * _std(rest, base[1])
+            moved = abs(drift) > z * np.hypot(rest.std, base[1].std)
             found.append(RestMove(move, ("wear" if drift < 0.0 else "sensor") if moved else ""))
         before = k, rest
     return found
-
-
-def _std(one: RestShift, other: RestShift) -> float:
-    """Standard deviation in m of the difference of two shifts."""
-    return float(np.hypot(one.high - one.low, other.high - other.low)) / (2.0 * QUANTILE)
 
 
 def _allowed_fall(ds: float, since: float, fallen: float, noise: float, life: float) -> float:
