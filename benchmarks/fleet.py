@@ -1,11 +1,10 @@
-"""Throughput of `clutchid fleet`: recordings by number and workers, memory of scheduler and workers, and empty work.
+"""Throughput of `clutchid fleet`: recordings by number and workers, memory of workers, and empty work.
 
     python benchmarks/fleet.py --recordings 10,100 --workers 1,2
     python benchmarks/fleet.py --empty 100000 --workers 2
 
 One recording of a virtual truck stands for all: 30 s at 1 kHz, worn by 1.5 mm, position only. The time to start the
-workers is apart. Memory is that of this process, which holds the scheduler, and the largest of a worker with its
-reader, at the end of each fifth of the work.
+workers counts. Memory is that of this process, and of its largest worker, at the end of each fifth of the work.
 """
 
 from __future__ import annotations
@@ -23,18 +22,17 @@ import numpy as np
 import psutil
 
 import clutchid
-from clutchid.fleet.cluster import Cluster, Place, cluster, results
+from clutchid.fleet.cluster import Place, results
 from clutchid.fleet.jobs import fleet_of
-from clutchid.fleet.run import Options, run, tasks
+from clutchid.fleet.run import Options, compile_first, run, tasks
 from clutchid.fleet.store import store
-from clutchid.fleet.warming import warm
 from clutchid.truck import drive, truck
 
 
 class Memory(NamedTuple):
     """Resident memory in MB: of this process, and of the largest worker."""
 
-    scheduler: float
+    this: float
     worker: float
 
 
@@ -78,45 +76,37 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
     """Print throughput and memory over the numbers of workers."""
     source, calibration = recordings(folder, family, count)
     fleet = fleet_of(source, calibration)
-    warm([calibration])
+    compile_first([calibration])
     alone = 0.0
     for number in workers:
         out = folder / f"out{count}-{number}"
-        begin = time.perf_counter()
-        with cluster(Place(number)) as on, store(out, {}) as kept:
-            start = time.perf_counter() - begin
+        with store(out, {}) as kept:
             todo = tasks(fleet, Options(), kept)
-            wall, seen = timed(count, partial(run, on, todo, kept))
+            wall, seen = timed(count, partial(run, Place(number), todo, kept))
             seconds = [one.seconds for one in kept.results()]
         alone = alone or wall * number
         print(
             f"{count:6,} recordings, {number} workers: {wall:7.1f} s, {count / wall:6.2f} a second, "
             f"{1e3 * (wall * number - sum(seconds)) / count:6.1f} ms beside the reading of {np.median(seconds):.2f} s, "
-            f"{alone / wall:.2f} times one worker; start {start:.1f} s; "
-            f"memory {' '.join(f'{m.scheduler:.0f}/{m.worker:.0f}' for m in seen)} MB",
+            f"{alone / wall:.2f} times one worker; "
+            f"memory {' '.join(f'{m.this:.0f}/{m.worker:.0f}' for m in seen)} MB",
             flush=True,
         )
 
 
-def nothing(item: int) -> int:
-    """Empty work."""
-    return item
-
-
-def counted(on: Cluster, count: int, progress: Callable[[int, int], None]) -> None:
+def counted(place: Place, count: int, progress: Callable[[int, int], None]) -> None:
     """Do empty work, and count it."""
-    for k, _ in enumerate(results(on, nothing, range(count)), start=1):
+    for k, _ in enumerate(results(abs, range(count), place), start=1):
         progress(k, count)
 
 
 def empty(count: int, workers: Sequence[int]) -> None:
     """Print the time that empty work takes."""
     for number in workers:
-        with cluster(Place(number)) as on:
-            wall, seen = timed(count, partial(counted, on, count))
+        wall, seen = timed(count, partial(counted, Place(number), count))
         print(
             f"{count:,} empty tasks, {number} workers: {wall:.0f} s, {1e3 * wall / count:.2f} ms each; "
-            f"memory {' '.join(f'{m.scheduler:.0f}/{m.worker:.0f}' for m in seen)} MB",
+            f"memory {' '.join(f'{m.this:.0f}/{m.worker:.0f}' for m in seen)} MB",
             flush=True,
         )
 

@@ -1,4 +1,4 @@
-"""Workers that are killed, run out of memory or of time: nothing is lost or done twice, and the culprit is named."""
+"""Work on a Dask scheduler: nothing is lost or done twice, and what ends its process is named."""
 
 import asyncio
 import json
@@ -15,50 +15,13 @@ import pytest
 from distributed.security import Security
 
 from clutchid.errors import DataError, ParameterError, SolveError
-from clutchid.fleet.alone import Limits, Lost, alone
-from clutchid.fleet.cluster import Place, cluster, results, shared
+from clutchid.fleet.cluster import Place, connected, results
 from clutchid.fleet.scheduler import Tls, answered, security_of
-from fixtures.fleet_faults import faulty, once_killed
+from fixtures.fleet_faults import faulty, own_error
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 
 GOOD = [("good", n) for n in range(30)]
-
-
-def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
-    bad = [("SIGKILL", 100), ("SIGSEGV", 101), ("slow", 102), ("memory", 103), ("error", 104)]
-    items = [*GOOD[:15], *bad, *GOOD[15:]]
-    with cluster(Place(2, memory=600_000_000, seconds=5.0)) as on:
-        done = list(results(on, faulty, items))
-    assert sorted(one.item for one in done) == sorted(items)
-    found = {one.item: one.result for one in done}
-    assert [found[item] for item in GOOD] == [n for _, n in GOOD]
-    lost = {kind: found[kind, n] for kind, n in bad}
-    assert {kind: one.status for kind, one in lost.items()} == {
-        "SIGKILL": "killed", "SIGSEGV": "killed", "slow": "timed_out", "memory": "killed", "error": "failed",
-    }  # fmt: skip
-    assert "SIGSEGV" in lost["SIGSEGV"].message
-    assert "took longer than 5 s" in lost["slow"].message
-    assert "more than 0.6 GB" in lost["memory"].message
-    assert "RuntimeError: no" in lost["error"].message
-
-
-def test_an_item_whose_worker_was_taken_away_is_done_again(tmp_path):
-    items = [(tmp_path / str(n), n) for n in range(3)]
-    with cluster(Place(1)) as on:
-        assert sorted(one.result for one in results(on, once_killed, items)) == [0, 1, 2]
-
-
-def test_more_items_than_fit_at_the_scheduler_come_back_once_each():
-    with cluster(Place(1)) as on:
-        done = [one.result for one in results(on, abs, iter(range(1500)))]
-    assert sorted(done) == list(range(1500))
-
-
-def test_work_alone_ends_with_its_result_or_how_it_was_lost():
-    assert alone(faulty, ("good", 7), Limits()) == 7
-    assert isinstance(alone(faulty, ("SIGKILL", 0), Limits()), Lost)
-    assert alone(faulty, ("slow", 0), Limits(seconds=0.3)).status == "timed_out"
 
 
 def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
@@ -67,7 +30,7 @@ def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
             begin = time.monotonic()
             with (
                 pytest.raises(ParameterError, match=f"--scheduler {address}: does not answer"),
-                cluster(Place(scheduler=address)),
+                connected(Place(scheduler=address)),
             ):
                 pass
             assert time.monotonic() - begin < 10.0
@@ -100,7 +63,7 @@ def _started(folder, *options):
         start(*command, *options)
 
     try:
-        yield address, worker, processes[0]
+        yield address, worker, processes
     finally:
         for process in processes:
             process.kill()
@@ -109,65 +72,72 @@ def _started(folder, *options):
 
 def test_the_workers_of_a_scheduler_do_the_same_work(scheduler):
     address, worker, _ = scheduler
-    with pytest.raises(ParameterError, match="has no workers"), cluster(Place(scheduler=address)):
-        pass
+    with pytest.raises(ParameterError, match="has no workers"):
+        list(results(abs, range(9), Place(scheduler=address)))
     worker()
-    with cluster(Place(scheduler=address)) as on:
-        assert sorted(one.result for one in results(on, abs, range(50))) == list(range(50))
-    assert sorted(shared(abs, range(9), Place(scheduler=address))) == [(n, n) for n in range(9)]
-    assert sorted(shared(abs, range(9), Place(2))) == [(n, n) for n in range(9)]
+    for place in (Place(scheduler=address), Place(2)):
+        assert sorted((one.item, one.result) for one in results(abs, range(50), place)) == [(n, n) for n in range(50)]
+
+
+def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_live_on(scheduler):
+    address, worker, started = scheduler
+    worker("--memory-limit", "600MB")
+    bad = [("SIGKILL", 100), ("slow", 102), ("memory", 103), ("error", 104)]
+    done = list(results(faulty, [*GOOD[:5], *bad, *GOOD[5:]], Place(scheduler=address, seconds=5.0)))
+    found = {one.item: one.result for one in done}
+    assert [found[item] for item in GOOD] == [n for _, n in GOOD]
+    assert [found[item].status for item in bad] == ["killed", "timed_out", "killed", "failed"]
+    assert "needs more than 0.6 GB of memory" in found["memory", 103].message, "that of the worker of Dask"
+    left = psutil.Process(started[1].pid).children(recursive=True)
+    assert not [one for one in left if "clutchid.processes" in " ".join(one.cmdline())], "they rest when all is done"
+
+
+def test_a_sentence_for_the_user_is_raised_on_a_scheduler_too(scheduler):
+    address, worker, _ = scheduler
+    worker()
+    with pytest.raises(DataError, match="it is so"):
+        list(results(own_error, [1], Place(scheduler=address)))
+
+
+def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler, tmp_path):
+    address, worker, started = scheduler
+    worker("--no-nanny")
+    worker("--no-nanny")
+    found = results(time.sleep, [0.2] * 20, Place(scheduler=address))
+    next(found)
+    started[1].kill()
+    assert [one.result for one in found] == [None] * 19
+
+
+def test_more_items_than_fit_at_the_scheduler_come_back_once_each(scheduler):
+    address, worker, _ = scheduler
+    worker()
+    assert sorted(one.result for one in results(abs, iter(range(1500)), Place(scheduler=address))) == list(range(1500))
 
 
 def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd):
-    address, worker, process = scheduler
+    address, worker, started = scheduler
     worker()
     done = []
-
-    def go_on(on):
-        for one in results(on, time.sleep, [0.05] * 200):
+    with pytest.raises(SolveError, match="the connection to the scheduler"):  # noqa: PT012
+        for one in results(time.sleep, [0.05] * 200, Place(scheduler=address)):
             done.append(one)
             if len(done) == 5:
-                process.kill()
-
-    with cluster(Place(scheduler=address)) as on, pytest.raises(SolveError, match="the connection to the scheduler"):
-        go_on(on)
+                started[0].kill()
     assert 5 <= len(done) < 200
     assert "distributed" not in capfd.readouterr().err, "Dask's own words are not shown"
 
 
-def test_what_needs_more_memory_than_the_workers_of_a_scheduler_have_is_named(scheduler):
-    address, worker, _ = scheduler
-    worker("--memory-limit", "600MB")
-    with cluster(Place(scheduler=address)) as on:
-        found = {one.item: one.result for one in results(on, faulty, [("memory", 1), *GOOD[:5]])}
-    assert "needs more than 0.6 GB of memory" in found["memory", 1].message
-    assert [found[item] for item in GOOD[:5]] == [n for _, n in GOOD[:5]]
-
-
-def test_local_workers_listen_to_this_machine_only():
-    with cluster(Place(1)) as on:
-        assert [one.result for one in results(on, abs, [-1])] == [1]
-        this = psutil.Process()
-        ports = [
-            port.laddr
-            for process in (this, *this.children(recursive=True))
-            for port in process.net_connections("inet")
-            if port.status == psutil.CONN_LISTEN
-        ]
-    assert len(ports) >= 3, "of the scheduler, of the worker and of its nanny"
-    assert {port.ip for port in ports} == {"127.0.0.1"}
-
-
-def test_who_has_no_certificate_of_this_run_cannot_reach_its_scheduler_or_its_workers():
-    with cluster(Place(1)) as on:
-        addresses = [on.client.scheduler.address, *on.client.scheduler_info()["workers"]]
-        for address in addresses:
-            assert address.startswith("tls://127.0.0.1:")
-            for other, security in (
-                (address, Security.temporary()), (address.replace("tls", "tcp"), Security()),
-            ):  # fmt: skip
-                with pytest.raises((OSError, TimeoutError)):
-                    asyncio.run(answered(other, security, 1.0))
+def test_local_workers_open_no_port_and_need_no_dask():
+    code = (
+        "import sys, psutil; from clutchid.fleet.cluster import Place, results\n"
+        "found = results(abs, iter([-1, -2]), Place(2)); next(found); this = psutil.Process()\n"
+        "for one in (this, *this.children(recursive=True)): print(one.net_connections())\n"
+        "assert 'distributed' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {"[]"}, "a process and its workers"
+    assert len(done.stdout.split()) >= 2
 
 
 @pytest.fixture(scope="module")
@@ -185,10 +155,13 @@ def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, ce
     tls = [str(part) for pair in zip(options, certificates, strict=True) for part in pair]
     with _started(tmp_path, *tls, "--protocol", "tls") as (address, worker, _):
         worker(*tls)
-        with cluster(Place(scheduler=address, tls=certificates)) as on:
-            assert sorted(one.result for one in results(on, abs, range(9))) == list(range(9))
-        with pytest.raises(ParameterError, match="needs certificates"), cluster(Place(scheduler=address)):
-            pass
+        found = results(abs, range(9), Place(scheduler=address, tls=certificates))
+        assert sorted(one.result for one in found) == list(range(9))
+        with pytest.raises(ParameterError, match="needs certificates"):
+            list(results(abs, range(9), Place(scheduler=address)))
+        strangers = Security.temporary()
+        with pytest.raises((OSError, TimeoutError)):
+            asyncio.run(answered(address, strangers, 1.0))
 
 
 def test_certificates_that_do_not_fit_are_a_sentence(tmp_path, certificates):

@@ -6,7 +6,6 @@ import polars as pl
 import pytest
 
 from clutchid.errors import ExportError
-from clutchid.fleet.alone import Limits, alone
 from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.output import rows_of
 from clutchid.fleet.reading import How, Read, checksum_of, read_recording
@@ -90,13 +89,6 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
             read = Read(recording, Reading("bad_input", "cannot be read.", "none", None), sha256=checksum)
             one.put(Kept("V1", "r", task.inputs, task.file, read, 0.0))
             assert len(tasks(fleet, Options(), one)) == again
-
-
-def test_work_alone_without_room_for_its_files_is_a_value(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
-    lost = alone(abs, -1, Limits())
-    assert lost.status == "killed"
-    assert "could not be started (No such file or directory)" in lost.message
 
 
 def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):

@@ -38,6 +38,7 @@ def test_the_readme_names_every_verb_of_the_command_line():
         "observe_output",
         "observe_sinks",
         "progress",
+        "scheduler",
         "terminal",
         "completion",
     }

@@ -6,6 +6,7 @@ import queue
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -19,9 +20,9 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.io import read, read_pieces
 from clutchid.io.formats.opening import opened_here
 from clutchid.io.guard import process as guard
-from clutchid.io.guard.messages import send
 from clutchid.io.look.look import look
 from clutchid.io.opening import open_source
+from clutchid.processes import Worker
 
 TEXT = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n" + "".join(
     f"{i / 1000},{i}e-06,{i % 2},0\n" for i in range(3000)
@@ -47,9 +48,9 @@ def vectors(tmp_path):
     return path
 
 
-def stopped() -> guard.ReaderProcess:
+def stopped() -> Worker:
     """The reader process, which answers nothing any more."""
-    process = guard.reader()
+    process = guard.reader(Path("run")).worker
     os.kill(process.pid, signal.SIGSTOP)
     return process
 
@@ -73,10 +74,10 @@ def test_no_process_is_started_for_text(tmp_path, monkeypatch):
 
 def test_one_process_serves_all_files(packed, vectors):
     read(packed)
-    before = guard.reader().pid
+    before = guard.reader(Path("run")).worker.pid
     look(vectors)
     read(packed)
-    assert guard.reader().pid == before
+    assert guard.reader(Path("run")).worker.pid == before
 
 
 def test_blocks_are_those_of_the_reader_in_this_process(vectors):
@@ -110,7 +111,7 @@ def test_a_process_that_dies_on_a_file_is_one_sentence_and_the_next_file_is_read
 
 @needs_signals
 def test_a_process_that_died_between_two_files_is_replaced_without_a_word(packed):
-    before = guard.reader()
+    before = guard.reader(Path("run")).worker
     os.kill(before.pid, signal.SIGKILL)
     while before.alive:
         pass
@@ -153,18 +154,19 @@ def test_an_interrupt_ends_the_process_so_that_no_answer_is_taken_for_another(pa
     assert look(vectors).rasters[0].samples == 3000
 
 
-def test_what_a_reading_left_on_the_disk_goes_with_the_process(packed):
+def test_what_a_reading_left_on_the_disk_goes_with_the_process(packed, tmp_path, monkeypatch):
+    guard.reader(packed).worker.end()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     read(packed)
-    process = guard.reader()
-    folder = Path(process._folder)
-    assert folder.is_dir()
-    process.end()
+    folder, *others = Path(tempfile.gettempdir()).glob("clutchid-*")
+    assert not others
+    guard.reader(Path("run")).worker.end()
     assert not folder.exists()
 
 
 def test_a_recording_is_forgotten_when_nothing_needs_it(packed):
     source = open_source(packed)
-    process = guard.reader()
+    process = guard.reader(Path("run"))
     waiting = len(process.forgotten)
     del source
     assert len(process.forgotten) == waiting + 1
@@ -199,23 +201,21 @@ def test_a_small_file_that_unpacks_to_gigabytes_is_not_read_as_a_whole(tmp_path,
         read(path)
 
 
+def test_where_no_process_can_be_started_the_file_is_named(packed, tmp_path, monkeypatch):
+    guard.reader(packed).worker.end()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    with pytest.raises(DataError, match=r"run\.csv\.gz: no process to read it in could be started \(No such file"):
+        read(packed)
+
+
 @needs_signals
 def test_the_process_does_not_outlive_clutchid(packed):
     script = (
         "import os, signal, sys; from clutchid.io import read; from clutchid.io.guard.process import reader;"
-        "read(sys.argv[1]); print(reader().pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
+        "read(sys.argv[1]); print(reader(sys.argv[1]).worker.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
     )
     done = subprocess.run([sys.executable, "-c", script, str(packed)], capture_output=True, text=True, check=False)
     deadline = time.monotonic() + 10.0
     while psutil.pid_exists(int(done.stdout)) and psutil.Process(int(done.stdout)).status() != psutil.STATUS_ZOMBIE:
         assert time.monotonic() < deadline
         time.sleep(0.05)
-
-
-@needs_signals
-def test_a_process_that_nobody_waits_for_ends_by_itself(packed):
-    worker = guard.ReaderProcess()
-    question = {"do": "open", "path": str(packed), "dbc": [], "forget": [], "limit": 1e-6}
-    send(worker._process.stdin, question)
-    assert worker._process.wait(timeout=20) == -signal.SIGALRM
-    worker.end()

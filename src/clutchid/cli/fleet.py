@@ -14,6 +14,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_bar
 from clutchid.cli.progress import progress_of
+from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import printable_lines
 from clutchid.errors import ParameterError
 from clutchid.names import as_text, printable
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from clutchid.fleet.cluster import Place
     from clutchid.fleet.jobs import Fleet
     from clutchid.fleet.run import Task
-    from clutchid.fleet.scheduler import Tls
     from clutchid.fleet.store import Store
     from clutchid.fleet.tracking import Limits
 
@@ -34,59 +34,27 @@ _UNITS = {"GB": 1e9, "MB": 1e6}
 
 
 @dataclass(frozen=True, slots=True)
-class Pool:
-    """Options of the workers.
+class WorkerLimits:
+    """Workers, and what each may take for a recording.
 
     Parameters
     ----------
     workers
         Number of processes on this machine; does not affect the results.
-    scheduler
-        Address of a Dask scheduler, which hands recordings to workers on other machines, for example tcp://host:8786.
     timeout
         Time in s that one recording may take; 0 for no limit.
-    tls_ca
-        With a scheduler at tls://host:port: PEM file with the authority whose certificates it trusts; by default these
-        three files are those of Dask's configuration.
-    tls_cert
-        PEM file with a certificate of that authority, by which the scheduler knows this process.
-    tls_key
-        PEM file with the key of that certificate.
     memory
-        Memory of a worker, for example 2GB; this machine's by the number of its processors by default.
+        Memory for one recording, for example 2GB; by default this machine's by the number of its processors, or that of
+        the scheduler's workers.
     """
 
     workers: int = 1
-    scheduler: str = ""
     timeout: float = 600.0
     memory: str = ""
-    tls_ca: Path | None = None
-    tls_cert: Path | None = None
-    tls_key: Path | None = None
-
-    def place(self) -> Place:
-        """The same in SI."""
-        from clutchid.fleet.cluster import Place
-
-        return Place(self.workers, self.scheduler, _memory(self.memory), _seconds(self.timeout), self._tls())
-
-    def _tls(self) -> Tls | None:
-        """The files of certificates, all or none."""
-        from clutchid.fleet.scheduler import Tls
-
-        given = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
-        absent = [name for name, path in given.items() if path is None]
-        if len(absent) == len(given):
-            return None
-        if not self.scheduler:
-            raise ParameterError("--tls-ca, --tls-cert, --tls-key: belong to --scheduler tls://host:port.")
-        if self.tls_ca is None or self.tls_cert is None or self.tls_key is None:
-            raise ParameterError(f"{' and '.join(absent)}: also needed; a connection by TLS takes three files.")
-        return Tls(self.tls_ca, self.tls_cert, self.tls_key)
 
 
 #: One worker on this machine.
-HERE = Pool()
+ONE_WORKER = WorkerLimits()
 
 
 def fleet(
@@ -96,7 +64,8 @@ def fleet(
     start: Path,
     out: Path,
     verb: Literal["fit", "observe", "track"] = "fit",
-    pool: Annotated[Pool, Parameter(name="*")] = HERE,
+    pool: Annotated[WorkerLimits, Parameter(name="*")] = ONE_WORKER,
+    scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
     limit: float | None = None,
     retry: Annotated[bool, Parameter(negative="")] = False,
     ambient: str | None = None,
@@ -148,7 +117,7 @@ def fleet(
         if limit is not None and verb != "track":
             raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
         shift = life_limit(limit)
-        place, found = pool.place(), fleet_of(source, start)
+        place, found = _place(pool, scheduler), fleet_of(source, start)
         if start.is_file():
             start_file(start, None)  # a broken one is one sentence, not one a recording
         options = Options(
@@ -165,18 +134,23 @@ def fleet(
     return guarded(work, as_json=json, debug=debug)
 
 
-def _run(place: Place, todo: list[Task], kept: Store) -> None:
-    from clutchid.fleet.cluster import cluster
-    from clutchid.fleet.run import run
-    from clutchid.fleet.warming import warm
+def _place(pool: WorkerLimits, where: Scheduler) -> Place:
+    """Where the work is done, in SI."""
+    from clutchid.fleet.cluster import Place
+    from clutchid.processes import check_workers
 
-    with cluster(place) as on:
-        with progress_bar("fleet"):  # after the scheduler has answered, which is not known at once
-            warm({task.how.start for task in todo})
-        if on.dashboard:
-            print(f"dashboard: {printable(on.dashboard)}", file=sys.stderr)
-        with progress_of("fleet") as progress:
-            run(on, todo, kept, progress)
+    check_workers(pool.workers)
+    return Place(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
+
+
+def _run(place: Place, todo: list[Task], kept: Store) -> None:
+    from clutchid.fleet.run import compile_first, run
+
+    if not place.scheduler:
+        with progress_bar("fleet"):
+            compile_first({task.how.start for task in todo})
+    with progress_of("fleet") as progress:
+        run(place, todo, kept, progress)
 
 
 def _written(

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, FAILED, guarded, print_written
 from clutchid.cli.progress import progress_of
+from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import WIDTH
 from clutchid.errors import ParameterError
 
@@ -23,7 +24,7 @@ def prove(
     workflow: str = "paper",
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     workers: int = 1,
-    scheduler: str = "",
+    scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
     debug: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Evaluate a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
@@ -48,13 +49,12 @@ def prove(
         repeated, all of them then change together.
     workers
         Number of processes; does not affect the results.
-    scheduler
-        Address of a Dask scheduler whose workers do the work instead, for example tcp://host:8786.
     debug
         Show the traceback of an error.
     """
 
     def work() -> int:
+        from clutchid.fleet.cluster import Place
         from clutchid.report.files import write_text
         from clutchid.report.tables import to_csv, to_text
         from clutchid.study.proving.ground import Conditions, kept
@@ -63,9 +63,10 @@ def prove(
 
         if trucks < 1 or seed < 0:
             raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
+        place = Place(workers, scheduler.scheduler, tls=scheduler.tls())
         numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
         with progress_of("prove", "trucks") as progress:
-            results = run(workflow, numbers, out, conditions, workers=workers, scheduler=scheduler, progress=progress)
+            results = run(workflow, numbers, out, conditions, place, progress)
         everyone = kept(out, numbers)
         table = standings(everyone)
         write_text(to_csv(table), out / "standings.csv")

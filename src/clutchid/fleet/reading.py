@@ -14,9 +14,9 @@ from clutchid.assess.reading import departs
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import LoadCurve
-from clutchid.fleet.alone import Lost
 from clutchid.io.files import digest
 from clutchid.names import as_text
+from clutchid.processes import Lost
 from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.life import Curve
 from clutchid.wear.measurement import Reading, leak_of, measured, unmeasured

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
-from clutchid.fleet.alone import Lost
-from clutchid.fleet.cluster import Cluster, Done, results
+from clutchid.errors import ClutchidError
+from clutchid.fleet.cluster import Place, results
 from clutchid.fleet.jobs import Fleet, Job
 from clutchid.fleet.reading import How, Read, checksum_of, read_recording, without_result
 from clutchid.fleet.store import Kept, Store
 from clutchid.fleet.version import version_and_source
 from clutchid.io.files import digest
+from clutchid.processes import Done, Lost, Pool
 
 #: Lost results, which are tried again where the user says so.
 LOST = ("killed", "timed_out")
@@ -68,7 +70,7 @@ def tasks(fleet: Fleet, options: Options, kept: Store, *, retry: bool = False) -
     return found
 
 
-def run(on: Cluster, todo: Sequence[Task], kept: Store, progress: Callable[[int, int], None]) -> None:
+def run(place: Place, todo: Sequence[Task], kept: Store, progress: Callable[[int, int], None]) -> None:
     """Read recordings, and keep every result as it comes.
 
     Parameters
@@ -80,17 +82,36 @@ def run(on: Cluster, todo: Sequence[Task], kept: Store, progress: Callable[[int,
     ------
     ExportError
         If a result cannot be kept; those before are.
-    SolveError
-        If the connection to the scheduler is lost.
+    MissingExtra, ParameterError, SolveError
+        If the workers of a scheduler cannot be used, see `clutchid.fleet.cluster.results`.
     """
     last, count = monotonic(), 0
     try:
-        for done in results(on, _work, todo):
+        for done in results(_work, todo, place):
             kept.put(_result(done))
             last, count = kept.saved(last), count + 1
             progress(count, len(todo))
     finally:
         kept.saved()
+
+
+def compile_first(calibrations: Iterable[Path]) -> None:
+    """Compile the kernels of the models of some calibrations, in a worker that ends: all others only load them.
+
+    Workers on other machines compile once a machine, by themselves.
+    """
+    Pool().do(_compiled, tuple(calibrations))
+
+
+def _compiled(calibrations: Iterable[Path]) -> None:
+    from clutchid.model.compiled import compile_ahead
+    from clutchid.workflow import start_file
+
+    models = set()
+    for path in calibrations:
+        with suppress(ClutchidError):  # each of its recordings says so
+            models.add(start_file(path, None).actuator.model)
+    compile_ahead(models)
 
 
 def _work(task: Task) -> Read:

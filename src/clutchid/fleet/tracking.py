@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.fleet import pool
-from clutchid.fleet.alone import Lost
 from clutchid.fleet.reading import How, Read, counted_as, read_recording, without_file, without_result
 from clutchid.fleet.store import STORE
 from clutchid.io.files import write_frame
 from clutchid.names import as_text
+from clutchid.processes import Lost, check_workers, results
 from clutchid.wear.history import History, Listed, arranged
 from clutchid.wear.life import Curve, Wear, wear_of
 from clutchid.wear.trend import WearTable
@@ -157,10 +156,11 @@ def track(
     ParameterError
         If there is no worker.
     """
-    pool.check_workers(workers)
+    check_workers(workers)
     found: dict[Path, Read] = {}
-    for path, read in pool.results(partial(read_recording, how), paths, workers):
-        found[path] = without_result(path, read) if isinstance(read, Lost) else read
+    for done in results(partial(read_recording, how), paths, workers):
+        read = done.result
+        found[done.item] = without_result(done.item, read) if isinstance(read, Lost) else read
         if progress:
             progress(len(found), len(paths))
     names = [name_of(path) for path in paths]

@@ -15,11 +15,10 @@ import numpy as np
 from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.half_load import half_load
 from clutchid.errors import ExportError, SolveError
-from clutchid.fleet import pool
-from clutchid.fleet.alone import Lost
 from clutchid.io import write
 from clutchid.io.files import atomic_write
 from clutchid.log import FloatArray
+from clutchid.processes import Lost, check_workers, results
 from clutchid.truck import aged, drive, truck
 from clutchid.truck.family import family_of
 from clutchid.truck.service import Visit
@@ -72,17 +71,17 @@ def write_fleet(
     SolveError
         If a recording ends its process.
     """
-    pool.check_workers(workers)
+    check_workers(workers)
     visits = [visit for vehicle in vehicles for visit in vehicle]
     _new_folders(out, visits)
     kinds = sorted({(visit.family, visit.number) for visit in visits})
     for family, number in kinds:
         _write_calibration(out / CALIBRATIONS, family, number)
     found: dict[str, Row] = {}
-    for visit, row in pool.results(partial(_recorded, out, seconds), visits, workers):
-        if isinstance(row, Lost):
-            raise SolveError(f"{visit.recording}: {row.message}")
-        found[visit.recording] = row
+    for done in results(partial(_recorded, out, seconds), visits, workers):
+        if isinstance(done.result, Lost):
+            raise SolveError(f"{done.item.recording}: {done.result.message}")
+        found[done.item.recording] = done.result
         if progress:
             progress(len(found), len(visits))
     _write_csv(out / TRUTH, [found[visit.recording] for visit in visits])

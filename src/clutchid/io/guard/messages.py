@@ -1,16 +1,15 @@
 """Messages between clutchid and its reader process: a JSON object each, and arrays as they lie in memory.
 
-Nothing that comes from a file is executed, as it could be with pickle, and nothing is copied on the way but into the
-pipe and out of it; Arrow's stream format copies each column twice more on either side.
+Nothing that comes from a file is executed, as it could be with pickle; Arrow's stream format copies each column twice
+more on either side.
 """
 
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,61 +17,31 @@ from clutchid.io.columns import Heading
 from clutchid.io.source import Raster, Source, Tables
 from clutchid.io.table import Places, Rows, Table
 from clutchid.log import FloatArray
+from clutchid.processes.frames import Parts
 
 Message = dict[str, Any]
 Arrays = Mapping[str, FloatArray | Rows]
 
-_HEAD = struct.Struct("<Q")
 _ROWS = "places"
 _TYPES = {"f": np.dtype("=f8"), "i": np.dtype("=i8")}
 
 
-def send(stream: IO[bytes], message: Message, arrays: Arrays | None = None) -> None:
-    """Write one message, and arrays of floats or integers by name.
-
-    Raises
-    ------
-    OSError
-        If the other process has ended.
-    """
+def encoded(message: Message, arrays: Arrays | None = None) -> Parts:
+    """One message, and arrays of floats or integers by name, as parts of bytes."""
     sent = {
         name: np.ascontiguousarray(array, _TYPES["i" if array.dtype.kind in "iu" else "f"])
         for name, array in (arrays or {}).items()
     }
-    layout = [(name, array.dtype.kind, array.size) for name, array in sent.items()]
-    text = json.dumps([message, layout]).encode("ascii")
-    stream.write(_HEAD.pack(len(text)) + text)
-    for array in sent.values():
-        stream.write(array.data.cast("B") if array.size else b"")
-    stream.flush()
+    layout = [(name, array.dtype.kind) for name, array in sent.items()]
+    return [json.dumps([message, layout]).encode("ascii"), *(array.data for array in sent.values())]
 
 
-def receive(stream: IO[bytes]) -> tuple[Message, Arrays]:
-    """Read one message, and the arrays that came with it.
-
-    Raises
-    ------
-    EOFError
-        If the other process has ended.
-    """
-    size = _HEAD.unpack(_filled(stream, bytearray(_HEAD.size)))[0]
-    message, layout = json.loads(_filled(stream, bytearray(size)))
-    arrays = {name: np.empty(count, _TYPES[kind]) for name, kind, count in layout}
-    for array in arrays.values():
-        if array.size:
-            _filled(stream, array.data.cast("B"))
+def decoded(parts: Parts) -> tuple[Message, Arrays]:
+    """The message, and the arrays that came with it."""
+    message, layout = json.loads(bytes(parts[0]))
+    pairs = zip(layout, parts[1:], strict=True)
+    arrays: dict[str, Any] = {name: np.frombuffer(part, _TYPES[kind]) for (name, kind), part in pairs}
     return message, arrays
-
-
-def _filled(stream: IO[bytes], room: Any) -> Any:
-    """A buffer, filled from the stream."""
-    view, done = memoryview(room), 0
-    while done < len(view):
-        count = stream.readinto(view[done:])  # type: ignore[attr-defined]
-        if not count:
-            raise EOFError
-        done += count
-    return room
 
 
 def described(source: Source) -> Message:

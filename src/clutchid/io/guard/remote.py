@@ -25,7 +25,7 @@ def guarded_source(path: Path, dbc: Sequence[Path]) -> Source:
     MissingExtra
         If the format needs a library that is not installed.
     """
-    process = reader()
+    process = reader(path)
     question = {"do": "open", "path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
     message, _ = process.ask(question, path)
     tables = _RemoteTables(process, path, message)

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.fleet import pool
-from clutchid.fleet.alone import Lost
-from clutchid.fleet.cluster import Place, shared
+from clutchid.fleet.cluster import Place, results
 from clutchid.fleet.version import version_and_source
 from clutchid.io.files import atomic_write
 from clutchid.log import Log
+from clutchid.processes import Lost, check_workers
 from clutchid.study.proving.answers import Answer, Workflow, score
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, changed, drive, truck
@@ -29,6 +28,10 @@ SECONDS = 30.0
 #: Wear of the facing in m in the two worn recordings, and strokes per metre of wear.
 WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
 STROKES = 3e8
+
+
+#: One worker on this machine.
+HERE = Place()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,16 +133,14 @@ def prove(
     numbers: Iterable[int],
     out: Path,
     conditions: Conditions = Conditions(),
-    *,
-    workers: int = 1,
-    scheduler: str = "",
+    place: Place = HERE,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
 
-    The trucks are shared by `workers` processes of this machine, or by the workers of the Dask scheduler at an address.
-    A truck that ends its process has failed. The results do not depend on the number of workers or on interruptions.
-    The folder of `conditions` other than family A without changes is ``out/NAME@FAMILY+CHANGE``.
+    The trucks are shared by the worker processes of `place`. A truck that ends its process has failed. The results do
+    not depend on the number of workers or on interruptions. The folder of `conditions` other than family A without
+    changes is ``out/NAME@FAMILY+CHANGE``.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def prove(
     SolveError
         If the scheduler is lost; the results before are kept.
     """
-    pool.check_workers(workers)
+    check_workers(place.workers)
     workflow(name)
     changed(truck(0, conditions.family), *conditions.changes)
     requested = sorted(set(numbers))
@@ -158,7 +159,8 @@ def prove(
     done = {n: _read(folder / f"truck_{n:05d}.json") for n in requested}
     todo = [n for n, result in done.items() if result is None]
     work = partial(prove_one, name, conditions=conditions)
-    for count, (number, found) in enumerate(shared(work, todo, Place(workers, scheduler)), 1):
+    for count, one in enumerate(results(work, todo, place) if todo else (), 1):
+        number, found = one.item, one.result
         result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, Lost) else found
         _write(folder / f"truck_{number:05d}.json", result)
         done[number] = result

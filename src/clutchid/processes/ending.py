@@ -1,4 +1,4 @@
-"""Processes that do work for another one, and end with it."""
+"""A process that was started to do work ends with the one that started it."""
 
 from __future__ import annotations
 
@@ -12,22 +12,17 @@ import time
 #: Request to Linux for a signal when the thread that started this process has ended.
 _PR_SET_PDEATHSIG = 1
 
-#: Interval in s at which a process looks for the one that started it.
+#: Interval in s at which a process looks for the one that started it, where the system has no such request.
 _GLANCE = 0.5
 
 
-def end_with_parent(parent: int, *, with_thread: bool = True) -> None:
+def end_with_parent(parent: int) -> None:
     """Let this process end when the process `parent`, which started it, is gone, however it went.
 
-    Parameters
-    ----------
-    parent
-        Number of the process that started this one.
-    with_thread
-        Whether to end with the thread that started this process too: Linux then ends it at once, also within a kernel
-        that runs. Else a thread of this process notices within half a second.
+    Linux ends it at once, also within a kernel that runs, when the thread that started it has ended; elsewhere a thread
+    of this process notices within half a second.
     """
-    if with_thread and sys.platform == "linux":
+    if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
         if os.getppid() != parent:  # it ended before this one could ask
             os._exit(1)

@@ -2,73 +2,36 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import sys
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO
 
 from clutchid.errors import ClutchidError, DataError, MissingExtra
 from clutchid.io.columns import shortened
 from clutchid.io.formats.opening import opened_here
-from clutchid.io.guard.limits import memory
-from clutchid.io.guard.messages import Arrays, Message, described, packed, receive, send
+from clutchid.io.guard.messages import Arrays, Message, decoded, described, encoded, packed
 from clutchid.io.source import Source
 from clutchid.io.table import Table
-from clutchid.processes import end_with_parent
+from clutchid.processes.frames import Parts
+from clutchid.processes.serving import Service
 
 Answer = tuple[Message, Arrays]
 
 
-def main() -> None:
-    """Answer until the other side has gone. What libraries print goes nowhere."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    _limit_allocations()
-    end_with_parent(int(sys.argv[2]), with_thread=False)  # any thread may have asked first
-    serve(sys.stdin.buffer, answers)
+def reader_service() -> Service:
+    """Answers questions about files; a block more is read while the other side works on the one before."""
+    reading = _Reading()
+    return Service(lambda question: _answered(reading, question), reading.read_ahead)
 
 
-def _limit_allocations() -> None:
-    """An allocation of much more than the limit fails at once where the system can do that; the rest is watched."""
-    if sys.platform == "linux":
-        import resource
-
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        wanted = 2 * memory()
-        resource.setrlimit(resource.RLIMIT_DATA, (wanted if hard < 0 else min(wanted, hard), hard))
-
-
-def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
-    """Answer every question, in turn, until there are no more."""
-    work = _Work()
-    while True:
-        try:
-            question, _ = receive(questions)
-        except EOFError:
-            return
-        _end_within(2 * question["limit"])
-        message, arrays = _answer(work, question)
-        try:
-            send(answers, message, arrays)
-        except BrokenPipeError:
-            return
-        work.read_ahead()
-        _end_within(0.0)
-
-
-def _end_within(seconds: float) -> None:
-    """Let the system end this process where nobody is left who would: clutchid gives up earlier. 0 takes that back."""
-    if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, seconds)
-
-
-def _answer(work: _Work, question: Message) -> Answer:
+def _answered(reading: _Reading, question: Parts) -> Parts:
     """The answer, or what went wrong."""
+    return encoded(*_answer(reading, decoded(question)[0]))
+
+
+def _answer(reading: _Reading, question: Message) -> Answer:
     try:
-        return work.answer(question)
+        return reading.answer(question)
     except (MissingExtra, DataError) as error:
         return _failure("missing" if isinstance(error, MissingExtra) else "data", str(error))
     except MemoryError:
@@ -85,7 +48,7 @@ def _failure(kind: str, text: str) -> Answer:
     return {"failed": kind, "text": text, "traceback": traceback.format_exc()}, {}
 
 
-class _Work:
+class _Reading:
     """The files that are open, and the readings that go on."""
 
     def __init__(self) -> None:

@@ -1,0 +1,11 @@
+"""Guarded worker processes: whatever their work does, only they end, and they end with the process that started them.
+
+`Worker` is one process that answers questions within limits of memory and time: foreign files are read in one
+(`clutchid.io.guard`). `Pool` keeps some of them for pieces of work, and `results` shares the work on many items between
+them. `serving` is what runs in a worker, `frames` is how both sides talk.
+"""
+
+from clutchid.processes.pool import Done, Lost, Pool, check_workers, results
+from clutchid.processes.worker import Ended, Limits, Worker
+
+__all__ = ["Done", "Ended", "Limits", "Lost", "Pool", "Worker", "check_workers", "results"]

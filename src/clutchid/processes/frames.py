@@ -1,0 +1,57 @@
+"""How a worker and the process that started it talk: messages of parts, each part so many bytes.
+
+What the bytes mean is up to who asks and who answers. Nothing is copied on the way but into the pipe and out of it.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import IO, Any
+
+#: What can be sent as a part: bytes, or the memory of an array.
+Part = bytes | bytearray | memoryview
+Parts = Sequence[Part]
+
+_SIZE = struct.Struct("<Q")
+
+
+def send(stream: IO[bytes], parts: Parts) -> None:
+    """Write one message.
+
+    Raises
+    ------
+    OSError
+        If the other process has ended.
+    """
+    views = [memoryview(part).cast("B") if len(part) else memoryview(b"") for part in parts]
+    stream.write(b"".join(map(_SIZE.pack, [len(views), *map(len, views)])))
+    for view in views:
+        stream.write(view)
+    stream.flush()
+
+
+def receive(stream: IO[bytes]) -> list[bytearray]:
+    """Read one message.
+
+    Raises
+    ------
+    EOFError
+        If the other process has ended.
+    """
+    (count,) = _SIZE.unpack(_filled(stream, _SIZE.size))
+    sizes = [size for (size,) in _SIZE.iter_unpack(_filled(stream, count * _SIZE.size))]
+    return [_filled(stream, size) for size in sizes]
+
+
+def _filled(stream: IO[bytes], size: int) -> bytearray:
+    """The next bytes of a stream."""
+    room = bytearray(size)
+    view: Any = memoryview(room)
+    done = 0
+    while done < size:
+        count = stream.readinto(view[done:])  # type: ignore[attr-defined]
+        if not count:
+            raise EOFError
+        done += count
+    return room

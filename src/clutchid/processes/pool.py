@@ -1,0 +1,206 @@
+"""`Pool`: worker processes that are kept for pieces of work, with one thread of linear algebra each."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, Generic, NamedTuple, TypeVar, cast
+
+from clutchid.errors import ClutchidError, ParameterError
+from clutchid.processes.worker import NO_LIMITS, Ended, Limits, Worker
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Environment of a worker: one thread of linear algebra, `numerics.threads` and polars, and memory is given back.
+ENVIRONMENT = {
+    **dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"), "1"),
+    **{"MALLOC_ARENA_MAX": "1", "MALLOC_TRIM_THRESHOLD_": "65536"},
+}
+
+#: Workers that may be asked for, a processor of this machine, and on the smallest one.
+_PER_PROCESSOR, _AT_LEAST = 4, 16
+
+#: How often a piece of work is given to a worker: one that ends a new worker too is at fault itself.
+_ATTEMPTS = 2
+
+
+class Lost(NamedTuple):
+    """Work without a result: `status` is "killed", "timed_out" or "failed", with a sentence."""
+
+    status: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Done(Generic[Item, Result]):
+    """An item with its result, or how it was lost, and the time in s that it took."""
+
+    item: Item
+    result: Result | Lost
+    seconds: float
+
+
+class Pool:
+    """Worker processes, started as work is given to it and kept for the next piece of work.
+
+    Several threads may give it work; each waits for its own.
+    """
+
+    def __init__(self, limits: Limits = NO_LIMITS) -> None:
+        self._limits = limits
+        self._lock = threading.Lock()
+        self._workers: set[Worker] = set()
+        self._idle: list[Worker] = []
+        self._ended = False
+
+    def do(self, work: Callable[[Item], Result], item: Item) -> Done[Item, Result]:
+        """The result of `work`, a function of a module or a partial of one, on an item; or how it was lost.
+
+        Work that ends its worker, or needs more memory than it may, is given to a new one once more, so that what other
+        work has left behind does not count.
+
+        Raises
+        ------
+        ClutchidError
+            If the work raises one; any other error is a result that is `Lost`.
+        """
+        begin = time.perf_counter()
+        try:
+            found = self._done(work, item)
+        except OSError as error:  # as on a full disk
+            found = Lost("killed", f"no worker could be started ({error.strerror or type(error).__name__}).")
+        return Done(item, found, time.perf_counter() - begin)
+
+    def rest(self) -> None:
+        """End the workers that have no work."""
+        with self._lock:
+            idle, self._idle = self._idle, []
+            self._workers -= set(idle)
+        for worker in idle:
+            worker.end()
+
+    def end(self) -> None:
+        """End all workers; what they do is lost, and nothing can be given to this pool any more."""
+        with self._lock:
+            self._ended, workers = True, list(self._workers)
+        for worker in workers:
+            worker.end()
+
+    def _done(self, work: Callable[[Item], Result], item: Item) -> Result | Lost:
+        question = [pickle.dumps((work, item), protocol=5)]
+        lost = Lost("killed", "the workers were ended before.")
+        for attempt in range(_ATTEMPTS):
+            worker, is_new = self._worker(new=attempt > 0)
+            if self._ended:
+                worker.end()
+                return lost
+            answer = worker.ask(question, self._limits)
+            with self._lock:
+                (self._workers.discard if isinstance(answer, Ended) else self._idle.append)(worker)
+            if not isinstance(answer, Ended):
+                return cast("Result | Lost", _result(*pickle.loads(answer[0])))
+            lost = _lost(answer, self._limits)
+            if answer.why == "time" or (answer.why == "memory" and is_new):
+                break
+        return lost
+
+    def _worker(self, *, new: bool) -> tuple[Worker, bool]:
+        """A worker that waits, or a new one; and whether it is new."""
+        with self._lock:
+            while self._idle and not new:
+                worker = self._idle.pop()
+                if worker.alive:
+                    return worker, False
+                self._workers.discard(worker)
+        worker = Worker("clutchid.processes.serving:work_service", environment=ENVIRONMENT)
+        with self._lock:
+            self._workers.add(worker)
+        return worker, True
+
+
+def check_workers(workers: int) -> None:
+    """Check the number of workers.
+
+    Raises
+    ------
+    ParameterError
+        If there is none, or so many that this machine cannot use them.
+    """
+    if workers < 1:
+        raise ParameterError(f"--workers {workers}: must be at least 1.")
+    processors = os.cpu_count() or 1
+    most = max(_AT_LEAST, _PER_PROCESSOR * processors)
+    if workers > most:
+        raise ParameterError(
+            f"--workers {workers}: this machine has {processors} processors, and takes {most} workers at most; more "
+            "than one a processor are hardly faster."
+        )
+
+
+def results(
+    work: Callable[[Item], Result], items: Iterable[Item], workers: int, limits: Limits = NO_LIMITS
+) -> Iterator[Done[Item, Result]]:
+    """Items with their results in order of completion; even one worker is a process, so that results are identical.
+
+    Parameters
+    ----------
+    work
+        A function of a module, or a partial of one.
+    items
+        Are asked for as workers become free, so that there may be any number.
+    workers
+        Number of processes, at least 1.
+    limits
+        What one item may take.
+
+    Raises
+    ------
+    ClutchidError
+        If the work raises one.
+    """
+    waiting, pool, threads = iter(items), Pool(limits), ThreadPoolExecutor(workers)
+    running: set[Future[Done[Item, Result]]] = set()
+
+    def given() -> set[Future[Done[Item, Result]]]:
+        some = islice(waiting, 2 * workers - len(running))  # one at work, and one that waits
+        return {threads.submit(pool.do, work, item) for item in some}
+
+    try:
+        running |= given()
+        while running:
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            running |= given()
+            for one in finished:
+                yield one.result()
+    finally:
+        pool.end()
+        threads.shutdown(cancel_futures=True)
+
+
+def _result(kind: str, found: Any) -> Any:
+    if kind == "error":
+        assert isinstance(found, ClutchidError)
+        raise found
+    if kind == "unexpected":
+        return Lost("failed", f"an error that clutchid did not expect, {found}.")
+    return found
+
+
+def _lost(ended: Ended, limits: Limits) -> Lost:
+    """How work was lost, for people."""
+    if ended.why == "time":
+        return Lost("timed_out", f"took longer than {limits.seconds:g} s; allow more with --timeout.")
+    if ended.why == "memory":
+        size = limits.memory / 1e9
+        return Lost(
+            "killed", f"needs more than {size:.3g} GB of memory; allow more with --memory, or use fewer workers."
+        )
+    how = f"{ended.how}, as where memory runs out" if ended.how == "SIGKILL" else ended.how
+    return Lost("killed", f"its process ended on it ({how}), twice; the recording or a library is at fault.")

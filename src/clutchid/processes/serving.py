@@ -1,0 +1,80 @@
+"""What runs in a worker process: a service that answers the questions of the process that started it."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from typing import IO, NamedTuple
+
+from clutchid.errors import ClutchidError
+from clutchid.processes.ending import end_with_parent
+from clutchid.processes.frames import Parts, receive, send
+
+
+def _nothing() -> None:
+    pass
+
+
+class Service(NamedTuple):
+    """What a worker does: `answer` a question, and what it does after each answer, while nobody waits."""
+
+    answer: Callable[[Parts], Parts]
+    afterwards: Callable[[], None] = _nothing
+
+
+def main(parent: str, name: str, allocations: str) -> None:
+    """Serve until the other side has gone; what libraries print goes nowhere.
+
+    Parameters
+    ----------
+    parent
+        Number of the process that started this one.
+    name
+        The function that makes the service, ``module:function``.
+    allocations
+        Bytes above which an allocation fails at once, where the system can do that; 0 for no limit.
+    """
+    end_with_parent(int(parent))
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    _limit_allocations(int(allocations))
+    module, _, function = name.partition(":")
+    serve(getattr(import_module(module), function)(), sys.stdin.buffer, answers)
+
+
+def serve(service: Service, questions: IO[bytes], answers: IO[bytes]) -> None:
+    """Answer every question, in turn, until there are no more."""
+    while True:
+        try:
+            send(answers, service.answer(receive(questions)))
+        except (EOFError, BrokenPipeError):
+            return
+        service.afterwards()
+
+
+def work_service() -> Service:
+    """Does pieces of work: a question is a function with its item, the answer its result or the error it raised."""
+    return Service(_worked)
+
+
+def _worked(question: Parts) -> Parts:
+    """Both sides are this program's own, so that pickle carries nothing foreign."""
+    work, item = pickle.loads(question[0])
+    try:
+        found = ("result", work(item))
+    except ClutchidError as error:
+        found = ("error", error)
+    except Exception as error:
+        found = ("unexpected", f"{type(error).__name__}: {error}")
+    return [pickle.dumps(found, protocol=5)]
+
+
+def _limit_allocations(most: int) -> None:
+    if most and sys.platform == "linux":
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
