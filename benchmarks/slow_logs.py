@@ -21,8 +21,7 @@ import numpy as np
 from bands import FLOOR, QUANTILE, rms
 from widening import CASES, calibrated, worn_clutch
 
-from clutchid import DataError, fit
-from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
+from clutchid import DataError, fit, parameter_file, read_parameters, write_parameters
 from clutchid.estimation.slow_logs import MISSED
 from clutchid.log import FloatArray
 from clutchid.truck import GRID, Drive

@@ -13,12 +13,13 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from clutchid.attached import attach
+
 if TYPE_CHECKING:
     __version__: str
     from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
     from clutchid.estimation import Fit, fit
-    from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
-    from clutchid.estimation.verbs import calibrate, estimate
+    from clutchid.estimation.parameter_file import read_parameters, write_parameters
     from clutchid.io import read, read_pieces, write
     from clutchid.io.look.look import look
     from clutchid.log import Log
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from clutchid.study import bundled_recording
     from clutchid.uncertainty.calibration import Calibration
     from clutchid.uncertainty.coordinates import Prior
+    from clutchid.workflow.verbs import calibrate, estimate, parameter_file
 
 _HOME = {
     "Actuator": "clutchid.model",
@@ -46,11 +48,11 @@ _HOME = {
     "Simulation": "clutchid.simulation",
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
-    "calibrate": "clutchid.estimation.verbs",
-    "estimate": "clutchid.estimation.verbs",
+    "calibrate": "clutchid.workflow.verbs",
+    "estimate": "clutchid.workflow.verbs",
     "fit": "clutchid.estimation",
     "look": "clutchid.io.look.look",
-    "parameter_file": "clutchid.estimation.parameter_file",
+    "parameter_file": "clutchid.workflow.verbs",
     "read": "clutchid.io",
     "read_pieces": "clutchid.io",
     "read_parameters": "clutchid.estimation.parameter_file",
@@ -97,7 +99,9 @@ def __getattr__(name: str) -> Any:
         return version("clutchid")
     if name not in _HOME:
         raise AttributeError(f"module 'clutchid' has no attribute '{name}'")
-    return getattr(import_module(_HOME[name]), name)
+    found = getattr(import_module(_HOME[name]), name)
+    attach()
+    return found
 
 
 def __dir__() -> list[str]:

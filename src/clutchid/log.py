@@ -111,11 +111,6 @@ class Log:
         warnings = f"; {count} warning{'s' if count > 1 else ''}" if count else ""
         return f"Log({self.name!r}, {len(self):,} samples{span}: {', '.join(self.columns) or 'no columns'}{warnings})"
 
-    def _repr_html_(self) -> str:
-        from clutchid.report.notebook import log_html
-
-        return log_html(self)
-
     def __len__(self) -> int:
         return int(self.time.size)
 
@@ -129,11 +124,9 @@ class Log:
     def __contains__(self, name: str) -> bool:
         return name in self.columns
 
-    def plot(self) -> Figure:
-        """Position, pressure and duty cycles over time, as a matplotlib figure without pyplot."""
-        from clutchid.report.notebook import log_figure
+    if TYPE_CHECKING:  # attached by `clutchid.attached`
 
-        return log_figure(self)
+        def plot(self) -> Figure: ...
 
     def slice(self, start: int, stop: int) -> Log:
         """Samples `start` to `stop` (exclusive), as a view."""

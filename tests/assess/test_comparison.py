@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid import fit
 from clutchid.assess.comparison import SMALLEST_SHARE, comparison
 from clutchid.assess.evidence import reach
-from clutchid.estimation import LoadCurve, fit
+from clutchid.estimation import LoadCurve
 from clutchid.estimation.outcome import QUANTILE
 from clutchid.uncertainty.calibration import Origin
 from fixtures.baselines import calibration_like, with_baseline

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid import fit
 from clutchid.assess.evidence import reach
 from clutchid.assess.reading import expected_error, reading_reasons
 from clutchid.assess.slow import slow_reasons
 from clutchid.assess.verdict import verdict
-from clutchid.estimation import LoadCurve, fit
+from clutchid.estimation import LoadCurve
 from clutchid.estimation.changes import Departure
 from fixtures.baselines import ORIGIN, with_baseline
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid import parameter_file, read_parameters, write_parameters
 from clutchid.assess.rest import Stop, moved_rests, rest_cause
 from clutchid.estimation.fit import fit_request
-from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
 from clutchid.estimation.request import FitRequest
 from clutchid.inspection import inspect
 from clutchid.report.fit_json import fit_json

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from clutchid import fit
 from clutchid.assess.engaging import SHARES, WORTH, measured
 from clutchid.assess.states import FALSE_ALARM, UNKNOWN_DIFFERENCE, states_of_wear
-from clutchid.estimation import LoadCurve, fit
+from clutchid.estimation import LoadCurve
 from fixtures.baselines import ORIGIN, with_baseline
 
 #: Half width of the band of a load, as a share of it.

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid import fit
 from clutchid.assess.evidence import actuator_of, as_recorded, evidence, information, predicted_fit, reach
 from clutchid.assess.verdict import verdict
-from clutchid.estimation import Estimate, LoadCurve, fit
+from clutchid.estimation import Estimate, LoadCurve
 from clutchid.log import Log
 from clutchid.report.fit_json import verdict_json
 from clutchid.simulation.sensors import lagged
@@ -35,7 +36,7 @@ def shifted(result, column, by):
 
 
 def test_a_fit_by_the_true_model_is_good(fitted):
-    assert verdict(fitted) == verdict(fitted, evidence(fitted))
+    assert fitted.verdict is verdict(fitted)
     assert verdict(fitted).trust == "good"
     assert verdict(fitted).reasons == ()
 

@@ -16,12 +16,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchid import write
+from clutchid import Fit, fit, read_parameters, write
 from clutchid.assess.states import States, states_of_wear
 from clutchid.cli.fit_output import MOST_WARNINGS, answer, answer_json
 from clutchid.errors import ExportError
-from clutchid.estimation import Fit, fit
-from clutchid.estimation.parameter_file import read_parameters
 from clutchid.report.next_step import Command
 from clutchid.truck import Truck, drive
 from clutchid.uncertainty.calibration import Origin

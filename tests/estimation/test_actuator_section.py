@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from clutchid import fit, read_parameters, write_parameters
 from clutchid.errors import ParameterError
-from clutchid.estimation import fit
-from clutchid.estimation.parameter_file import ParameterFile, read_parameters, write_parameters
+from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.equipment import Equipment

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clutchid.estimation import fit
+from clutchid import fit
 
 ROOT = Path(__file__).resolve().parents[2]
 

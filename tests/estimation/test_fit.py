@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from clutchid import fit
 from clutchid.errors import DataError, ParameterError, SolveError
-from clutchid.estimation import fit
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters

@@ -110,7 +110,8 @@ def test_the_table_of_a_fit_has_a_row_for_every_free_parameter(fitted):
 
 
 def test_the_verdict_of_a_fit_is_that_of_its_evidence_and_is_computed_once(fitted):
-    assert fitted.verdict == verdict(fitted, evidence(fitted))
+    assert fitted.verdict is verdict(fitted)
+    assert fitted.evidence is evidence(fitted)
     assert fitted.verdict is fitted.verdict
 
 

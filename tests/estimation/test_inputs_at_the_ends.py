@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid.estimation import fit
+from clutchid import fit
 from clutchid.estimation.verification import starts_of as estimated_starts
 from clutchid.log import INPUTS, Log
 from clutchid.observe.observer import observer

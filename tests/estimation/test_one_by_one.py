@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import pytest
 
+from clutchid import fit
 from clutchid.errors import DataError
-from clutchid.estimation import fit
 from clutchid.estimation.fit import fit_request
 from clutchid.estimation.request import FitRequest
 from fixtures.baselines import with_baseline

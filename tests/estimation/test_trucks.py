@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from clutchid.estimation import fit
+from clutchid import fit
 from clutchid.io import read
 
 #: Error of the load over 5 to 8 mm, rms in % of its true peak; their median and worst are the row "ballistic" of

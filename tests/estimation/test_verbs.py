@@ -5,10 +5,8 @@ import inspect
 import numpy as np
 import pytest
 
-from clutchid import calibrate, estimate
+from clutchid import calibrate, estimate, fit, parameter_file, read_parameters, write_parameters
 from clutchid.errors import DataError
-from clutchid.estimation import fit
-from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
 from clutchid.truck import Truck, drive
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from clutchid.estimation import Fit, fit
+from clutchid import Fit, fit
 from clutchid.log import Log
 
 PICTURES = ("data:image/png;base64,", "data:image/svg+xml;base64,")

@@ -8,6 +8,7 @@ import numpy as np
 
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
+from clutchid.assess.once import once_a_fit
 from clutchid.estimation.outcome import calibrated_curve
 from clutchid.estimation.result import Fit, LoadCurve
 from clutchid.log import FloatArray
@@ -56,6 +57,7 @@ class Comparison(NamedTuple):
 SMALLEST_SHARE = 0.02
 
 
+@once_a_fit
 def comparison(fit: Fit) -> Comparison | None:
     """The load of a fit against that of its baseline; None without one, or if the load has not been fitted.
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison
+from clutchid.assess.comparison import Comparison, comparison
 from clutchid.estimation.result import Fit
 from clutchid.log import Log
 from clutchid.numerics.interval import QUANTILE
@@ -46,7 +46,8 @@ class Measurement(NamedTuple):
 
 def measured(fit: Fit, log: Log) -> Measurement | None:
     """The measurement of a recording that was fitted from a calibration; None if its load does not determine one."""
-    values = change_of(fit.comparison) if fit.comparison else None
+    compared = comparison(fit)
+    values = change_of(compared) if compared else None
     if values is None:
         return None
     ambient = log.columns.get("temperature_ambient")

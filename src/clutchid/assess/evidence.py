@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.assess.diagnostics import Diagnosis, diagnose, fit_percent
 from clutchid.assess.missing_excitation import missing
+from clutchid.assess.once import once_a_fit
 from clutchid.estimation.result import Fit, Recording
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -35,6 +36,7 @@ class Evidence:
     missing: tuple[str, ...]
 
 
+@once_a_fit
 def evidence(fit: Fit) -> Evidence:
     """Evidence for a verdict on `fit`; none if the fit failed."""
     diagnoses = {name: diagnosed(fit, name) for name in fit.recordings if has_position(fit.recordings[name])}

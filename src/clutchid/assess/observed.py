@@ -9,8 +9,9 @@ import numpy as np
 
 from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.reason import Reason
+from clutchid.assess.reasons import WIDE
 from clutchid.assess.rest import kept_rest
-from clutchid.assess.verdict import WIDE, Trust, Verdict
+from clutchid.assess.verdict import Trust, Verdict
 from clutchid.observe.by_stroke import Curve, curve
 from clutchid.observe.health import FLAGS
 from clutchid.observe.mismatch import UNLIKE

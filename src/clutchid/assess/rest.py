@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison
+from clutchid.assess.comparison import Comparison, comparison
 from clutchid.assess.reason import Reason
 from clutchid.estimation.result import Fit
 from clutchid.names import ParameterName
@@ -89,7 +89,7 @@ def _stop(fit: Fit, recording: str, shift: RestShift, subtracted: float) -> Stop
 
 def _less_worn(fit: Fit) -> bool:
     """Whether the load reaches half of its peak earlier than at the calibration."""
-    found: Comparison | None = fit.comparison
+    found: Comparison | None = comparison(fit)
     return found is not None and found.shift.high < 0.0
 
 

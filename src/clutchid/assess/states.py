@@ -10,6 +10,7 @@ import numpy as np
 
 from clutchid.assess.engaging import ENGAGING, SHARES, WORTH, Measurement, measured
 from clutchid.assess.reason import Reason
+from clutchid.assess.reasons import reasons
 from clutchid.estimation.result import Fit
 from clutchid.uncertainty.identifiability import listed
 
@@ -82,7 +83,7 @@ def states_of_wear(fit: Fit) -> States | None:
 def _measurement(reading: Fit) -> Measurement | None:
     """What a recording measures of the wear; None if its reading is not to be used."""
     (recording,) = reading.recordings.values()
-    return measured(reading, recording.measured) if reading.verdict.trust != "none" else None
+    return None if any(reason.grave for reason in reasons(reading)) else measured(reading, recording.measured)
 
 
 def _quantile(recordings: int) -> float:

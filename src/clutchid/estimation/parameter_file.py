@@ -142,8 +142,8 @@ def started(content: ParameterFile, request: FitRequest) -> FitRequest:
     return replace(request, calibration=calibration, continues=content.continuation)
 
 
-def parameter_file(fitted: Fit) -> ParameterFile:
-    """Contents of a parameter file for a fit."""
+def parameter_file(fitted: Fit, trust: str) -> ParameterFile:
+    """Contents of a parameter file for a fit with a `trust`, see `clutchid.assess.verdict`."""
     covariance = np.where(np.isfinite(fitted.covariance), fitted.covariance, np.inf)
     about = {
         "status": fitted.status,
@@ -158,7 +158,7 @@ def parameter_file(fitted: Fit) -> ParameterFile:
     }
     about["method"] = fitted.method
     about["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-    about["trust"] = fitted.verdict.trust
+    about["trust"] = trust
     if fitted.search is not None:
         about["search"] = search_section(fitted.search)
     if fitted.calibration is not None:

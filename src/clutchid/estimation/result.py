@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
 from os import PathLike
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -22,10 +21,6 @@ from clutchid.uncertainty.conditions import Assumption
 if TYPE_CHECKING:
     import polars as pl
     from matplotlib.figure import Figure
-
-    from clutchid.assess.comparison import Comparison
-    from clutchid.assess.evidence import Evidence
-    from clutchid.assess.verdict import Verdict
 
 Status = Literal["ok", "warning", "failed"]
 
@@ -152,6 +147,21 @@ class Fit:
     assumed: tuple[Assumption, ...] = ()
     readings: Mapping[str, Fit] = field(default_factory=dict)
 
+    if TYPE_CHECKING:  # attached by `clutchid.attached`
+
+        @property
+        def evidence(self) -> Any: ...
+
+        @property
+        def verdict(self) -> Any: ...
+
+        @property
+        def comparison(self) -> Any: ...
+
+        def plot(self) -> Figure: ...
+
+        def report(self, path: str | PathLike[str]) -> None: ...
+
     def __repr__(self) -> str:
         names = [repr(name) for name in self.recordings]
         more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
@@ -164,38 +174,6 @@ class Fit:
         lines += [f"  {n} {what}{'s' if n > 1 else ''} in .{what}s" for what, n in counts.items() if n]
         return "\n".join(lines)
 
-    def __str__(self) -> str:
-        """What `repr` has, with the verdict behind its first line."""
-        first, *rest = repr(self).splitlines()
-        trust = [f"  trust: {self.verdict.trust}", *(f"    {reason}" for reason in self.verdict.reasons)]
-        return "\n".join([first, *trust, *rest])
-
-    def _repr_html_(self) -> str:
-        from clutchid.report.notebook import fit_html
-
-        return fit_html(self)
-
-    @cached_property
-    def evidence(self) -> Evidence:
-        """Evidence for the verdict, see `clutchid.assess.evidence.evidence`; computed once."""
-        from clutchid.assess.evidence import evidence
-
-        return evidence(self)
-
-    @cached_property
-    def verdict(self) -> Verdict:
-        """Whether parameters and load can be trusted, see `clutchid.assess.verdict.verdict`; computed once."""
-        from clutchid.assess.verdict import verdict
-
-        return verdict(self, self.evidence)
-
-    @cached_property
-    def comparison(self) -> Comparison | None:
-        """The load against that of the baseline, see `clutchid.assess.comparison`; None without one. Computed once."""
-        from clutchid.assess.comparison import comparison
-
-        return comparison(self)
-
     def to_frame(self) -> pl.DataFrame:
         """Free parameters as rows: name, value, unit, std, low and high, in SI and with 95 % intervals."""
         import polars as pl
@@ -204,30 +182,6 @@ class Fit:
             ("std", "low", "high"), pl.Float64
         )
         return pl.DataFrame([{"name": name, **asdict(e)} for name, e in self.parameters.items()], schema=schema)
-
-    def plot(self) -> Figure:
-        """Load over position with its 95 % band, as a matplotlib figure without pyplot.
-
-        Raises
-        ------
-        SolveError
-            If the fit failed: there is no load to draw.
-        """
-        from clutchid.report.notebook import fit_figure
-
-        return fit_figure(self.raised())
-
-    def report(self, path: str | PathLike[str]) -> None:
-        """Write the page that ``clutchid fit --report`` writes, one self-contained HTML file.
-
-        Raises
-        ------
-        ExportError
-            If the file cannot be written; an existing file is unchanged.
-        """
-        from clutchid.report.fit_page import fit_page
-
-        fit_page(self, "clutchid.fit(...) in Python", path)
 
     def raised(self) -> Fit:
         """This fit, unless it failed.

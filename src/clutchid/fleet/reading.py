@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid import workflow
+from clutchid.assess.comparison import comparison
 from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.assess.reading import departs
+from clutchid.assess.verdict import verdict
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import LoadCurve
@@ -120,9 +122,9 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     request = FitRequest(calibration=content.calibration, zero=zero)
     fit = workflow.fit_recordings([log], content.actuator, request).fit
     curve = fit.load_curve
-    half = fit.comparison.half_now if fit.comparison else UNKNOWN
-    trust = fit.verdict.trust
-    message = fit.message if trust == "good" or not fit.verdict.reasons else fit.verdict.reasons[0]
+    judged, compared = verdict(fit), comparison(fit)
+    half, trust = compared.half_now if compared else UNKNOWN, judged.trust
+    message = fit.message if trust == "good" or not judged.reasons else judged.reasons[0]
     status = "warning" if fit.warnings or trust != "good" else "ok"
     # a load that is only uncertain counts in the trend by its band
     reason = unmeasured(fit)

@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.assess.evidence import reach
 from clutchid.assess.states import states_of_wear
+from clutchid.assess.verdict import verdict
 from clutchid.estimation.changes import Change
 from clutchid.estimation.result import Fit
 from clutchid.report.rest import rest_sentences
@@ -25,7 +26,7 @@ LIKELY = 0.5
 
 def notes_of(fit: Fit) -> list[str]:
     """Notes on a result: of the verdict, changes since the calibration, what is assumed, what the data determine."""
-    return [*fit.verdict.notes, *since_calibration(fit), *assumed_sentences(fit), *fit.notes]
+    return [*verdict(fit).notes, *since_calibration(fit), *assumed_sentences(fit), *fit.notes]
 
 
 def since_calibration(fit: Fit) -> list[str]:

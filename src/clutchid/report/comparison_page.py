@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison
+from clutchid.assess.comparison import Comparison, comparison
 from clutchid.assess.engaging import ENGAGING
 from clutchid.assess.half_load import HalfLoad
+from clutchid.assess.verdict import verdict
 from clutchid.estimation import Fit
 from clutchid.estimation.result import LoadCurve
 from clutchid.log import FloatArray
@@ -45,7 +46,7 @@ def comparison_sections(fit: Fit) -> list[Section]:
     if fit.baseline is None:
         assumed = fit.status != "failed" and fit.calibration is None and of_the_paper(fit)
         return [Section("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
-    found = fit.comparison
+    found = comparison(fit)
     sentences = since_calibration(fit) or ["Besides the load no change was found."]
     sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
     changed = Bullets(tuple(map(escape, sentences)))
@@ -150,12 +151,12 @@ def readings_table(readings: Mapping[str, Fit]) -> Table:
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     for name, one in readings.items():
-        found = one.comparison
+        found = comparison(one)
         if found is not None:
             changes = (found.at(mm * MM).force if mm * MM <= found.reach else None for mm in POSITIONS)
             others = ", ".join(dict.fromkeys(change.group for change in one.changes)) or "none found"
             halves = (found.half_now.position, found.shift.position)
             share = found.at(6 * MM).share if found.reach >= 6 * MM else None
-            rows.append((name, one.verdict.trust, *halves, *changes, share, others))
+            rows.append((name, verdict(one).trust, *halves, *changes, share, others))
     note = "Each recording alone against the calibration; the result above has one load for all of them."
     return Table("The recordings one by one", columns, tuple(rows), note=note)

@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison
+from clutchid.assess.comparison import Comparison, comparison
 from clutchid.assess.diagnostics import ColumnDiagnosis, remarks
+from clutchid.assess.evidence import evidence
 from clutchid.assess.states import states_of_wear
+from clutchid.assess.verdict import verdict
 from clutchid.estimation import Fit
 from clutchid.estimation.changes import Change
 from clutchid.estimation.result import Errors, LoadCurve
@@ -17,7 +19,7 @@ from clutchid.report.rest import rests_json
 from clutchid.signals.residual_colour import CrossCorrelation
 from clutchid.uncertainty.calibration import Origin
 
-_UNCOMPARED = {"calibrated_load_curve": None, "load_change": None}
+_UNCOMPARED: dict[str, Any] = {"calibrated_load_curve": None, "load_change": None}
 
 
 def fit_json(result: Fit) -> dict[str, Any]:
@@ -45,10 +47,10 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "changes": [change_json(change) for change in result.changes],
         "load_per_supply": supply_worth(result),
         "verdict": verdict_json(result),
-        "trust": result.verdict.trust,
-        "reasons": list(result.verdict.reasons),
+        "trust": verdict(result).trust,
+        "reasons": list(verdict(result).reasons),
         "calibration": origin_json(result),
-        **(_UNCOMPARED if result.comparison is None else comparison_json(result.comparison)),
+        **_compared_json(result),
         "states_of_wear": _states_json(result),
         "readings": {name: _reading_json(one) for name, one in result.readings.items()},
     }
@@ -102,12 +104,18 @@ def _states_json(result: Fit) -> dict[str, Any] | None:
     }
 
 
+def _compared_json(fit: Fit) -> dict[str, Any]:
+    """The load against that of the calibration; null where there is none."""
+    found = comparison(fit)
+    return _UNCOMPARED if found is None else comparison_json(found)
+
+
 def _reading_json(one: Fit) -> dict[str, Any]:
     """One of several recordings, read alone."""
     return {
-        "trust": one.verdict.trust,
+        "trust": verdict(one).trust,
         "load_curve": curve_json(one.load_curve),
-        "load_change": comparison_json(one.comparison)["load_change"] if one.comparison else None,
+        "load_change": _compared_json(one)["load_change"],
         "changes": [change_json(change) for change in one.changes],
     }
 
@@ -131,7 +139,7 @@ def errors_json(errors: Errors) -> dict[str, float | None]:
 
 def verdict_json(fit: Fit) -> dict[str, Any]:
     """The verdict on a fit and its evidence as plain values; None for values that are not finite."""
-    found, judged = fit.evidence, fit.verdict
+    found, judged = evidence(fit), verdict(fit)
     return {
         "trust": judged.trust,
         "reasons": list(judged.reasons),

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.assess.engaging import ENGAGING
-from clutchid.assess.evidence import Evidence, as_recorded, reach
+from clutchid.assess.evidence import Evidence, as_recorded, evidence, reach
 from clutchid.assess.half_load import half_load_band
+from clutchid.assess.verdict import verdict
 from clutchid.estimation import Fit
 from clutchid.estimation.result import Errors, Recording
 from clutchid.report.comparison_page import comparison_sections
@@ -70,7 +71,7 @@ def page_of(fit: Fit, command: str) -> Page:
     """The page of `fit` before it is rendered."""
     logs = [r.measured for r in (*fit.recordings.values(), *fit.verification.values())]
     names = ", ".join(fit.recordings) or "no recording"
-    found = fit.evidence
+    found = evidence(fit)
     sections = [Section("Result", _result(fit)), *comparison_sections(fit)]
     if found.diagnoses:
         sections.append(Section("What the data determine", tuple(information_blocks(fit, found))))
@@ -94,7 +95,7 @@ def _subtitle(fit: Fit) -> str:
 
 
 def _result(fit: Fit) -> tuple[Block, ...]:
-    blocks = verdict_blocks(fit.verdict, fit.recordings)
+    blocks = verdict_blocks(verdict(fit), fit.recordings)
     lead = _STATUS[fit.status].format(fit.message.rstrip("."))
     blocks += [Notice(lead, fit.status), *(Notice(warning) for warning in other_warnings(fit))]
     if fit.status != "failed":

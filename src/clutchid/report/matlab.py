@@ -14,6 +14,8 @@ from unicodedata import combining, normalize
 
 import numpy as np
 
+from clutchid.assess.comparison import comparison
+from clutchid.assess.verdict import verdict
 from clutchid.errors import ExportError
 from clutchid.estimation.model_section import model_entries
 from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
@@ -134,8 +136,8 @@ def _content(fit: Fit) -> dict[str, Any]:
             "weights_unit": load.unit,
             **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
         },
-        "trust": fit.verdict.trust,
-        "reasons": fit.verdict.reasons,
+        "trust": verdict(fit).trust,
+        "reasons": verdict(fit).reasons,
         "parameters": {name: _parameter(fit, name, actuator.value(name), fit.parameters.get(name)) for name in names},
         "covariance": {"names": tuple(fit.parameters), "matrix": fit.covariance},
         "changes": [change_json(change) for change in fit.changes],
@@ -150,7 +152,8 @@ def _comparison(fit: Fit) -> dict[str, Any]:
     """The calibration that the fit started from, and its load, where there is one; as in the JSON object."""
     if fit.baseline is None:
         return {}
-    compared = {} if fit.comparison is None else comparison_json(fit.comparison)
+    found = comparison(fit)
+    compared = {} if found is None else comparison_json(found)
     return {"calibration": origin_json(fit), **{key: _arrays(value) for key, value in compared.items()}}
 
 

@@ -9,6 +9,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from clutchid.assess.states import states_of_wear
+from clutchid.assess.verdict import verdict
 from clutchid.estimation import Fit
 from clutchid.model import Actuator
 from clutchid.report.summary import of_the_paper
@@ -101,7 +102,7 @@ def _continue(command: Command, saved: Path | None) -> tuple[str, str]:
 
 
 def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> tuple[str, str]:
-    if fit.verdict.trust == "none":
+    if verdict(fit).trust == "none":
         return "correct what the reasons say, and calibrate again", command.with_options()
     if saved is None:
         return "keep the calibration", command.with_options("--save", command.new_file("CAL.toml"))

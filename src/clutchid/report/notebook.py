@@ -86,7 +86,17 @@ def simulation_html(simulation: Simulation) -> str:
 def fit_html(fit: Fit) -> str:
     """What a fit found, and its load; a failed fit has no load."""
     drawn = fit.status != "failed" and np.isfinite(fit.load_curve.force).any()
-    return _html(str(fit), fit_figure(fit) if drawn else None)
+    return _html(printed_fit(fit), fit_figure(fit) if drawn else None)
+
+
+def printed_fit(fit: Fit) -> str:
+    """What `repr` has, with the verdict behind its first line."""
+    from clutchid.assess.verdict import verdict
+
+    first, *rest = repr(fit).splitlines()
+    judged = verdict(fit)
+    trust = [f"  trust: {judged.trust}", *(f"    {reason}" for reason in judged.reasons)]
+    return "\n".join([first, *trust, *rest])
 
 
 def _html(text: str, figure: Figure | None) -> str:

@@ -9,11 +9,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.assess.comparison import Comparison
+from clutchid.assess.comparison import Comparison, comparison
 from clutchid.assess.evidence import reach
 from clutchid.assess.half_load import HalfLoad, half_load_band
 from clutchid.assess.rest import moved_rests
 from clutchid.assess.states import states_of_wear
+from clutchid.assess.verdict import verdict
 from clutchid.estimation import Fit
 from clutchid.report.changes import assumed_sentences, short_changes
 from clutchid.report.fit_text import errors_text, errors_words
@@ -45,14 +46,14 @@ def summary(fit: Fit, *, in_full: bool = False) -> list[Row]:
 
     `in_full` it has all reasons of the verdict, and lacks what `fit_text` has: changes, other parameters, errors.
     """
-    compared = fit.comparison
+    compared = comparison(fit)
     rows = [*_trust(fit, in_full), *_load(fit, compared), *_since(fit, compared, in_full)]
     rows += _labelled("alone", _readings(fit.readings))
     return rows if in_full else [*rows, *_others(fit), Row("errors", _errors(fit))]
 
 
 def _trust(fit: Fit, in_full: bool) -> list[Row]:
-    judged = fit.verdict
+    judged = verdict(fit)
     shown = judged.reasons if in_full else judged.reasons[:MOST_REASONS]
     more = len(judged.reasons) - len(shown)
     rows = [Row("trust", judged.trust, judged.trust), *(Row("", reason) for reason in shown)]
@@ -187,11 +188,11 @@ def _readings(single: Mapping[str, Fit]) -> list[str]:
     """A line for each recording read alone: its trust, change at 6 mm, shift, and other changes."""
     lines = []
     for name, one in single.items():
-        found = one.comparison
+        found = comparison(one)
         if found is not None:
             text = _change_at(found, 6)
             text += f", half-load {found.shift.position / MM:+z.2f} mm" if isfinite(found.shift.position) else ""
-            lines.append(f"{name}: {text}, trust {one.verdict.trust}")
+            lines.append(f"{name}: {text}, trust {verdict(one).trust}")
     return lines
 
 

@@ -49,14 +49,9 @@ class Simulation:
         sensitivities = f"; sensitivities to {', '.join(self.sensitivities)}" if self.sensitivities else ""
         return f"Simulation({self.status}: {self.message}; {self.log!r}{sensitivities})"
 
-    def _repr_html_(self) -> str:
-        from clutchid.report.notebook import simulation_html
+    if TYPE_CHECKING:  # attached by `clutchid.attached`
 
-        return simulation_html(self)
-
-    def plot(self) -> Figure:
-        """Simulated position and pressure, and the duty cycles, over time, as a matplotlib figure without pyplot."""
-        return self.log.plot()
+        def plot(self) -> Figure: ...
 
 
 def simulate(

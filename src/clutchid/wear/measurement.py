@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from clutchid.assess.comparison import comparison
 from clutchid.assess.engaging import Measurement, change_of, measured
+from clutchid.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.strokes.vented_rest import RestShift
 
@@ -63,12 +65,13 @@ def unmeasured(fit: Fit) -> str:
     """
     if fit.status == "failed" or not fit.converged:
         return f"its search did not converge: {fit.message}".rstrip(".") + "."
-    if fit.verdict.flawed:
-        return " ".join(fit.verdict.reasons)
-    if fit.comparison is None:
+    judged, compared = verdict(fit), comparison(fit)
+    if judged.flawed:
+        return " ".join(judged.reasons)
+    if compared is None:
         return "the calibration has no load in its file, so that there is nothing to compare with; save it again."
-    if change_of(fit.comparison) is None:
-        furthest = 1e3 * fit.comparison.reach
+    if change_of(compared) is None:
+        furthest = 1e3 * compared.reach
         return (
             f"the position of half load, or its interval, is not determined within the {furthest:.1f} mm that were "
             "reached; record longer strokes."

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid import fit, parameter_file, read_parameters, write_parameters
 from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimation import fit
 from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.parameter_file import parameter_file, read_parameters, write_parameters
 from clutchid.estimation.prediction_error import fit as module
 from clutchid.estimation.prediction_error.fit import PREDICTION_ERROR
 from clutchid.estimation.request import FitRequest

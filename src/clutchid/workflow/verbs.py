@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Literal
 
+from clutchid.assess.verdict import verdict
 from clutchid.estimation.fit import LogOrPath, MethodName, fit, fit_any
-from clutchid.estimation.parameter_file import ParameterFile, parameter_file, read_parameters, started
+from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
+from clutchid.estimation.parameter_file import parameter_file as with_trust
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.model.actuator import Actuator
@@ -145,3 +147,8 @@ def _content(start: Fit | ParameterFile | str | PathLike[str]) -> ParameterFile:
     if isinstance(start, ParameterFile):
         return start
     return parameter_file(start) if isinstance(start, Fit) else read_parameters(start)
+
+
+def parameter_file(fit: Fit) -> ParameterFile:
+    """Contents of a parameter file for a fit, with the trust of its verdict."""
+    return with_trust(fit, verdict(fit).trust)

@@ -195,8 +195,9 @@ def save(outcome: Outcome, path: Path) -> None:
     ExportError
         If the suffix is unknown or the file cannot be written; an existing file is unchanged.
     """
-    from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, parameter_file, write_parameters
+    from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, write_parameters
     from clutchid.report.matlab import write_matlab
+    from clutchid.workflow.verbs import parameter_file
 
     check_save(path)
     if path.suffix.lower() in MATLAB_SUFFIXES:
