@@ -40,9 +40,10 @@ class Pool:
     Parameters
     ----------
     workers
-        Number of processes on this machine; does not affect the results.
+        Number of processes on this machine, at most 4 a processor or 16; does not affect the results.
     scheduler
         Address of a Dask scheduler, which hands recordings to workers on other machines, for example tcp://host:8786.
+        They see the files under the same paths and have the same clutchid.
     timeout
         Time in s that one recording may take; 0 for no limit.
     tls_ca
@@ -53,7 +54,8 @@ class Pool:
     tls_key
         PEM file with the key of that certificate.
     memory
-        Memory of a worker, for example 2GB; this machine's by the number of its processors by default.
+        Memory of a worker, and of one recording in a process of its own, for example 2GB; by default this machine's by
+        the number of its processors, or what the workers of the scheduler have.
     """
 
     workers: int = 1
@@ -124,7 +126,7 @@ def fleet(
         as fit, and the wear of each vehicle.
     limit
         With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls; by
-        default the last row of TYPE.wear.csv ends it.
+        default the last row of TYPE.wear.csv ends it. Without either, what is left is not known.
     retry
         Read recordings once more that ended their worker or took too long.
     ambient
