@@ -39,7 +39,7 @@ class Errors(NamedTuple):
     own: float
 
 
-#: As `benchmarks/wear.py` measured them on types 0 to 3: docs/derivations.md.
+#: As `benchmarks/wear.py` measured them on types 0 to 3: benchmarks/results/wear.md.
 MEASURED = {
     "A": (Errors(26e-6, 0.29, 0.14, 0.18), Errors(0.0075, 0.69, 0.49, 0.71)),
     "B": (Errors(72e-6, 0.25, 0.06, 0.12), Errors(0.024, 1.01, 0.17, 0.29)),

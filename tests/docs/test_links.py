@@ -5,7 +5,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+RESULTS = ROOT / "benchmarks" / "results"
+PAGES = [
+    ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md")), *sorted(RESULTS.glob("*.md")),
+]  # fmt: skip
 
 
 def links(page: Path) -> list[tuple[Path, str]]:
@@ -39,6 +42,13 @@ def test_every_page_can_be_reached_from_the_start_page():
         reached |= new
         new = {to for page in new for to, _ in links(page) if to.suffix == ".md" and DOCS in to.parents} - reached
     assert sorted(page.relative_to(DOCS).as_posix() for page in set(DOCS.rglob("*.md")) - reached) == []
+
+
+def test_the_page_of_benchmarks_leads_to_every_file_of_results_and_names_every_command():
+    page = DOCS / "benchmarks.md"
+    assert set(RESULTS.glob("*.md")) - {target for target, _ in links(page)} == set()
+    text = page.read_text(encoding="utf-8")
+    assert [path.name for path in (ROOT / "benchmarks").glob("*.py") if f"benchmarks/{path.name}" not in text] == []
 
 
 def test_the_readme_leads_to_the_start_page():

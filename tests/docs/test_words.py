@@ -68,7 +68,7 @@ def test_every_message_that_the_pages_quote_is_one_of_the_program():
 
 
 def test_every_reason_that_a_verdict_can_give_is_explained():
-    trees = [ast.parse((SOURCE / "assess" / name).read_text(encoding="utf-8")) for name in ("verdict.py", "reading.py")]
+    trees = [ast.parse((SOURCE / "assess" / name).read_text(encoding="utf-8")) for name in ("reasons.py", "reading.py")]
     explained = {piece for message in messages(section(PAGES["result"], "Reasons")) for piece in pieces(message)}
     reasons = [
         reason

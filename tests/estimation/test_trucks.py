@@ -9,8 +9,8 @@ from clutchid import fit
 from clutchid.io import read
 
 #: Error of the load over 5 to 8 mm, rms in % of its true peak; their median and worst are the row "ballistic" of
-#: docs/benchmarks.md. The method is poor: supply, valves and friction are other than the Appendix says, and with the
-#: position alone every error of theirs is load.
+#: benchmarks/results/trucks.md. The method is poor: supply, valves and friction are other than the Appendix says, and
+#: with the position alone every error of theirs is load.
 REACHED = {
     (1, "calibration"): 1.34, (1, "worn1"): 1.29, (1, "worn2"): 2.45,
     (2, "calibration"): 1.58, (2, "worn1"): 1.82, (2, "worn2"): 4.90,

@@ -62,7 +62,7 @@ def followed(problem, simulated):
 
 
 def lyapunov(joint, states, theta, truth, simulated):
-    """M v^2 / 2 + q_A^2 / (2 gamma_q) + theta' inv(T T') theta / (2 gamma), of the errors; docs/derivations.md."""
+    """M v^2 / 2 + q_A^2 / (2 gamma_q) + theta' inv(T T') theta / (2 gamma), see docs/derivations_online.md."""
     p, at = truth.parameters, truth.states.index
     _, air, adaptation, _, _ = joint.rule.numbers[0]
     v = states[:, at("v")] - simulated["velocity"]

@@ -22,7 +22,7 @@ def bound_reasons(fit: Fit) -> list[Reason]:
 
 
 def bound_notes(fit: Fit) -> list[str]:
-    """Estimates at bounds that say nothing of the error of the load, by the figures in docs/derivations.md."""
+    """Estimates at bounds that say nothing of the error of the load: benchmarks/results/calibration.md."""
     physical = _at_bounds(fit, physical=True)
     if fit.departure is not None:
         found = [*physical, *_at_bounds(fit, physical=False)]

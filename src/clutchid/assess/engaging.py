@@ -23,7 +23,7 @@ class Shares(NamedTuple):
     by_temperature: float
 
 
-#: By channel. Five months of eight vehicles of both families: docs/derivations.md, "The wear of a clutch".
+#: By channel. Five months of eight vehicles of both families: docs/derivations_online.md, "The wear of a clutch".
 SHARES = {"shift": Shares(0.2, 0.4, 0.15), "load": Shares(0.6, 1.0, 0.4)}
 
 #: Recordings that the prior of the noise is worth: what these shares are known from.

@@ -37,7 +37,7 @@ STROKES = Limit(2, 1)
 HALF_WIDTH = Limit(WIDE, 0.33)
 
 #: NIS in motion over that of the calibration recordings. The second is the flag `unlike_calibration`; without a fault
-#: of the truck it was at most 1.84 in a minute (docs/derivations.md), 1.30 in 30 s (`benchmarks/observer_trust.py`).
+#: of the truck it was at most 1.84 in a minute and 1.30 in 30 s (benchmarks/results/observer.md).
 MISMATCH = Limit(1.5, UNLIKE)
 
 #: Share of the time of each flag. A frozen position is not among them: a quiet sensor at rest is frozen too, and its

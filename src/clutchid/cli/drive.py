@@ -57,7 +57,7 @@ def drive(
     wear
         Wear of the facing in mm.
     cycles
-        Number of strokes that the clutch has done.
+        Number of strokes that the clutch has done: seals, leaks and springs age with them.
     temperature
         Ambient temperature in °C; that of the truck type by default.
     supply
@@ -67,17 +67,19 @@ def drive(
     change
         What has changed since the calibration: supply, cold, warm, valves or seals; may be repeated.
     truth
-        JSON file with the true load over the position to write.
+        JSON file to write: the true load over the travel from the vented rest, supply pressure, wear, temperature,
+        touch point, and by how much the sensor reads more than that travel (rest_shift_m).
     pressure
         Record the chamber pressure as well.
     conditions
-        Record ambient temperature and supply pressure as well.
+        Record ambient temperature and supply pressure as well, as sensors with offset and noise show them.
     bus
         Record on the bus at 100 Hz with its own clock, instead of in the controller at 1 kHz.
     dropouts
         Number of intervals of 5 to 60 ms without measurements.
     offset
-        Offset of the position sensor in mm, as after an exchange or with a bent bracket.
+        Offset of the position sensor in mm, which the controller reads too, as after an exchange or with a bent
+        bracket.
     zero
         learned: the sensor reads 0 at the vented rest of this recording; kept: at that of the new clutch, from which
         the rest falls with wear.

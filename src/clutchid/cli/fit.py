@@ -61,9 +61,10 @@ class FitOptions:
     prior
         Priors NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), STD a standard deviation; several may follow each other.
     profile
-        Free parameters with intervals by profile likelihood, comma-separated; seconds each.
+        Free parameters with intervals by profile likelihood, comma-separated; by shooting only, seconds each.
     bootstrap
-        Draws of a bootstrap over strokes, which checks the intervals, for example 200; 0 for none.
+        Draws of a bootstrap over strokes, which checks the band of the load, for example 200; 0 for none; by shooting
+        only.
     verify
         Recordings to simulate with the result, but not to fit.
     save
@@ -173,7 +174,7 @@ def fit(
         Measured columns to compare: position, or position,pressure_a; pressure_a alone with the position as input.
     free
         Free parameters, comma-separated; `load` means all load weights, `auto` all parameters that a recording with
-        pressure can determine, `NAME@EACH` a parameter of its own for every recording.
+        pressure can determine, `NAME@EACH` a parameter of its own for every recording, reported as NAME@STEM.
     start
         Parameter file with model and start values; after a calibration only the load needs to be free.
     """

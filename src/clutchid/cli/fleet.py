@@ -40,12 +40,12 @@ class WorkerLimits:
     Parameters
     ----------
     workers
-        Number of processes on this machine; does not affect the results.
+        Number of processes on this machine, at most 4 a processor or 16; does not affect the results.
     timeout
         Time in s that one recording may take; 0 for no limit.
     memory
-        Memory for one recording, for example 2GB; by default this machine's by the number of its processors, or that of
-        the scheduler's workers.
+        Memory for one recording, for example 2GB; by default this machine's by the number of its processors, or what
+        the workers of the scheduler have.
     """
 
     workers: int = 1
@@ -93,7 +93,7 @@ def fleet(
         as fit, and the wear of each vehicle.
     limit
         With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls; by
-        default the last row of TYPE.wear.csv ends it.
+        default the last row of TYPE.wear.csv ends it. Without either, what is left is not known.
     retry
         Read recordings once more that ended their worker or took too long.
     ambient

@@ -43,7 +43,8 @@ def prove(
     seed
         Number of the first truck type.
     workflow
-        paper, paper-every-200, paper-every-200-q, paper-8-parts, or your own as MODULE:FUNCTION.
+        paper, paper-every-200, paper-every-200-q, paper-8-parts, calibrated and its relatives (docs/truck.md), or your
+        own as MODULE:FUNCTION.
     change
         What changes between the calibration and the worn recordings: supply, cold, warm, valves or seals; may be
         repeated, all of them then change together.

@@ -20,6 +20,7 @@ class Scheduler:
     ----------
     scheduler
         Address of a Dask scheduler, which hands the work to workers on other machines, for example tcp://host:8786.
+        They see files under the same paths and have the same clutchid; needs the extra fleet.
     tls_ca
         With a scheduler at tls://host:port: PEM file with the authority whose certificates it trusts; by default these
         three files are those of Dask's configuration.

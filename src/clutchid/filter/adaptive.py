@@ -2,7 +2,7 @@
 
 What the piston has moved further than predicted since the last sample, e, is the integral of the velocity's error. The
 position becomes the measured one; e corrects the velocity, the air q_A = p_A V_A of chamber A along A_A / V_A, and the
-load weights along -phi(y). See docs/derivations.md for the function that does not grow. Nothing is allocated.
+load weights along -phi(y). See docs/derivations_online.md for the function that does not grow. Nothing is allocated.
 """
 
 from __future__ import annotations

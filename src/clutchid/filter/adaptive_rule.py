@@ -14,7 +14,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.uncertainty.coordinates import Coordinate
 
 #: Time constant in s of the average position: the piston moves if its position is further from it than an outlier from
-#: what is predicted. Provenance: docs/derivations.md.
+#: what is predicted. Provenance: docs/derivations_online.md.
 AVERAGE = 0.1
 
 

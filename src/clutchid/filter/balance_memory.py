@@ -12,7 +12,7 @@ REACH = 1e-3
 
 #: For each sample without a usable position so many with one must follow before the balance counts again: the pressure
 #: in open loop knows nothing of how the piston moved meanwhile, until the chamber is vented. Provenance:
-#: docs/derivations.md.
+#: docs/derivations_online.md.
 RENEWAL = 2.0
 
 #: What stands in `JointState.waiting` behind the late state (size,): usable positions in a row, less than 0 while more

@@ -12,11 +12,11 @@ from clutchid.model.compiled import kernels
 from clutchid.simulation.stiffness import STROKE_TIME, TOP_SPEED
 
 #: Degree of the polynomials that smooth the position; time in s that the balance is late, in the middle of the
-#: positions that smooth it; time over which the present position is smoothed. Provenance: docs/derivations.md.
+#: positions that smooth it; time over which the present position is smoothed. Provenance: docs/derivations_online.md.
 DEGREE, LATE, PRESENT = 2, 0.02, 0.01
 
 #: Standard deviation in N of the balance of forces over a window: what pressure in open loop and friction miss.
-#: Provenance: docs/derivations.md.
+#: Provenance: docs/derivations_online.md.
 FORCE = 600.0
 
 

@@ -17,7 +17,7 @@ from clutchid.observe.observer import Observer
 MEMORY = 1000
 
 #: The calibration does not hold where the running mean is larger than the usual one by this factor. Provenance:
-#: docs/derivations.md.
+#: docs/derivations_online.md.
 UNLIKE = 2.0
 
 

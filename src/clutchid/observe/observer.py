@@ -24,13 +24,13 @@ from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise
 
 #: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as
-#: a share of that of their prior. Provenance: docs/derivations.md.
+#: a share of that of their prior. Provenance: docs/derivations_online.md.
 MEMORY, DRIFT = 0.01, 2e-4
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
 MARGIN = 1.05
 
-#: A leak of so many standard deviations is one. Provenance: docs/derivations.md.
+#: A leak of so many standard deviations is one. Provenance: docs/derivations_online.md.
 LEAK_FOUND = 5.0
 
 

@@ -18,7 +18,7 @@ from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.conditions import ACCURACY, NOT_RECORDED, by_supply
 
 #: Standard deviation of a supply that is not recorded from that of the calibration, as a share of it: what its governor
-#: leaves after minutes. Provenance: docs/derivations.md.
+#: leaves after minutes. Provenance: docs/derivations_online.md.
 ASSUMED = 0.006
 
 
