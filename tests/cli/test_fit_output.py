@@ -26,6 +26,8 @@ from clutchid.uncertainty.calibration import Origin
 from clutchid.workflow import Outcome
 from fixtures.baselines import with_baseline
 
+pytestmark = pytest.mark.slow
+
 COMMAND = Command(("fit", "worn.csv", "--start", "CAL.toml"), (Path("worn.csv"),), Path("CAL.toml"))
 ESCAPE = "\x1b"
 

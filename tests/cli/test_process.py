@@ -20,6 +20,8 @@ from clutchid.study.proving.ground import _read
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import drive, truck
 
+pytestmark = pytest.mark.slow
+
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals, links or devices")
 COMMAND = [sys.executable, "-m", "clutchid"]
 

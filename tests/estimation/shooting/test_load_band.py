@@ -18,6 +18,8 @@ from clutchid.uncertainty import change_prior as module
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.change_prior import DRIFT_CONSIDERED, changeable, drift
 
+pytestmark = pytest.mark.slow
+
 #: All numbers but the load are known as well as they drift.
 EXACT = Calibration((), np.zeros((0, 0)))
 
