@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.io.live.arrival import LiveBlock
     from clutchid.observe.live import LiveRun
-    from clutchid.observe.observer import Observer, ObserverState
+    from clutchid.observe.observer import Observer
+    from clutchid.observe.state import ObserverState
     from clutchid.strokes.vented_rest import Zero
 
 #: What stands for standard input, and for standard output.

@@ -14,7 +14,8 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.observe.by_stroke import StrokeRow, follow_strokes, known, positions
 from clutchid.observe.following import Observed, subtracted
 from clutchid.observe.health import health
-from clutchid.observe.observer import Observer, ObserverState, start
+from clutchid.observe.observer import Observer, start
+from clutchid.observe.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:

@@ -17,8 +17,9 @@ from clutchid.io.files import atomic_write
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
 from clutchid.observe.following import ROUNDING
-from clutchid.observe.observer import Observer, ObserverState, blank, start
-from clutchid.observe.rest import LOW, REMEMBERED, RestWatch
+from clutchid.observe.observer import Observer, blank, start
+from clutchid.observe.rest import LOW, REMEMBERED
+from clutchid.observe.state import ObserverState, RestWatch
 from clutchid.observe.strokes import Strokes
 from clutchid.observe.tail import Tail
 from clutchid.parameters import is_number

@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid.io.files import atomic_write
 from clutchid.log import COLUMNS, FloatArray, Log
-from clutchid.truck.family import family_of
+from clutchid.truck.families import family_of
 from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.running import Run
 from clutchid.truck.vehicle import Vehicle
