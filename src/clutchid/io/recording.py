@@ -165,9 +165,12 @@ def _named(table: Table, chosen: Pick) -> Table:
 
 
 def scaled(values: FloatArray, entry: Channel) -> FloatArray:
-    """Samples with the sign, factor and offset of a map entry, in its unit."""
+    """Samples with the sign, factor and offset of a map entry, in its unit; infinite where they overflow."""
     scale = entry.sign * entry.factor
-    return values if (scale, entry.offset) == (1.0, 0.0) else scale * values + entry.offset
+    if (scale, entry.offset) == (1.0, 0.0):
+        return values
+    with np.errstate(over="ignore", invalid="ignore"):  # `check` says which samples are not finite
+        return scale * values + entry.offset
 
 
 def _kept(table: Table, rows: Rows, time: FloatArray) -> Table:
