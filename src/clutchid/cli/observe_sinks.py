@@ -126,8 +126,8 @@ def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[
     Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
     the bus is open.
     """
+    from clutchid.io.files import write_text
     from clutchid.io.live.bus import sender
-    from clutchid.report.files import write_text
     from clutchid.report.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
 
     sent, failed = 0, False

@@ -55,7 +55,7 @@ def prove(
     """
 
     def work() -> int:
-        from clutchid.report.files import write_text
+        from clutchid.io.files import write_text
         from clutchid.report.tables import to_csv, to_text
         from clutchid.study.proving.ground import Conditions, kept
         from clutchid.study.proving.ground import prove as run

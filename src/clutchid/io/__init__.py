@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check, check_ambient
 from clutchid.io.columns import REQUIRED
-from clutchid.io.files import atomic_write, digest, polars_errors
+from clutchid.io.files import atomic_write, digest
 from clutchid.io.opening import open_source
 from clutchid.io.source import BLOCK, Source, in_contract, with_unit
 from clutchid.io.whole import check_size
@@ -151,11 +151,23 @@ def _logs(
         else:
             logs = pieces(source, chosen, ambient, required, rows)
     done, size = 0, max((raster.size for raster in source.rasters), default=0)
-    for log in logs:
+    for log in _from_disk(source.path, logs):
         yield replace(log, metadata={**log.metadata, **metadata})
         done += len(log)
         if progress is not None:
             progress(done, size)
+
+
+def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
+    """The logs; where the disk does not give them, an error that names the recording, not what is written meanwhile."""
+    while True:
+        try:
+            log = next(logs, None)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({error.strerror or error}).") from error
+        if log is None:
+            return
+        yield log
 
 
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
@@ -204,7 +216,7 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     if log.edges and suffix.lower() != ".parquet":
         lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
         warnings.warn(lost, stacklevel=2)
-    with polars_errors(path), atomic_write(path) as temporary:
+    with atomic_write(path) as temporary:
         writers[suffix.lower()](log, temporary)
 
 

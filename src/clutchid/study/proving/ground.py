@@ -17,7 +17,7 @@ from clutchid.fleet import pool
 from clutchid.fleet.alone import Lost
 from clutchid.fleet.cluster import Place, shared
 from clutchid.fleet.version import version_and_source
-from clutchid.io.files import atomic_write
+from clutchid.io.files import write_text
 from clutchid.log import Log
 from clutchid.study.proving.answers import Answer, Workflow, score
 from clutchid.study.proving.workflows import workflow
@@ -194,8 +194,7 @@ def _read(path: Path) -> dict[str, Any] | None:
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(content), encoding="utf-8")
+    write_text(json.dumps(content), path)
 
 
 def kept(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:
