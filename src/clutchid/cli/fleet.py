@@ -14,7 +14,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_bar
 from clutchid.cli.progress import progress_of
-from clutchid.cli.terminal import printable_lines
+from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import as_text, printable
 
@@ -174,7 +174,7 @@ def _run(place: Place, todo: list[Task], kept: Store) -> None:
         with progress_bar("fleet"):  # after the scheduler has answered, which is not known at once
             warm({task.how.start for task in todo})
         if on.dashboard:
-            print(f"dashboard: {printable(on.dashboard)}", file=sys.stderr)
+            put(f"dashboard: {printable(on.dashboard)}", to=sys.stderr)
         with progress_of("fleet") as progress:
             run(on, todo, kept, progress)
 
@@ -213,8 +213,8 @@ def _say(statuses: Counter[str], vehicles: int, read: int, out: Path, *, as_json
             {**EMPTY, "status": ended, "message": message, "statuses": dict(statuses), "out": str(out.resolve())}
         )
         return
-    print(printable_lines(message))
-    print(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((out / 'index.html').resolve()))}")
+    put(printable_lines(message))
+    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((out / 'index.html').resolve()))}")
 
 
 def _seconds(timeout: float) -> float:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, FAILED, guarded, print_written
 from clutchid.cli.progress import progress_of
-from clutchid.cli.terminal import WIDTH
+from clutchid.cli.terminal import WIDTH, put
 from clutchid.errors import ParameterError
 
 
@@ -70,7 +70,7 @@ def prove(
         table = standings(everyone)
         write_text(to_csv(table), out / "standings.csv")
         write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
-        print(to_text(table, WIDTH), fill(table.note, WIDTH), sep="\n\n")
+        put(to_text(table, WIDTH), "", fill(table.note, WIDTH))
         print_written(out / "recordings.csv")
         return FAILED if all(result["failed"] for result in results) else DONE
 
