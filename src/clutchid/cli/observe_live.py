@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, TextIO
 from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
 from clutchid.cli.observe_kept import Kept, offer
 from clutchid.cli.observe_output import Files, answer
-from clutchid.cli.observe_sinks import Sink, Stopped, published_frames, published_lines, say, view
+from clutchid.cli.observe_sinks import Sink, Stopped, published_frames, published_lines, view
+from clutchid.cli.terminal import say
 from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.io.live.bus import BusName, bus_name
 from clutchid.names import printable

@@ -25,8 +25,8 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.estimation.search_section import search_in, search_section
 from clutchid.estimation.search_state import Continuation
-from clutchid.io.files import atomic_write
-from clutchid.io.toml_file import read_toml
+from clutchid.io.files import small_file, write_text
+from clutchid.io.toml_file import LARGEST, toml_of
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
@@ -216,8 +216,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
         document["fit"] = dict(content.fit)
     name = actuator.equipment.name or "an electropneumatic clutch actuator"
     text = f"# Parameters of {name}, SI units; written by clutchid.\n" + tomli_w.dumps(document)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(text, path)
 
 
 def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) -> ParameterFile:
@@ -247,7 +246,8 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
             f"{path}: is for MATLAB, and clutchid does not read it back; save the fit as .toml too (fit LOG --save "
             "FIT.toml), and name that file."
         )
-    document = read_toml(path, "parameter file")
+    content = small_file(path, "parameter file", LARGEST)
+    document = toml_of(content, path, "parameter file")
     problems = unknown_names(document, _SECTIONS, "section")
     problems += [
         f"[{name}] must be a section with entries."
@@ -276,7 +276,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
     section = document.get("fit", {})
-    hashed = sha256(Path(path).read_bytes()).hexdigest()
+    hashed = sha256(content).hexdigest()
     origin = Origin(name=Path(path).name, sha256=hashed)._replace(**text_entries(section, ("created", "trust")))
     return ParameterFile(actuator, starts, section, own_values(document.get("recording", {})), origin)
 

@@ -13,7 +13,7 @@ import tomli_w
 
 from clutchid.errors import ParameterError
 from clutchid.filter.joint_filter import JointState
-from clutchid.io.files import atomic_write
+from clutchid.io.files import write_text
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
 from clutchid.observe.following import ROUNDING
@@ -57,8 +57,7 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
     if state.filter is not None:
         content["filter"] = {name: array.tolist() for name, array in state.filter._asdict().items()}
     content["observer"]["sha256"] = _checksum(content)
-    with atomic_write(path) as temporary, temporary.open("wb") as file:
-        tomli_w.dump(content, file)
+    write_text(tomli_w.dumps(content), path)
 
 
 def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
