@@ -24,7 +24,7 @@ from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.sensors import without_sensors
 from clutchid.simulation.stiffness import stiffness
-from clutchid.uncertainty.coordinates import WIDTHS
+from clutchid.uncertainty.coordinates import coordinates
 
 #: Shortest period in samples with duty cycles of its own: in a sample of 10 ms the middle of a period of 2 ms is known
 #: to 1 ms, as are the time stamps.
@@ -163,7 +163,7 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
         phase = centred(phase - actuator.parameters.tau_p / period)
     else:
         phase = find(log, actuator)
-    return Pulsed(fine, actuator.replace({"s_pwm": phase}), WIDTHS["s_pwm"])
+    return Pulsed(fine, actuator.replace({"s_pwm": phase}), _phase_std(actuator))
 
 
 def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulsed:
@@ -178,7 +178,7 @@ def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulse
     period = in_clock(actuator.parameters.T_pwm, log.time) if actuator.parameters.T_pwm else 0.0
     actuator = actuator.replace({"T_pwm": period})
     fine, open_std = on_time_grid(log, actuator)
-    std = max(WIDTHS["s_pwm"], STAMP_STD / period) if period > 0.0 else 0.0
+    std = max(_phase_std(actuator), STAMP_STD / period) if period > 0.0 else 0.0
     return Pulsed(fine, actuator, std, open_std)
 
 
@@ -220,3 +220,8 @@ def pulsed_without_sensors(log: Log, actuator: Actuator) -> Pulsed:
     pulsed_log = pulsed(log, actuator, False)
     moved = without_sensors(log, pulsed_log.actuator.parameters)
     return replace(pulsed_log, log=on_time_grid(moved, pulsed_log.actuator)[0])
+
+
+def _phase_std(actuator: Actuator) -> float:
+    """Standard deviation of the phase of the carrier in a recording, in periods, by its prior."""
+    return coordinates(actuator, ("s_pwm",), {}, {})[0].width

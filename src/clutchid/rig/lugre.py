@@ -28,7 +28,7 @@ from clutchid.rig.lugre_problem import (
     resolution,
     starts,
 )
-from clutchid.rig.lugre_warnings import DAMPINGS, UNITS_OF, at_bound, poor, softened
+from clutchid.rig.lugre_warnings import DAMPINGS, at_bound, poor, softened, unit_of
 from clutchid.signals.residual_colour import effective_samples
 from clutchid.uncertainty.covariance import Covariance, sandwich
 
@@ -246,5 +246,5 @@ def _estimates(
         low, high = values[name] - quantile * std, values[name] + quantile * std
         if np.isfinite(std):
             low = max(low, 0.0 if name in NAMES else low)
-        estimates[name] = Estimate(values[name], UNITS_OF[name], std, low, high)
+        estimates[name] = Estimate(values[name], unit_of(name), std, low, high)
     return estimates
