@@ -151,10 +151,11 @@ def _change_problems(changes: object) -> list[str]:
     """Changes with a group that are none."""
     if not isinstance(changes, tuple) or not all(isinstance(change, GroupChange) for change in changes):
         return [f"changes = {changes!r}: a tuple of GroupChange(GROUP, STD) is needed."]
-    unknown = [change.group for change in changes if change.group not in GROUPS]
-    return [f"changes: {unknown_name(str(group), GROUPS, 'group')}" for group in unknown] + [
-        problem for change in changes for problem in _no_numbers({f"changes, {change.group}, std": change.std})
-    ]
+    unknown = [change.group for change in changes if change.group not in list(GROUPS)]
+    problems = [f"changes: {unknown_name(str(group), GROUPS, 'group')}" for group in unknown]
+    stds = {f"changes, {change.group}, std": change.std for change in changes}
+    infinite = [key for key, std in stds.items() if isinstance(std, float) and not math.isfinite(std)]
+    return [*problems, *_no_numbers(stds), *(f"{key} = {stds[key]!r}: it must be finite." for key in infinite)]
 
 
 def _state_problems(state: OwnState, model: Physics) -> Iterator[str]:
