@@ -10,13 +10,10 @@ from typing import Any
 from clutchid.errors import ParameterError
 from clutchid.model.equipment import Equipment
 from clutchid.names import unknown_name
-from clutchid.parameters import is_number
+from clutchid.parameters import Parameters, is_number
 
 _EQUIPMENT = ("name", "description", "chamber_b", "valves")
 _GRAVITY = "gravity_load"
-
-#: Parameters from the drawing of an actuator; the defaults (Appendix A) are those of another one.
-_DRAWING, _DRAWING_B = ("A_A", "V_0A", "M", "y_max"), ("A_B", "V_0B")
 
 
 def equipment_in(document: Mapping[str, Any]) -> tuple[Equipment, list[str]]:
@@ -40,8 +37,8 @@ def equipment_in(document: Mapping[str, Any]) -> tuple[Equipment, list[str]]:
         equipment = Equipment(**{name: section[name] for name in _EQUIPMENT if name in section})
     except ParameterError as error:
         return Equipment(), [*problems, *str(error).splitlines()]
-    needed = [*_DRAWING, *(_DRAWING_B if equipment.chamber_b else ())]
-    if lacking := [name for name in needed if name not in values]:
+    drawn = [name for name, row in Parameters.rows().items() if row.drawing and not equipment.missing(name)]
+    if lacking := [name for name in drawn if name not in values]:
         problems.append(
             f"[parameters] {', '.join(lacking)}: missing; a file with [actuator] needs the values of its drawing, "
             "because the defaults are those of another actuator."
