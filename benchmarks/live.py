@@ -34,6 +34,8 @@ import numpy as np
 import polars as pl
 import psutil
 
+from live_faults import KINDS, fault_table, outcomes
+
 from clutchid.cli import main as clutchid
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.text_table import text_table
@@ -240,6 +242,20 @@ def show(folder: Path, log: Log, seconds: int) -> None:
     clutchid(["observe", *BUS, *OBSERVE, "--view"])
 
 
+def faults(folder: Path, log: Log, given: argparse.Namespace) -> None:
+    """Print what faults do to live runs, run by run where something is wrong, and then a table."""
+
+    def worn(seconds: int) -> list[bytes]:
+        return b"".join(csv_lines(log, seconds)).splitlines(keepends=True)
+
+    found = []
+    for one in outcomes(folder, worn, given.runs, given.seed, given.kind):
+        found.append(one)
+        if one.wrong:
+            print(f"{one.kind}, run {len(found)}: {one.wrong}", flush=True)
+    print(*fault_table(found), sep="\n")
+
+
 def row(name: str, follow: Callable[[int], Run], repeats: int, hours: float) -> tuple[str, ...]:
     """A path's factors and memory."""
     follow(SHORT)
@@ -258,11 +274,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--hours", type=float, default=1.0, help="length of the stream whose memory is shown")
+    parser.add_argument("--faults", action="store_true", help="inject faults into live runs instead")
+    parser.add_argument("--runs", type=int, default=len(KINDS) * 10, help="runs with a fault, of all kinds together")
+    parser.add_argument("--seed", type=int, default=1, help="of the moments of the faults")
+    parser.add_argument("--kind", default="", help="only the faults with this text in their name")
     parser.add_argument("--show", type=int, metavar="SECONDS", default=0, help="the demonstration, for as many seconds")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log = prepared(folder)
+        if given.faults:
+            faults(folder, log, given)
+            return
         if given.show:
             show(folder, log, given.show)
         paths: dict[str, Callable[[int], Run]] = {
