@@ -33,7 +33,6 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 import psutil
-
 from live_faults import KINDS, fault_table, outcomes
 
 from clutchid.cli import main as clutchid
@@ -249,7 +248,7 @@ def faults(folder: Path, log: Log, given: argparse.Namespace) -> None:
         return b"".join(csv_lines(log, seconds)).splitlines(keepends=True)
 
     found = []
-    for one in outcomes(folder, worn, given.runs, given.seed, given.kind):
+    for one in outcomes(folder, worn, given.runs, given.seed, given.kind, given.jobs):
         found.append(one)
         if one.wrong:
             print(f"{one.kind}, run {len(found)}: {one.wrong}", flush=True)
@@ -277,6 +276,7 @@ def main() -> None:
     parser.add_argument("--faults", action="store_true", help="inject faults into live runs instead")
     parser.add_argument("--runs", type=int, default=len(KINDS) * 10, help="runs with a fault, of all kinds together")
     parser.add_argument("--seed", type=int, default=1, help="of the moments of the faults")
+    parser.add_argument("--jobs", type=int, default=2, help="runs with a fault at once")
     parser.add_argument("--kind", default="", help="only the faults with this text in their name")
     parser.add_argument("--show", type=int, metavar="SECONDS", default=0, help="the demonstration, for as many seconds")
     given = parser.parse_args()

@@ -33,6 +33,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -51,10 +52,10 @@ from clutchid.text_table import text_table
 SECONDS, REAL_SECONDS, PACE = 20, 130, 20.0
 
 #: Time in s for a process to end, from the last sample; and from one saved state to the next where runs are short.
-PATIENCE, HASTE = 15.0, 1.0
+PATIENCE, HASTE = 15.0, 0.25
 
 #: Runs in real time at once.
-TOGETHER = 5
+TOGETHER = 10
 
 COMMAND = [sys.executable, "-m", "clutchid"]
 HASTY = [sys.executable, "-c", f"from clutchid.cli import observe_live, main; observe_live.MINUTE = {HASTE}; main()"]
@@ -92,9 +93,13 @@ class Session:
         self.given, self.read, self.stalled = 0, 0, threading.Event()
         self.room = np.nan
         self.heard = b""
+        self.deaf = True
         self.master = -1
         self.reader: threading.Thread | None = None
         self.process = self._started()
+        self.limit = threading.Timer(REAL_SECONDS + 60.0 if kind.real else 60.0, self.process.kill)
+        self.limit.daemon = True
+        self.limit.start()
 
     def _started(self) -> subprocess.Popen[bytes]:
         kind = self.kind
@@ -102,8 +107,9 @@ class Session:
         options = [*CALIBRATION, "--out", f"out/{kind.file}", "--save", own, *kind.options]
         source = "-"
         if kind.follow:
-            source = "growing.csv"
-            (self.place / source).write_bytes(b"")
+            source, options = "growing.csv", [*options, "--follow"]
+            self.given = 300
+            (self.place / source).write_bytes(b"".join(self.lines[: self.given]))
         command = [*(HASTY if kind.hasty else COMMAND), "observe", source, *options]
         if kind.unprivileged and os.geteuid() == 0:  # root may write where nobody else may
             command = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", *command]
@@ -122,11 +128,12 @@ class Session:
         elif kind.output in ("view", "terminal"):
             self.master, slave = pty.openpty()
             streams["stderr" if kind.output == "view" else "stdout"] = slave
-            deaf = self.draw.random() < 0.5  # nohup
-            begin = partial(_take_terminal, slave, deaf)
+            self.deaf = self.draw.random() < 0.5  # nohup
+            begin = partial(_take_terminal, slave, self.deaf)
         process = subprocess.Popen(
-            command, cwd=self.place, stdin=subprocess.PIPE, start_new_session=True, preexec_fn=begin, **streams
-        )
+            command, cwd=self.place, stdin=subprocess.PIPE, start_new_session=True,
+            preexec_fn=begin, **streams,  # noqa: PLW1509  # no other thread holds a lock of Python's then
+        )  # fmt: skip
         for file in (errors, said):
             file.close()
         if slave >= 0:
@@ -206,6 +213,7 @@ class Session:
             self.process.kill()
             self.process.wait()
             code = None
+        self.limit.cancel()
         self.stalled.set()
         if self.reader is not None:
             self.reader.join(0.5)
@@ -357,28 +365,14 @@ KINDS: dict[str, Kind] = {
 }
 
 
-def observed(*arguments: str) -> int:
-    """Run the command in this process, quietly; exit code."""
-    with open(os.devnull, "w") as null:
-        before, sys.stdout, sys.stderr = (sys.stdout, sys.stderr), null, null
-        try:
-            clutchid(["observe", *arguments])
-        except SystemExit as ended:
-            return int(ended.code or 0)
-        finally:
-            sys.stdout, sys.stderr = before
-    return 0
-
-
-def reference(folder: Path, lines: list[bytes]) -> Reference:
-    """What is observed in a file of the lines."""
-    place = folder / "reference"
-    place.mkdir(exist_ok=True)
-    file, out, state = place / "worn.csv", place / "est.parquet", place / "state.toml"
-    file.write_bytes(b"".join(lines))
-    given = ["--start", str(folder / "cal.toml"), "--out", str(out), "--save", str(state)]
-    assert observed(str(file), *given) == 0
-    return Reference(lines, pl.read_parquet(out), pl.read_parquet(place / "est.load.parquet"), state.read_text())
+def reference(place: Path, lines: list[bytes]) -> Reference:
+    """What is observed in a file of the lines, in a folder beside the calibration."""
+    place.mkdir()
+    (place / "worn.csv").write_bytes(b"".join(lines))
+    given = [*CALIBRATION, "--out", "est.parquet", "--save", "state.toml"]
+    subprocess.run([*COMMAND, "observe", "worn.csv", *given], cwd=place, check=True, stdout=subprocess.DEVNULL)
+    samples, strokes = (pl.read_parquet(place / name) for name in ("est.parquet", "est.load.parquet"))
+    return Reference(lines, samples, strokes, (place / "state.toml").read_text())
 
 
 def frame_of(path: Path) -> pl.DataFrame | str:
@@ -405,7 +399,7 @@ def one_run(folder: Path, name: str, number: int, draw: random.Random, undisturb
         moment = draw.randint(62_000, size - 1000)
     if kind.spoiled is not None:
         lines[moment] = kind.spoiled(draw, lines[moment])
-        undisturbed = reference(folder, [*lines[:moment], *lines[moment + 1 :]])
+        undisturbed = reference(folder / f"reference{number}", [*lines[:moment], *lines[moment + 1 :]])
     end = draw.randint(moment + 1, size - 500) if kind.goes_on else moment
     if kind.bus:
         return _bus_run(name, place, number, moment, end, undisturbed)
@@ -416,7 +410,7 @@ def one_run(folder: Path, name: str, number: int, draw: random.Random, undisturb
         session.give(moment, 1.0 if kind.real else PACE)
     session.note()
     kind.inject(session)
-    if kind.goes_on:
+    if kind.goes_on and (session.deaf or kind.inject is not _hang_up):
         session.give(end)
         session.read = session.given
     if kind.goes_on or kind.killed:
@@ -455,7 +449,7 @@ def _checked(
         elif where.exists() and where != place / one:
             shutil.copy(where, place / one)
     has_state = (place / state).exists()
-    wrong += _resumed(place, kind, state, session.lines, undisturbed) if has_state else []
+    wrong += _resumed(place, kind, state, undisturbed) if has_state else []
     if kind.killed:
         for one in (place / "out").glob("*.recovered*"):
             one.replace(kept / one.name.replace(".recovered", ""))
@@ -501,7 +495,7 @@ def _session_of(pid: int) -> int:
         return -1
 
 
-def _resumed(place: Path, kind: Kind, state: Path, lines: Sequence[bytes], undisturbed: Reference) -> list[str]:
+def _resumed(place: Path, kind: Kind, state: Path, undisturbed: Reference) -> list[str]:
     """What is wrong with a run that goes on from a state, in the same place, to the end."""
     latest = tomllib.loads((place / state).read_text())["tail"]["time"][-1]
     at = 1 + int(np.searchsorted(undisturbed.samples["time [s]"].to_numpy(), latest, side="right"))
@@ -517,7 +511,8 @@ def _resumed(place: Path, kind: Kind, state: Path, lines: Sequence[bytes], undis
         process.send_signal(signal.SIGTERM)
         errors, code = process.communicate(timeout=60)[1], process.returncode
     else:
-        done = subprocess.run([*COMMAND, "observe", "-", *options], cwd=place, input=rest, capture_output=True)
+        command = [*COMMAND, "observe", "-", *options]
+        done = subprocess.run(command, cwd=place, input=rest, capture_output=True, check=False)
         errors, code = done.stderr, done.returncode
     wrong = [] if code == 0 else [f"resumed with exit code {code}: {' '.join(errors.decode().split())[-300:]}"]
     if code == 0 and (place / state).read_text() != undisturbed.state:
@@ -583,7 +578,7 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
         if again != 0:
             said = " ".join((place / "again.txt").read_text().split())
             wrong.append(f"resumed with exit code {again}: {said[-300:]}")
-        elif _content(state.read_text()) != _content(undisturbed.state):
+        elif state.read_text() != undisturbed.state:
             wrong.append("another state at the end")
     elif not kind.killed:
         wrong.append("no state")
@@ -592,14 +587,6 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
             one.replace(kept / one.name.replace(".recovered", ""))
     lost, problems = _rows(place, kept, kind, file, has_state, session.read, np.nan, undisturbed)
     return Outcome(name, lost, lost < 0.0005, "; ".join([*wrong, *problems]))
-
-
-def _content(state: str) -> dict[str, object]:
-    """A state without the stamp of the first frame, which each bus has its own of, and the checksum over it."""
-    content = tomllib.loads(state)
-    for name in ("sha256", "origin"):
-        content["observer"].pop(name, None)
-    return content
 
 
 class _BusSession(NamedTuple):
@@ -696,41 +683,24 @@ def prepared_bus(folder: Path, lines: Sequence[bytes]) -> Reference:
     return Reference(list(lines), samples, strokes, (place / "out" / "state.toml").read_text())
 
 
-def outcomes(folder: Path, worn: Callable[[int], list[bytes]], runs: int, seed: int, only: str) -> Iterator[Outcome]:
-    """Runs of each kind in turn, `runs` in all; those in real time several at once."""
-    names = [name for name in KINDS if only in name]
-    each = {name: runs // len(names) + (i < runs % len(names)) for i, name in enumerate(names)}
-    undisturbed = reference(folder, worn(SECONDS))
-    on_bus = prepared_bus(folder, undisturbed.lines) if any(KINDS[name].bus for name in names) else None
-    number = 0
-    for name in names:
-        if KINDS[name].real:
-            long = reference(folder, worn(REAL_SECONDS))
-            numbers = range(number, number + each[name])
-            yield from _together(folder, name, numbers, seed, long)
-            number += each[name]
-            continue
-        for _ in range(each[name]):
-            wanted = on_bus if KINDS[name].bus and on_bus else undisturbed
-            yield one_run(folder, name, number, random.Random(f"{seed} {number}"), wanted)
-            number += 1
-
-
-def _together(
-    folder: Path, name: str, numbers: Sequence[int], seed: int, undisturbed: Reference
+def outcomes(
+    folder: Path, worn: Callable[[int], list[bytes]], runs: int, seed: int, only: str, jobs: int
 ) -> Iterator[Outcome]:
-    found: list[Outcome] = []
+    """Runs of each kind in turn, `runs` in all, `jobs` at once; those in real time first, more at once."""
+    names = [name for name in KINDS if only in name]
+    each = [name for i, name in enumerate(names) for _ in range(runs // len(names) + (i < runs % len(names)))]
+    undisturbed = reference(folder / "reference", worn(SECONDS))
+    on_bus = prepared_bus(folder, undisturbed.lines) if any(KINDS[name].bus for name in names) else None
+    long = reference(folder / "long", worn(REAL_SECONDS)) if any(KINDS[name].real for name in names) else None
 
-    def run(number: int) -> None:
-        found.append(one_run(folder, name, number, random.Random(f"{seed} {number}"), undisturbed))
+    def run(number: int) -> Outcome:
+        kind = KINDS[each[number]]
+        wanted = (long if kind.real else on_bus if kind.bus else undisturbed) or undisturbed
+        return one_run(folder, each[number], number, random.Random(f"{seed} {number}"), wanted)
 
-    for begin in range(0, len(numbers), TOGETHER):
-        threads = [threading.Thread(target=run, args=(one,)) for one in numbers[begin : begin + TOGETHER]]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-    yield from found
+    for real, at_once in ((True, TOGETHER), (False, jobs)):
+        with ThreadPoolExecutor(at_once) as pool:
+            yield from pool.map(run, [i for i, name in enumerate(each) if KINDS[name].real == real])
 
 
 def fault_table(found: Sequence[Outcome]) -> list[str]:

@@ -20,7 +20,7 @@ from typing import BinaryIO, Protocol
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.io.files import writable_target
+from clutchid.io.files import atomic_write, polars_errors, writable_target
 from clutchid.io.formats.parquet.file import KEY
 from clutchid.io.formats.parquet.groups import MAGIC, Groups, appended, footer_bytes
 from clutchid.io.table import to_frame
@@ -121,6 +121,34 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
                 found.append(free)
             shutil.rmtree(folder)
     return found
+
+
+def cut_behind(path: Path, time: float) -> None:
+    """Cut a file of a recording before its first sample at or after `time` in s; without any other it is removed.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be written; it is unchanged then.
+    """
+    import polars as pl
+
+    text = path.suffix.lower() == ".csv"
+    with polars_errors(path):
+        table = pl.scan_csv(path, infer_schema=False) if text else pl.scan_parquet(path)
+        earlier = pl.col("time [s]").cast(pl.Float64) < time
+        kept, count = table.select(earlier.sum().alias("kept"), pl.len().alias("count")).collect().row(0)
+        if kept == count:
+            return
+        if not kept:
+            path.unlink()
+            return
+        with atomic_write(path) as temporary:
+            if text:
+                table.filter(earlier).sink_csv(temporary)
+            else:
+                metadata = {name: value for name, value in pl.read_parquet_metadata(path).items() if name == KEY}
+                table.filter(earlier).sink_parquet(temporary, metadata=metadata)
 
 
 def _is_whole(folder: Path, suffix: str) -> bool:
