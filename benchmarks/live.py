@@ -252,7 +252,7 @@ def faults(folder: Path, log: Log, given: argparse.Namespace) -> None:
         found.append(one)
         if one.wrong:
             print(f"{one.kind}, run {len(found)}: {one.wrong}", flush=True)
-    print(*fault_table(found), sep="\n")
+    print(*fault_table(found), sep="\n", flush=True)
 
 
 def row(name: str, follow: Callable[[int], Run], repeats: int, hours: float) -> tuple[str, ...]:

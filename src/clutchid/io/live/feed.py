@@ -80,7 +80,7 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
     Raises
     ------
     DataError
-        If there is no readable plain file of text, or it becomes shorter or another file; all of the first one was given.
+        If there is no readable plain file of text, or it becomes shorter or another file, after the rest of the first.
     """
     file = plain_file(path)
     if (kind := kind_of(head_of(file))) != "csv":
