@@ -688,7 +688,7 @@ def outcomes(
 ) -> Iterator[Outcome]:
     """Runs of each kind in turn, `runs` in all, `jobs` at once; those in real time first, more at once."""
     names = [name for name in KINDS if only in name]
-    each = [name for i, name in enumerate(names) for _ in range(runs // len(names) + (i < runs % len(names)))]
+    each = [names[i % len(names)] for i in range(runs)]
     undisturbed = reference(folder / "reference", worn(SECONDS))
     on_bus = prepared_bus(folder, undisturbed.lines) if any(KINDS[name].bus for name in names) else None
     long = reference(folder / "long", worn(REAL_SECONDS)) if any(KINDS[name].real for name in names) else None
