@@ -26,8 +26,9 @@ from clutchid.io.formats.parquet.groups import MAGIC, Groups, appended, footer_b
 from clutchid.io.table import to_frame
 from clutchid.log import Log
 
-#: Numbers in a piece of a Parquet file, and blocks that are joined before: a short one takes more than its numbers.
-PIECE, BLOCKS = 1 << 20, 64
+#: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
+#: before: a short one takes more than its numbers.
+PIECE, BLOCKS = 1 << 19, 64
 
 #: Suffixes of files that can be written piece by piece.
 SPOOLED = (".parquet", ".csv")
