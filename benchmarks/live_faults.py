@@ -384,8 +384,11 @@ def frame_of(path: Path) -> pl.DataFrame | str:
 
 
 def same(found: pl.DataFrame, wanted: pl.DataFrame) -> bool:
-    """Whether two tables are the same, bit by bit; CSV has the same digits."""
-    return found.equals(wanted.cast(dict(zip(found.columns, found.dtypes, strict=True))), null_equal=True)
+    """Whether two tables are the same, bit by bit; CSV has the same digits, and nothing for NaN."""
+    if found.columns != wanted.columns:
+        return False
+    each = [frame.cast(dict(wanted.schema)).with_columns(pl.all().fill_nan(None)) for frame in (found, wanted)]
+    return each[0].equals(each[1], null_equal=True)
 
 
 def one_run(folder: Path, name: str, number: int, draw: random.Random, undisturbed: Reference) -> Outcome:
@@ -507,7 +510,7 @@ def _resumed(place: Path, kind: Kind, state: Path, undisturbed: Reference) -> li
             [*COMMAND, "observe", "growing.csv", "--follow", *options], cwd=place, stderr=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
-        time.sleep(4.0)
+        _idle(process.pid)
         process.send_signal(signal.SIGTERM)
         errors, code = process.communicate(timeout=60)[1], process.returncode
     else:
@@ -519,6 +522,14 @@ def _resumed(place: Path, kind: Kind, state: Path, undisturbed: Reference) -> li
         wrong.append("another state at the end")
     hidden = [path.name for path in place.rglob(".*")]
     return [*wrong, *([f"left {hidden} after resuming"] if hidden else [])]
+
+
+def _idle(pid: int) -> None:
+    """Wait until a process that has loaded takes no more processor time: it has read all that there is."""
+    used, before, until = 0.0, -1.0, time.monotonic() + 60.0
+    while (used < 1.0 or used - before > 0.15) and time.monotonic() < until:
+        time.sleep(1.5)
+        before, used = used, sum(psutil.Process(pid).cpu_times()[:2])
 
 
 def _rows(
@@ -711,5 +722,7 @@ def fault_table(found: Sequence[Outcome]) -> list[str]:
         complete, wrong = sum(one.complete for one in each), sum(bool(one.wrong) for one in each)
         rows.append((name, f"{len(each)}", f"{complete}", f"{max(one.lost for one in each):.2f}", f"{wrong}"))
     complete, wrong = sum(one.complete for one in found), sum(bool(one.wrong) for one in found)
-    rows.append(("all", f"{len(found)}", f"{complete}", f"{max(one.lost for one in found):.2f}", f"{wrong}"))
+    rows.append(
+        ("all", f"{len(found)}", f"{complete}", f"{max((one.lost for one in found), default=0.0):.2f}", f"{wrong}")
+    )
     return text_table(rows, 1)

@@ -136,6 +136,12 @@ def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):
     assert [one.name for one in tmp_path.iterdir()] == [path.name]
 
 
+def test_an_empty_folder_that_could_not_be_removed_is_removed_by_the_next_run(tmp_path):
+    (tmp_path / ".clutchid-live-0").mkdir()
+    assert recovered(tmp_path / "live.parquet") == []
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_is_removed_costs_only_the_place_of_the_file(tmp_path, log):
     (tmp_path / "out").mkdir()
     places = []

@@ -113,6 +113,8 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
     target = Path(path).resolve()
     found = []
     for folder in sorted(target.parent.glob(f"{_PREFIX}*")):
+        with suppress(OSError):  # with nothing in it: its run could not remove it from a write-protected folder
+            folder.rmdir()
         with suppress(OSError, ValueError), (folder / _TARGET).open("r+") as name:
             if json.load(name) != target.name or not _lock(name.fileno()):
                 continue
