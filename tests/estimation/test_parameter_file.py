@@ -119,6 +119,8 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
         ("[model]\nduty_period = 0.01\n", ["[model] duty_period = 0.01", "belongs to duty = 'latched'"]),
         (f"[model]\nphi2_slope = 1{400 * '0'}\n", ["phi2_slope", "numbers are needed"]),
         ("recording = 5\n", ["[recording] must be a section"]),
+        ("[fit]\nformat = 2\n", ["[fit] format = 2", "reads format 1", "save the fit again"]),
+        ("[fit]\nformat = '1'\n", ["[fit] format = '1'", "reads format 1"]),
     ],
 )
 def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
@@ -141,6 +143,12 @@ def test_what_a_calibration_found_of_the_duty_cycles_is_kept(period, tmp_path):
     assert read == actuator
     assert repr(read) == ("Actuator()" if period is None else f"Actuator(duty_period={period})")
     assert ("duty" in (tmp_path / "a.toml").read_text()) == (period is not None)
+
+
+def test_the_format_of_a_file_that_is_read_may_stand_in_it(tmp_path):
+    path = tmp_path / "fit.toml"
+    path.write_text("[fit]\nformat = 1\n")
+    assert read_parameters(path).actuator == Actuator()
 
 
 def test_all_wrong_entries_are_reported_at_once(tmp_path):

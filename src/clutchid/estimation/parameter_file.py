@@ -42,6 +42,9 @@ LARGEST = 1e12
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 
+#: Number of `[fit] format`; a file without it has this one.
+FORMAT = 1
+
 #: Fields of a calibration in its section, in this order.
 _CALIBRATED = (
     "names", "covariance", "converged", "theta", "theta_covariance", "origin", "conditions", "nis", "rest",
@@ -383,6 +386,11 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     if problems:
         raise ParameterError(_all(path, problems))
     about, recordings = document.get("fit", {}), document.get("recording", {})
+    if "format" in about and about["format"] != FORMAT:
+        raise ParameterError(
+            f"{path}: [fit] format = {about['format']!r}: this version of clutchid reads format {FORMAT}; use the "
+            "version that saved the file, or save the fit again with this one."
+        )
     try:
         actuator = actuator_in(document, model, problems)
         own = {} if model is None else model.parameters
