@@ -10,31 +10,35 @@ from hashlib import sha256
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.actuator_tables import actuator_in, actuator_tables
+from clutchid.estimation.parameter_tables import (
+    REST,
+    Starts,
+    actuator_in,
+    actuator_tables,
+    recording_tables,
+    recordings_in,
+)
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.estimation.search_state import Continuation, SearchState
 from clutchid.io.files import atomic_write
-from clutchid.io.records import Rule, collected, covariance_problem, plain, read, table
+from clutchid.io.records import Rule, covariance_problem, plain, read, table
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
-from clutchid.strokes.vented_rest import FURTHEST, Rested, from_rest
+from clutchid.strokes.vented_rest import Rested, from_rest
 from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 
 #: Suffixes of files for MATLAB, which `clutchid.report.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")
-
-#: What was subtracted from the position of a recording in m, because its vented rest had moved.
-REST = "rest_shift"
 
 #: No standard deviation is larger, in SI: ten times the largest admissible value, that of a stiffness.
 LARGEST = 1e12
@@ -54,15 +58,6 @@ _CALIBRATED = (
 #: What is read for an entry that a section lacks, beside the defaults of its record: there may be no level, and a
 #: dispersion that is missing is refused.
 _LACKING = {"rest": {"returned": math.nan}, "position_only": {"dispersion": math.nan}}
-
-Starts = tuple[tuple[float, float], ...]
-
-
-class _StartSection(NamedTuple):
-    """Start values of the segments of a recording: positions in m and pressures in chamber A in Pa."""
-
-    position_start: tuple[float, ...] = ()
-    pressure_a_start: tuple[float, ...] = ()
 
 
 def _possible(errors: PositionOnlyErrors) -> bool:
@@ -101,16 +96,6 @@ _RULES = {
         "status (converged, stalled or limit), evaluations, free, and priors as NAME = [mean, std] are needed; save "
         "the fit again, or take the section out to start a new search",
         lambda state: all(math.isfinite(p.mean) and 0.0 < p.std < math.inf for p in state.priors.values()),
-    ),
-    "position_start": Rule(
-        "a list of finite numbers is needed, one per segment", lambda starts: all(map(math.isfinite, starts))
-    ),
-    "pressure_a_start": Rule(
-        "a list of finite numbers is needed, one per segment; pressures are absolute, in Pa, and above 0",
-        lambda starts: all(0.0 < pressure < math.inf for pressure in starts),
-    ),
-    REST: Rule(
-        f"a number in m is needed; a rest moves by at most {FURTHEST:g} m", lambda shift: abs(shift) <= FURTHEST
     ),
 }
 
@@ -334,14 +319,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 
     document = actuator_tables(content.actuator)
     if content.starts:
-        document["recording"] = {
-            stem: {
-                "position_start": [y for y, _ in starts],
-                "pressure_a_start": [p for _, p in starts],
-                **content.own.get(stem, {}),
-            }
-            for stem, starts in content.starts.items()
-        }
+        document["recording"] = recording_tables(content.starts, content.own)
     if content.fit:
         document["fit"] = dict(content.fit)
     name = content.actuator.equipment.name or "an electropneumatic clutch actuator"
@@ -393,9 +371,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
         )
     try:
         actuator = actuator_in(document, model, problems)
-        own = {} if model is None else model.parameters
-        names = (*Parameters.names(), *own, REST)
-        each = {stem: collected(problems, _recording, stem, entry, names) for stem, entry in recordings.items()}
+        starts, own = recordings_in(recordings, model, problems)
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
     if problems or actuator is None:
@@ -403,29 +379,8 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     hashed = sha256(Path(path).read_bytes()).hexdigest()
     said = {name: about.get(name) for name in ("created", "trust")}
     origin = _with_texts(Origin(name=Path(path).name, sha256=hashed), said)
-    starts = {stem: found[0] for stem, found in each.items() if found}
-    single = {stem: found[1] for stem, found in each.items() if found and found[1]}
-    return ParameterFile(actuator, starts, about, single, origin)
+    return ParameterFile(actuator, starts, about, own, origin)
 
 
 def _all(path: str | PathLike[str], problems: list[str]) -> str:
     return str(DataError.of(str(path), [line for problem in problems for line in problem.splitlines()]))
-
-
-def _recording(stem: str, entry: Any, names: Sequence[str]) -> tuple[Starts, dict[str, float]]:
-    """Start values of the segments, and values of the parameters `names`, of one recording."""
-    keys, where = _StartSection._fields, f"[recording.'{stem}']"
-    in_words = " and ".join(keys)
-    if not isinstance(entry, dict):
-        raise ParameterError(f"[recording] {stem} = {entry!r}: a section {where} with {in_words} is needed.")
-    problems = unknown_names(entry, (*keys, *names), f"entry of {where}")
-    lists = {key: value for key, value in entry.items() if key in keys}
-    single = {name: value for name, value in entry.items() if name in names}
-    starts = collected(problems, read, _StartSection, lists, where, _RULES)
-    own = collected(problems, read, dict[str, float], single, where, _RULES)
-    if starts is not None and len({*map(len, starts)}) > 1:
-        counts = " and ".join(str(len(each)) for each in starts)
-        problems.append(f"{where}: {in_words} must have the same length; they have {counts} entries.")
-    if problems or starts is None or own is None:
-        raise ParameterError("\n".join(problems))
-    return tuple(zip(*starts, strict=True)), own
