@@ -15,10 +15,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from clutchid import Actuator, Fit, fit
-from clutchid.estimation.automatic import BALANCE, PAPER, STRIBECK
+from clutchid.estimation.automatic import freed
 from clutchid.truck import drive, truck
 
-TWENTY_FIVE = ("load", *(name for name in (*PAPER, *BALANCE, *STRIBECK) if name not in ("K_z", "D_zdot", "v_S")))
+MODEL = Actuator(model="energy-balance-stribeck")
+TWENTY_FIVE = (
+    "load",
+    *(n for n in freed(MODEL) if not MODEL.row(n).valves and n not in ("K_z", "D_zdot", "v_S")),
+)
 
 
 def main() -> None:

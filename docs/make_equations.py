@@ -11,7 +11,7 @@ from pathlib import Path
 from clutchid.codegen.latex import latex_source
 from clutchid.model.compiled import system
 from clutchid.model.opening import port_opening, spool_rate
-from clutchid.parameters import Parameters
+from clutchid.parameters import Parameters, Row
 
 PAGE = Path(__file__).parent / "equations.md"
 
@@ -53,6 +53,16 @@ sample lasts.
 """
 
 
+KNOWN = """## What is known of the parameters
+
+Standard deviations, as shares of the value or in the unit of the parameter: of the prior in a new actuator, log-normal
+with a share, else normal; of the drift between two recordings where nothing has changed ("considered": it widens the
+interval, and is not estimated from position alone); and of a change with the parameters of its group. Then whether a
+calibration (`--free auto`) frees it, and whether it adapts in the observer: "yes" by its drift, else by the standard
+deviation of its change within hours. A calibration and the observer know y_max to 0.5 mm, a calibration P_0 to 100 Pa.
+Reasons: [priors](derivations.md#priors), [changes](derivations.md#changes-since-the-calibration)."""
+
+
 def page() -> str:
     """The text of the page."""
     parts = [HEAD + _math(latex_source(system("isothermal")))]
@@ -71,7 +81,7 @@ def page() -> str:
         laws = (pulse_share, fall, continued_share, bridged_share, passed_pulses, switched_opening)
         parts.append(SWITCHED + "\n\n".join(_math(_formula(law)) for law in laws))
     parts.append(PROPORTIONAL + "\n\n".join(_math(_formula(law)) for law in (spool_rate, port_opening)))
-    return "\n\n".join([*parts, "## Parameters", _rows()]) + "\n"
+    return "\n\n".join([*parts, "## Parameters", _rows(), KNOWN, _known()]) + "\n"
 
 
 def _own(variant: str) -> str:
@@ -103,6 +113,25 @@ def _rows() -> str:
         cells = (f"`{item.name}`", f"{item.default:g}", row.unit, row.meaning, row.allowed, row.source)
         rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows)
+
+
+def _known() -> str:
+    """The table of priors, changes and use."""
+    rows = ["| name | prior | drift | changes with a group | freed | adapts |", "|---|---|---|---|---|---|"]
+    for name, row in Parameters.rows().items():
+        changes = "; ".join(f"{one.group} {_std(one.std, row)}" for one in row.changes)
+        drift = f"{_std(row.drift.std, row)}{', considered' * row.drift.considered}" if row.drift else ""
+        freed = f"yes{f', valves {row.valves}' * bool(row.valves)}" if row.freed else ""
+        hours = row.adapts and row.adapts.std
+        adapts = _std(hours, row) if hours else "yes" * bool(row.adapts)
+        cells = (f"`{name}`", _std(row.spread.std, row) if row.spread else "", drift, changes, freed, adapts)
+        rows.append("| " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def _std(std: float, row: Row) -> str:
+    """A standard deviation of a row: a share, or a number in its unit."""
+    return f"{100 * std:.4g} %" if row.in_shares else f"{std:g}"
 
 
 if __name__ == "__main__":

@@ -40,33 +40,6 @@ settings.load_profile("clutchid")
 THETA = (9.0e5, -0.3e5, 0.6e5)
 
 
-#: Files whose tests refit, calibrate, integrate with adaptive solvers, start processes or compile C: seconds each. The
-#: inner loop leaves them out with ``-m "not slow"``.
-SLOW = {
-    "assess/test_manoeuvre_choice.py", "c/test_columns_c.py", "c/test_energy_balance_c.py", "c/test_isothermal_c.py",
-    "c/test_joint_c.py", "c/test_joint_recording_c.py",
-    "c/test_own_model_c.py", "cli/test_commands.py", "cli/test_completion.py", "cli/test_fit_output.py",
-    "cli/test_process.py", "codegen/test_callback.py", "codegen/test_program.py", "docs/test_console_blocks.py",
-    "estimation/prediction_error/test_fit.py", "estimation/prediction_error/test_innovations.py",
-    "estimation/prediction_error/test_method.py", "estimation/shooting/test_load_band.py",
-    "estimation/shooting/test_profile.py", "estimation/test_calibrate.py", "filter/test_filtering.py",
-    "golden/test_golden_results.py", "house/test_own_models_page.py", "io/test_csv_dialects.py", "io/test_fuzz.py",
-    "laws/test_b_splines.py", "laws/test_carrier.py", "laws/test_energy_balance.py", "model/test_kernels.py",
-    "model/test_own_model.py", "oracles/test_finite_differences.py", "oracles/test_plain_twin.py",
-    "oracles/test_sandwich.py", "preparation/test_carrier.py", "report/test_fit_page.py", "rig/test_coulomb.py",
-    "rig/test_lugre.py", "simulation/test_failing_term.py", "study/paper/test_paper_study.py",
-    "study/paper/test_pressure.py", "study/paper/test_tables.py", "study/proving/test_proving.py",
-    "truck/test_balances.py", "truck/test_drive.py", "truck/test_isothermal_limit.py",
-}  # fmt: skip
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of the slow files."""
-    for item in items:
-        if item.path.is_relative_to(HERE) and item.path.relative_to(HERE).as_posix() in SLOW:
-            item.add_marker(pytest.mark.slow)
-
-
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the kernels once, before workers start that would all do it; no test compiles for itself."""
     if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):

@@ -5,6 +5,7 @@ Columns are in SI under the names of `COLUMNS`; a missing sample is NaN.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,30 +16,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
+from clutchid.states import STATES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FloatArray = NDArray[np.float64]
 
-#: Column names of a recording or a simulation and their SI units.
+INPUTS = ("duty_supply", "duty_exhaust")
+
+#: Column names of a recording or a simulation and their SI units: states of the models, duty cycles, and what else is
+#: measured or estimated.
 COLUMNS: Mapping[str, str] = MappingProxyType(
     {
-        "position": "m",
-        "duty_supply": "1",
-        "duty_exhaust": "1",
-        "pressure_a": "Pa",
-        "velocity": "m/s",
-        "pressure_b": "Pa",
-        "deflection": "m",
-        "temperature_a": "K",
-        "temperature_b": "K",
-        "pressure_supply": "Pa",
+        **{state.column: state.unit for state in STATES.values()},
+        **dict.fromkeys(INPUTS, "1"),
         "temperature_ambient": "K",
-        "pressure_governor": "Pa",
-        "deflection_bearing": "m",
-        "spool_supply": "1",
-        "spool_exhaust": "1",
         "force": "N",
         "pressure_a low": "Pa",
         "pressure_a high": "Pa",
@@ -49,8 +42,6 @@ COLUMNS: Mapping[str, str] = MappingProxyType(
 
 #: A column of another name carries its unit: ``z_1 [m]``, a state of an own model.
 _WITH_UNIT = re.compile(r"(\w+) \[([^\[\]]+)\]")
-
-INPUTS = ("duty_supply", "duty_exhaust")
 
 #: An interval above this multiple of the median is a hole; exactly five medians, up to rounding, are not.
 HOLE = 5.0 * (1 + 1e-6)
@@ -105,7 +96,7 @@ class Log:
     def __repr__(self) -> str:
         span = ""
         if len(self) > 1:
-            rate = 1.0 / float(np.median(np.diff(self.time)))
+            rate = 1.0 / sample_interval(self.time)
             span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s, {rate:.4g} Hz"
         count = len(self.warnings)
         warnings = f"; {count} warning{'s' if count > 1 else ''}" if count else ""
@@ -149,6 +140,17 @@ class Log:
 
     def _edges_without(self, names: Iterable[str]) -> dict[str, Samples]:
         return {name: samples for name, samples in self.edges.items() if name not in names}
+
+
+def sample_interval(time: FloatArray, otherwise: float = math.nan) -> float:
+    """Median interval between samples in s; `otherwise` where there are fewer than two.
+
+    Examples
+    --------
+    >>> sample_interval(np.array([0.0, 0.01, 0.02, 0.5]))
+    0.01
+    """
+    return float(np.median(np.diff(time))) if time.size > 1 else otherwise
 
 
 def name_and_unit(column: str) -> tuple[str, str]:

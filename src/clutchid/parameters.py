@@ -1,17 +1,19 @@
 """`Parameters`: the Appendix of the paper as code, one row per parameter.
 
-Each row holds value, unit, meaning, admissible range and source; documentation tables, parameter files and exports read
-the same rows. The load weights theta are part of a `clutchid.model.Load`, because a weight is meaningless
+Each row holds value, unit, meaning, admissible range and source, what is known of the parameter before a recording is
+read, and what calibrations and observers do with it; documentation tables, parameter files, exports, priors and
+methods read the same rows. The load weights theta are part of a `clutchid.model.Load`, because a weight is meaningless
 without its basis.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
 from functools import cache
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +26,100 @@ _ERRATA = "not in the paper, docs/deviations.md"
 _BALANCE = "energy balance, docs/models.md"
 _SENSORS = "sensors, docs/methods.md"
 _STRIBECK = "Stribeck friction, docs/models.md"
+_PRIORS = "docs/derivations.md, Priors"
+
+#: Groups whose parameters may change together, and by much, between two recordings of an actuator, with the logarithm
+#: of the prior odds of a change. Provenance: docs/derivations.md.
+GROUPS: Mapping[str, float] = MappingProxyType(
+    {"supply pressure": -1.0, "temperature and grease": -2.0, "valves": -2.0, "leak": -3.0}
+)
+
+
+class Spread(NamedTuple):
+    """Standard deviation of the prior of a parameter in a new actuator, and where it is from.
+
+    `share`: it is one of the value, and so are the drift and the changes of the parameter; else it is in its unit.
+    """
+
+    std: float
+    share: bool
+    source: str
+
+
+class GroupChange(NamedTuple):
+    """A change of a parameter with its group: its standard deviation, as a share of the value or in its unit.
+
+    Changes `along` the same direction, any word, are of parameters that change together, with the sign of `std`; one
+    without a direction is independent of all others.
+    """
+
+    group: str
+    std: float
+    along: str = ""
+
+
+class Drift(NamedTuple):
+    """Standard deviation of the change between two recordings where nothing has changed, a share or in the unit.
+
+    `considered`: the drift is part of the uncertainty, but is not estimated from position alone.
+    """
+
+    std: float
+    order: float = math.inf
+    considered: bool = False
+
+
+class Freed(NamedTuple):
+    """That a calibration frees a parameter, if it acts."""
+
+    order: float = math.inf
+
+
+class Adapting(NamedTuple):
+    """That a parameter adapts on line, if it acts; `std` of its change within hours, by default that of its drift."""
+
+    order: float = math.inf
+    std: float | None = None
+
+
+class _Ordered(Protocol):
+    @property
+    def order(self) -> float:
+        """Place among the parameters of a list; those of the same one stay in the order of the Appendix.
+
+        Files and rounding depend on the order. A parameter without a place comes last.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Unit, meaning, admissible range and source of one parameter."""
+    """Unit, meaning, admissible range and source of one parameter, its prior, its changes, and what is done with it.
+
+    Parameters
+    ----------
+    magnitude
+        Whether actuators differ in it by orders of magnitude, see `_magnitude`.
+    spread
+        Default prior; None without one.
+    log_normal
+        Whether the prior is log-normal, if the mean is above 0; else it is normal.
+    drift, changes
+        How it changes between two recordings of an actuator; None where it stays.
+    freed, adapts
+        What a calibration and an observer do with it; None where it is fixed.
+    valves
+        ``'switched'`` or ``'averaged'`` if it acts with valves of that kind only: with or without a carrier.
+    off_at_0
+        Whether it has no effect, and no derivative, at a value of 0; one with a spread as a share never has.
+    part
+        ``'chamber B'``, ``'supply valve'`` with the reservoir before it, or ``'exhaust valve'``; there are actuators
+        without these.
+    needs
+        What a recording must contain to determine it, where its motion shows that: ``'full supply'`` or
+        ``'full exhaust'``, a valve that opens fully, or ``'far stop'``.
+    drawing
+        Whether a file of an actuator must have it, because it is known from the drawing.
+    """
 
     unit: str
     meaning: str
@@ -36,7 +127,18 @@ class Row:
     high: float
     low_included: bool
     source: str
-    magnitude: bool = False  #: whether actuators differ in it by orders of magnitude, see `_magnitude`
+    magnitude: bool = False
+    spread: Spread | None = None
+    log_normal: bool = False
+    drift: Drift | None = None
+    changes: tuple[GroupChange, ...] = ()
+    freed: Freed | None = None
+    adapts: Adapting | None = None
+    valves: str = ""
+    off_at_0: bool = False
+    part: str = ""
+    needs: str = ""
+    drawing: bool = False
 
     def admits(self, value: float) -> bool:
         """Whether `value` lies in the admissible range."""
@@ -60,15 +162,45 @@ class Row:
         upper = f"at most {self.high:g}" if math.isfinite(self.high) else ""
         return " and ".join(part for part in (lower, upper) if part) or "any finite number"
 
+    @property
+    def in_shares(self) -> bool:
+        """Whether standard deviations of the row are shares of the value."""
+        return self.spread is not None and self.spread.share
+
+    def size(self, value: float) -> float:
+        """What a standard deviation of the row counts at a value: the value for shares, else 1."""
+        return abs(value) if self.in_shares else 1.0
+
+
+def in_order(rows: Mapping[str, Row], entry: Callable[[Row], _Ordered | None]) -> tuple[str, ...]:
+    """Names of the parameters whose row has an entry, in the order of it.
+
+    Examples
+    --------
+    What adapts on line:
+
+    >>> in_order(Parameters.rows(), lambda row: row.adapts)
+    ('F_C', 'V_0A', 'y_max', 'D_v', 'tau_y', 'C_A0', 's_pwm')
+    """
+    found = {name: at.order for name, row in rows.items() if (at := entry(row)) is not None}
+    return tuple(sorted(found, key=found.__getitem__))
+
 
 def _row(
-    value: float, unit: str, meaning: str, low: float, high: float, *, above: bool = False, source: str = _APPENDIX
-) -> Any:
-    """A parameter that its definition limits, such as a fraction or a flow shape; `above`: `low` itself is excluded."""
-    return field(default=value, metadata={"row": Row(unit, meaning, low, high, not above, source)})
+    value: float, unit: str, meaning: str, low: float, high: float, *, above: bool = False, source: str = _APPENDIX,
+    share: float | None = None, width: float | None = None, **facts: Any,
+) -> Any:  # fmt: skip
+    """A parameter that its definition limits, such as a fraction or a flow shape.
+
+    `above`: `low` itself is excluded. The prior is log-normal with a standard deviation of a `share` of the value, for
+    one that must be positive, or normal with a `width` in its unit, for one that may be 0 or change its sign.
+    """
+    spread = None if share is None and width is None else Spread(share or width or 0.0, share is not None, _PRIORS)
+    row = Row(unit, meaning, low, high, not above, source, spread=spread, log_normal=share is not None, **facts)
+    return field(default=value, metadata={"row": row})
 
 
-def _magnitude(value: float, unit: str, meaning: str, low: float, high: float, *, source: str = _APPENDIX) -> Any:
+def _magnitude(*args: Any, **facts: Any) -> Any:
     """A parameter that differs between actuators by orders of magnitude.
 
     Its range reaches from at least ten times below a miniature pneumatic cylinder (bore 2.5 mm, moving parts of a gram)
@@ -77,7 +209,7 @@ def _magnitude(value: float, unit: str, meaning: str, low: float, high: float, *
     what stays a gas. A range is so wide because only slips shall be refused: a wrong power of ten, a wrong unit. What
     keeps a search near its start are its bounds and priors.
     """
-    return field(default=value, metadata={"row": Row(unit, meaning, low, high, True, source, magnitude=True)})
+    return _row(*args, magnitude=True, **facts)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,99 +230,253 @@ class Parameters:
     '9723 N'
     """
 
-    A_A: float = _magnitude(12.3e-3, "m²", "area of the piston in chamber A", 1e-8, 1)
-    A_B: float = _magnitude(11.848e-3, "m²", "area of the piston in chamber B", 1e-9, 1)
-    V_0A: float = _magnitude(0.148e-3, "m³", "volume of chamber A at y = 0", 1e-9, 1)
-    V_0B: float = _magnitude(1.2e-4, "m³", "dead volume of chamber B at y = y_max", 1e-9, 1)
-    P_0: float = _magnitude(1.095e5, "Pa", "ambient pressure", 1e3, 1e6)
-    T_0: float = _magnitude(293.0, "K", "temperature", 50, 1000)
-    R: float = _magnitude(288.0, "J/(kg·K)", "gas constant of air", 50, 5000)
-    M: float = _magnitude(10.0, "kg", "mass of the piston", 1e-5, 1e5)
-    P_S: float = _magnitude(9e5, "Pa", "supply pressure, absolute", 1e3, 1e8)
-    D_v: float = _magnitude(5000.0, "N·s/m", "viscous friction", 0, 1e7)
-    K_z: float = _magnitude(1e6, "N/m", "stiffness of the seal deflection", 10, 1e10)
-    D_zdot: float = _magnitude(5000.0, "N·s/m", "damping of the seal deflection", 0, 1e7)
-    F_C: float = _magnitude(200.0, "N", "Coulomb friction", 1e-4, 1e6)
-    R_0vs: float = _row(0.07, "1", "duty cycle where the supply valve starts to open", 0, 1)
-    R_0ve: float = _row(0.07, "1", "duty cycle where the exhaust valve starts to open", 0, 1)
-    R_1vs: float = _row(0.93, "1", "duty cycle where the supply valve is fully open", 0, 2, above=True)
-    R_1ve: float = _row(0.93, "1", "duty cycle where the exhaust valve is fully open", 0, 2, above=True)
-    B_vs: float = _row(0.1, "1", "flow shape of the supply valve", -1, 1)
-    B_ve: float = _row(-0.7, "1", "flow shape of the exhaust valve", -1, 1)
-    C_vs: float = _magnitude(19e-9, "m³/(Pa·s)", "conductance of the supply valve", 0, 1e-5)
-    C_ve: float = _magnitude(21.4e-9, "m³/(Pa·s)", "conductance of the exhaust valve", 0, 1e-5)
-    C_r: float = _magnitude(5e-8, "m³/(Pa·s)", "conductance of the orifice of chamber B", 0, 1e-5)
-    B_0: float = _row(0.582, "1", "critical pressure ratio of air", 0, 0.99, above=True)
-    B_in: float = _row(0.5, "1", "flow shape of the orifice of chamber B, inwards", -1, 1)
-    B_out: float = _row(0.5, "1", "flow shape of the orifice of chamber B, outwards", -1, 1)
-    rho_0: float = _magnitude(1.185, "kg/m³", "reference density of air", 0.05, 50, source=f"ISO 6358; {_ERRATA}")
+    # fmt: off
+    A_A: float = _magnitude(
+        12.3e-3, "m²", "area of the piston in chamber A", 1e-8, 1,
+        share=0.001, drift=Drift(3e-4, 11, considered=True), drawing=True,
+    )
+    A_B: float = _magnitude(
+        11.848e-3, "m²", "area of the piston in chamber B", 1e-9, 1, share=0.001, part="chamber B", drawing=True,
+    )
+    V_0A: float = _magnitude(
+        0.148e-3, "m³", "volume of chamber A at y = 0", 1e-9, 1,
+        share=0.15, drift=Drift(0.05, 8), freed=Freed(3), adapts=Adapting(2), drawing=True,
+    )
+    V_0B: float = _magnitude(
+        1.2e-4, "m³", "dead volume of chamber B at y = y_max", 1e-9, 1, share=0.15, part="chamber B", drawing=True,
+        needs="far stop",
+    )
+    P_0: float = _magnitude(
+        1.095e5, "Pa", "ambient pressure", 1e3, 1e6,
+        share=0.003, drift=Drift(6e-4, 11, considered=True), freed=Freed(4),
+    )
+    T_0: float = _magnitude(
+        293.0, "K", "temperature", 50, 1000,
+        share=0.02, drift=Drift(0.002, 2), changes=(GroupChange("temperature and grease", 0.085, "warmer"),),
+    )
+    R: float = _magnitude(288.0, "J/(kg·K)", "gas constant of air", 50, 5000, share=0.002)
+    M: float = _magnitude(10.0, "kg", "mass of the piston", 1e-5, 1e5, share=0.15, drawing=True)
+    P_S: float = _magnitude(
+        9e5, "Pa", "supply pressure, absolute", 1e3, 1e8,
+        share=0.05, drift=Drift(0.003, 1), freed=Freed(3), part="supply valve",
+        changes=(GroupChange("supply pressure", 0.05),),
+    )
+    D_v: float = _magnitude(
+        5000.0, "N·s/m", "viscous friction", 0, 1e7,
+        share=0.4, drift=Drift(0.02, 1), freed=Freed(5), adapts=Adapting(3, 0.1),
+        changes=(GroupChange("temperature and grease", -0.5, "warmer"), GroupChange("temperature and grease", 0.3)),
+    )
+    K_z: float = _magnitude(1e6, "N/m", "stiffness of the seal deflection", 10, 1e10, share=0.3, freed=Freed(5))
+    D_zdot: float = _magnitude(5000.0, "N·s/m", "damping of the seal deflection", 0, 1e7, share=0.3, freed=Freed(5))
+    F_C: float = _magnitude(
+        200.0, "N", "Coulomb friction", 1e-4, 1e6, share=0.4, drift=Drift(0.15, 7), freed=Freed(4), adapts=Adapting(1),
+    )
+    R_0vs: float = _row(
+        0.07, "1", "duty cycle where the supply valve starts to open", 0, 1,
+        width=0.03, drift=Drift(6e-4, 4), freed=Freed(2), part="supply valve", changes=(GroupChange("valves", 0.015),),
+        needs="full supply",
+    )
+    R_0ve: float = _row(
+        0.07, "1", "duty cycle where the exhaust valve starts to open", 0, 1,
+        width=0.03, drift=Drift(6e-4, 4), freed=Freed(2), part="exhaust valve", needs="full exhaust",
+        changes=(GroupChange("valves", 0.015),),
+    )
+    R_1vs: float = _row(
+        0.93, "1", "duty cycle where the supply valve is fully open", 0, 2, above=True,
+        width=0.05, drift=Drift(6e-4, 4), freed=Freed(2), part="supply valve", changes=(GroupChange("valves", 0.02),),
+        needs="full supply",
+    )
+    R_1ve: float = _row(
+        0.93, "1", "duty cycle where the exhaust valve is fully open", 0, 2, above=True,
+        width=0.05, drift=Drift(6e-4, 4), freed=Freed(2), part="exhaust valve", changes=(GroupChange("valves", 0.02),),
+        needs="full exhaust",
+    )
+    B_vs: float = _row(
+        0.1, "1", "flow shape of the supply valve", -1, 1, width=0.8, freed=Freed(6), part="supply valve",
+        needs="full supply",
+    )
+    B_ve: float = _row(
+        -0.7, "1", "flow shape of the exhaust valve", -1, 1, width=0.8, freed=Freed(6), part="exhaust valve",
+        needs="full exhaust",
+    )
+    C_vs: float = _magnitude(
+        19e-9, "m³/(Pa·s)", "conductance of the supply valve", 0, 1e-5,
+        share=0.15, drift=Drift(0.002, 3), freed=Freed(1), part="supply valve", needs="full supply",
+        changes=(
+            GroupChange("temperature and grease", -0.0425, "warmer"),
+            GroupChange("valves", 0.07, "flow"), GroupChange("valves", 0.02),
+        ),
+    )
+    C_ve: float = _magnitude(
+        21.4e-9, "m³/(Pa·s)", "conductance of the exhaust valve", 0, 1e-5,
+        share=0.15, drift=Drift(0.002, 3), freed=Freed(1), part="exhaust valve", needs="full exhaust",
+        changes=(
+            GroupChange("temperature and grease", -0.0425, "warmer"),
+            GroupChange("valves", 0.07, "flow"), GroupChange("valves", 0.02),
+        ),
+    )
+    C_r: float = _magnitude(
+        5e-8, "m³/(Pa·s)", "conductance of the orifice of chamber B", 0, 1e-5,
+        share=0.4, drift=Drift(0.002, 3), freed=Freed(5), part="chamber B",
+        changes=(GroupChange("temperature and grease", -0.0425, "warmer"),),
+    )
+    B_0: float = _row(0.582, "1", "critical pressure ratio of air", 0, 0.99, above=True, share=0.1)
+    B_in: float = _row(0.5, "1", "flow shape of the orifice of chamber B, inwards", -1, 1, width=0.3, part="chamber B")
+    B_out: float = _row(
+        0.5, "1", "flow shape of the orifice of chamber B, outwards", -1, 1, width=0.3, part="chamber B",
+    )
+    rho_0: float = _magnitude(
+        1.185, "kg/m³", "reference density of air", 0.05, 50, source=f"ISO 6358; {_ERRATA}", share=0.02,
+    )
     y_max: float = _magnitude(
-        0.025, "m", "stroke of the piston", 1e-4, 10, source="Section 3.1, operation range [0, 25] mm"
+        0.025, "m", "stroke of the piston", 1e-4, 10, source="Section 3.1, operation range [0, 25] mm",
+        share=0.02, freed=Freed(5), adapts=Adapting(2), drawing=True, needs="far stop",
     )
     r_lam: float = _row(
-        0.999, "1", "pressure ratio above which the flow is laminar", 0.5, 0.99999, above=True, source=_ERRATA
+        0.999, "1", "pressure ratio above which the flow is laminar", 0.5, 0.99999, above=True, source=_ERRATA,
+        width=0.001,
     )
-    K_stop: float = _magnitude(3e7, "N/m", "stiffness of the end stops", 1e2, 1e11, source=_ERRATA)
-    D_stop: float = _magnitude(1e4, "N·s/m", "damping of the end stops", 0, 1e8, source=_ERRATA)
+    K_stop: float = _magnitude(
+        3e7, "N/m", "stiffness of the end stops", 1e2, 1e11, source=_ERRATA, share=0.5,
+        needs="far stop",
+    )
+    D_stop: float = _magnitude(
+        1e4, "N·s/m", "damping of the end stops", 0, 1e8, source=_ERRATA, share=0.5,
+        needs="far stop",
+    )
     d_stop: float = _magnitude(
-        1e-4, "m", "penetration over which the end stop force builds up", 1e-8, 1e-2, source=_ERRATA
+        1e-4, "m", "penetration over which the end stop force builds up", 1e-8, 1e-2, source=_ERRATA, share=0.5,
+        needs="far stop",
     )
-    b_vs: float = _row(0.3, "1", "critical pressure ratio of the supply valve", 0, 0.9, source=_BALANCE)
-    m_vs: float = _row(0.5, "1", "subsonic index of the supply valve", 0, 3, above=True, source=_BALANCE)
-    b_ve: float = _row(0.3, "1", "critical pressure ratio of the exhaust valve", 0, 0.9, source=_BALANCE)
-    m_ve: float = _row(0.5, "1", "subsonic index of the exhaust valve", 0, 3, above=True, source=_BALANCE)
+    b_vs: float = _row(
+        0.3, "1", "critical pressure ratio of the supply valve", 0, 0.9, source=_BALANCE,
+        width=0.15, freed=Freed(7), part="supply valve", needs="full supply",
+    )
+    m_vs: float = _row(
+        0.5, "1", "subsonic index of the supply valve", 0, 3, above=True, source=_BALANCE,
+        share=0.25, freed=Freed(7), part="supply valve", needs="full supply",
+    )
+    b_ve: float = _row(
+        0.3, "1", "critical pressure ratio of the exhaust valve", 0, 0.9, source=_BALANCE,
+        width=0.15, freed=Freed(7), part="exhaust valve", needs="full exhaust",
+    )
+    m_ve: float = _row(
+        0.5, "1", "subsonic index of the exhaust valve", 0, 3, above=True, source=_BALANCE,
+        share=0.25, drift=Drift(0.006, 11, considered=True), freed=Freed(7), part="exhaust valve", needs="full exhaust",
+    )
     gamma: float = _row(
-        1.4,
-        "1",
-        "ratio of specific heats of air; in a calibration an apparent polytropic exponent",
-        1,
-        2,
-        above=True,
-        source=_BALANCE,
+        1.4, "1", "ratio of specific heats of air; in a calibration an apparent polytropic exponent", 1, 2,
+        above=True, source=_BALANCE, width=0.1, freed=Freed(8),
     )
-    T_w: float = _magnitude(293.0, "K", "temperature of the chamber walls", 50, 1000, source=_BALANCE)
+    T_w: float = _magnitude(
+        293.0, "K", "temperature of the chamber walls", 50, 1000, source=_BALANCE,
+        share=0.03, drift=Drift(0.002, 2), freed=Freed(7),
+        changes=(GroupChange("temperature and grease", 0.085, "warmer"),),
+    )
     h_A: float = _magnitude(
-        50.0, "W/(m²·K)", "heat transfer to the wall of chamber A at 1 bar", 0, 1e5, source=_BALANCE
+        50.0, "W/(m²·K)", "heat transfer to the wall of chamber A at 1 bar", 0, 1e5, source=_BALANCE,
+        share=0.5, drift=Drift(0.03, 2), freed=Freed(7),
     )
     h_B: float = _magnitude(
-        50.0, "W/(m²·K)", "heat transfer to the wall of chamber B at 1 bar", 0, 1e5, source=_BALANCE
+        50.0, "W/(m²·K)", "heat transfer to the wall of chamber B at 1 bar", 0, 1e5, source=_BALANCE,
+        share=0.5, part="chamber B",
     )
-    C_A0: float = _magnitude(0.0, "m³/(Pa·s)", "leak of chamber A to ambient", 0, 1e-7, source=_BALANCE)
-    V_S: float = _magnitude(10e-3, "m³", "volume of the supply reservoir", 1e-7, 1e4, source=_BALANCE)
-    tau_S: float = _magnitude(0.6, "s", "time in which the reservoir recovers", 1e-4, 1e5, source=_BALANCE)
+    C_A0: float = _magnitude(
+        0.0, "m³/(Pa·s)", "leak of chamber A to ambient", 0, 1e-7, source=_BALANCE,
+        width=1e-12, drift=Drift(5e-13, 10), adapts=Adapting(4, 5e-11), changes=(GroupChange("leak", 1e-10),),
+    )
+    V_S: float = _magnitude(
+        10e-3, "m³", "volume of the supply reservoir", 1e-7, 1e4, source=_BALANCE,
+        share=0.6, drift=Drift(0.06, 9), freed=Freed(7), part="supply valve",
+    )
+    tau_S: float = _magnitude(
+        0.6, "s", "time in which the reservoir recovers", 1e-4, 1e5, source=_BALANCE,
+        share=0.6, freed=Freed(7), part="supply valve",
+    )
     tau_G: float = _magnitude(
-        10.0, "s", "time in which the compressor's governor returns to P_S", 1e-4, 1e5, source=_BALANCE
+        10.0, "s", "time in which the compressor's governor returns to P_S", 1e-4, 1e5, source=_BALANCE,
+        share=0.5, part="supply valve",
     )
-    F_h: float = _magnitude(25.0, "N", "release bearing: friction without load", 1e-6, 1e6, source=_BALANCE)
-    mu_h: float = _row(0.03, "1", "half the hysteresis of the load, as a fraction of it", 0, 0.3, source=_BALANCE)
-    K_h: float = _magnitude(5e5, "N/m", "stiffness of bearing and fork before they slip", 1e-3, 1e10, source=_BALANCE)
-    R_S: float = _row(1.3, "1", "ratio of static to Coulomb friction", 1, 5, source=_STRIBECK)
+    F_h: float = _magnitude(25.0, "N", "release bearing: friction without load", 1e-6, 1e6, source=_BALANCE, share=0.5)
+    mu_h: float = _row(
+        0.03, "1", "half the hysteresis of the load, as a fraction of it", 0, 0.3, source=_BALANCE,
+        width=0.02, drift=Drift(3e-4, 9), freed=Freed(6),
+    )
+    K_h: float = _magnitude(
+        5e5, "N/m", "stiffness of bearing and fork before they slip", 1e-3, 1e10, source=_BALANCE,
+        share=0.5, freed=Freed(6),
+    )
+    R_S: float = _row(
+        1.3, "1", "ratio of static to Coulomb friction", 1, 5, source=_STRIBECK, width=0.3, freed=Freed(11),
+    )
     v_S: float = _magnitude(
-        0.01, "m/s", "Stribeck velocity, at which static friction decays", 1e-6, 10, source=_STRIBECK
+        0.01, "m/s", "Stribeck velocity, at which static friction decays", 1e-6, 10, source=_STRIBECK,
+        share=0.7, freed=Freed(11),
     )
-    c_F: float = _magnitude(1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", 0, 1, source=_STRIBECK)
+    c_F: float = _magnitude(
+        1.5e-4, "m²", "Coulomb friction that pressure on the seal adds", 0, 1, source=_STRIBECK,
+        share=0.7, drift=Drift(0.06, 7), freed=Freed(10),
+    )
     T_pwm: float = _magnitude(0.0, "s", "period of the valves' carrier; 0: averaged valves", 0, 1, source=_BALANCE)
-    s_pwm: float = _row(0.0, "1", "phase at which a period starts in a recording", -0.5, 0.5, source=_BALANCE)
-    s_vs: float = _row(0.0, "1", "supply valve: phase of its opening in the period", -0.5, 0.5, source=_BALANCE)
-    s_ve: float = _row(0.0, "1", "exhaust valve: phase of its opening in the period", -0.5, 0.5, source=_BALANCE)
+    s_pwm: float = _row(
+        0.0, "1", "phase at which a period starts in a recording", -0.5, 0.5, source=_BALANCE,
+        width=0.03, adapts=Adapting(4), valves="switched",
+    )
+    s_vs: float = _row(
+        0.0, "1", "supply valve: phase of its opening in the period", -0.5, 0.5, source=_BALANCE,
+        width=0.1, drift=Drift(0.001, 6), freed=Freed(8), valves="switched", part="supply valve",
+        changes=(GroupChange("valves", 0.02),),
+    )
+    s_ve: float = _row(
+        0.0, "1", "exhaust valve: phase of its opening in the period", -0.5, 0.5, source=_BALANCE,
+        width=0.1, drift=Drift(0.001, 6), freed=Freed(8), valves="switched", part="exhaust valve",
+        changes=(GroupChange("valves", 0.02),),
+    )
     t_vs: float = _row(
-        0.0, "1", "supply valve: travel of its armature, as a fraction of a period", 0, 1, source=_BALANCE
+        0.0, "1", "supply valve: travel of its armature, as a fraction of a period", 0, 1, source=_BALANCE,
+        width=0.05, drift=Drift(0.001, 5), freed=Freed(9), valves="switched", off_at_0=True, part="supply valve",
+        changes=(GroupChange("valves", 0.02),),
     )
     t_ve: float = _row(
-        0.0, "1", "exhaust valve: travel of its armature, as a fraction of a period", 0, 1, source=_BALANCE
+        0.0, "1", "exhaust valve: travel of its armature, as a fraction of a period", 0, 1, source=_BALANCE,
+        width=0.05, drift=Drift(0.001, 5), freed=Freed(9), valves="switched", off_at_0=True, part="exhaust valve",
+        changes=(GroupChange("valves", 0.02),),
     )
-    a_0vs: float = _row(0.0, "1", "supply valve: relative opening of its full pulses at R_0vs", 0, 0.9, source=_BALANCE)
+    a_0vs: float = _row(
+        0.0, "1", "supply valve: relative opening of its full pulses at R_0vs", 0, 0.9, source=_BALANCE,
+        width=0.1, drift=Drift(0.001, 4), freed=Freed(8), valves="switched", part="supply valve",
+        changes=(GroupChange("valves", 0.02),),
+    )
     a_0ve: float = _row(
-        0.0, "1", "exhaust valve: relative opening of its full pulses at R_0ve", 0, 0.9, source=_BALANCE
+        0.0, "1", "exhaust valve: relative opening of its full pulses at R_0ve", 0, 0.9, source=_BALANCE,
+        width=0.1, drift=Drift(0.001, 4), freed=Freed(8), valves="switched", part="exhaust valve",
+        changes=(GroupChange("valves", 0.02),),
     )
-    n_vs: float = _row(1.0, "1", "supply valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE)
-    n_ve: float = _row(1.0, "1", "exhaust valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE)
-    tau_vs: float = _row(2e-3, "s", "proportional supply valve: lag of its spool", 5e-4, 0.05, source=_BALANCE)
-    tau_ve: float = _row(2e-3, "s", "proportional exhaust valve: lag of its spool", 5e-4, 0.05, source=_BALANCE)
-    tau_y: float = _row(0.0, "s", "lag of the recorded position", 0, 0.05, source=_SENSORS)
-    tau_p: float = _row(0.0, "s", "lag of the recorded pressure", 0, 0.05, source=_SENSORS)
-    e_y: float = _row(0.0, "m", "offset of the recorded position", -2e-3, 2e-3, source=_SENSORS)
-    e_p: float = _row(0.0, "Pa", "offset of the recorded pressure", -5e4, 5e4, source=_SENSORS)
+    n_vs: float = _row(
+        1.0, "1", "supply valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE,
+        share=0.2, drift=Drift(0.001, 6), freed=Freed(9), valves="averaged", part="supply valve",
+    )
+    n_ve: float = _row(
+        1.0, "1", "exhaust valve without a carrier: exponent of its opening", 0.2, 5, source=_BALANCE,
+        share=0.2, drift=Drift(0.001, 6), freed=Freed(9), valves="averaged", part="exhaust valve",
+    )
+    tau_vs: float = _row(
+        2e-3, "s", "proportional supply valve: lag of its spool", 5e-4, 0.05, source=_BALANCE,
+        share=0.5, drift=Drift(0.01, 6), freed=Freed(9), part="supply valve", changes=(GroupChange("valves", 0.2),),
+    )
+    tau_ve: float = _row(
+        2e-3, "s", "proportional exhaust valve: lag of its spool", 5e-4, 0.05, source=_BALANCE,
+        share=0.5, drift=Drift(0.01, 6), freed=Freed(9), part="exhaust valve", changes=(GroupChange("valves", 0.2),),
+    )
+    tau_y: float = _row(
+        0.0, "s", "lag of the recorded position", 0, 0.05, source=_SENSORS,
+        width=0.002, drift=Drift(3e-05, 8), freed=Freed(5), adapts=Adapting(3, 3e-4),
+        changes=(GroupChange("valves", 3e-4),),
+    )
+    tau_p: float = _row(0.0, "s", "lag of the recorded pressure", 0, 0.05, source=_SENSORS, width=0.002, freed=Freed(5))
+    e_y: float = _row(0.0, "m", "offset of the recorded position", -2e-3, 2e-3, source=_SENSORS, width=2e-05)
+    e_p: float = _row(0.0, "Pa", "offset of the recorded pressure", -5e4, 5e4, source=_SENSORS, width=2000.0)
+    # fmt: on
 
     def __post_init__(self) -> None:
         problems = []
@@ -229,6 +515,12 @@ class Parameters:
         return tuple(item.name for item in fields(cls))
 
     @classmethod
+    @cache
+    def rows(cls) -> Mapping[str, Row]:
+        """All rows by name, in the order of `names`."""
+        return MappingProxyType({item.name: item.metadata["row"] for item in fields(cls)})
+
+    @classmethod
     def row(cls, name: str) -> Row:
         """The row of the parameter `name`.
 
@@ -237,11 +529,9 @@ class Parameters:
         ParameterError
             If there is no such parameter; the text names the nearest known one.
         """
-        for item in fields(cls):
-            if item.name == name:
-                row: Row = item.metadata["row"]
-                return row
-        raise ParameterError(unknown_name(name, cls.names()))
+        if name not in cls.rows():
+            raise ParameterError(unknown_name(name, cls.names()))
+        return cls.rows()[name]
 
     def array(self) -> NDArray[np.float64]:
         """Values in the order of `names`, shape (n_parameters,)."""

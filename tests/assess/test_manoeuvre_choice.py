@@ -13,6 +13,8 @@ from clutchid.simulation import Partition, simulate
 from clutchid.truck import MANOEUVRES, Truck, drive
 from clutchid.uncertainty.information import WEIGHT_SIZES, Information
 
+pytestmark = pytest.mark.slow
+
 WEIGHT_UNIT = WEIGHT_SIZES["N/m"]
 WEIGHTS = ("theta_1", "theta_2", "theta_3")
 

@@ -21,6 +21,8 @@ from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels, system
 from clutchid.parameters import Parameters
 
+pytestmark = pytest.mark.slow
+
 GOLDEN = Path(__file__).parent / "golden"
 EPS = {"double": np.finfo(np.float64).eps, "float": np.finfo(np.float32).eps}
 

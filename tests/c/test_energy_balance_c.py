@@ -11,6 +11,8 @@ from clutchid.model.variants import VARIANTS
 from clutchid.model.weighted_load import Load
 from clutchid.simulation.stiffness import stiffness
 
+pytestmark = pytest.mark.slow
+
 VARIANT = "energy-balance-stribeck"
 N = 3001
 FAST = ("-O3", "-march=native", "-ffast-math")

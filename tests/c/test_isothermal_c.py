@@ -12,6 +12,8 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.model.isothermal import isothermal
 
+pytestmark = pytest.mark.slow
+
 N = 3001
 FAST = ("-O3", "-march=native", "-ffast-math")
 

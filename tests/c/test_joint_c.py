@@ -20,6 +20,8 @@ from clutchid.filter.joint_c99 import JointSize, joint_c99
 from clutchid.filter.setup import scratch
 from fixtures.joint_c import JointC, as_written
 
+pytestmark = pytest.mark.slow
+
 EXACT = ("-O2", "-ffp-contract=off")
 SIZE = JointSize(states=4, sensors=2, parameters=6, drifts=3, weights=3, pieces=4)
 N, M, K, ROWS = 4, 2, 6, 6

@@ -19,6 +19,8 @@ from clutchid.simulation.windows import tracks
 from clutchid.uncertainty.noise import Noise
 from fixtures.joint_c import FilterC, JointC, as_written, derived_of, size_of
 
+pytestmark = pytest.mark.slow
+
 #: Parameters of the model that adapt, which have a column in C before the load weights; then the lag of the sensor.
 FREE = ("F_C", "V_0A", "y_max", "D_v")
 EXACT = ("-O2", "-ffp-contract=off")

@@ -9,6 +9,8 @@ from clutchid.model import Actuator, own_model
 from clutchid.model.compiled import kernels, system
 from clutchid.simulation.stiffness import stiffness
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "maxwell_slip.py"
 N, STEPS = 2001, 2
 

@@ -18,6 +18,8 @@ from clutchid.assess import evidence, verdict
 from clutchid.cli import main
 from clutchid.cli.common import guarded
 
+pytestmark = pytest.mark.slow
+
 KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
 EXAMPLE = Path(clutchid.__file__).parent / "recordings" / "truck1_calibration.csv"
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 
 def install(home: Path, *arguments: str, **env: str) -> subprocess.CompletedProcess[str]:
     known = {k: v for k, v in os.environ.items() if k not in ("SHELL", "ZSH_CUSTOM", "XDG_DATA_HOME", "BASH_VERSION")}

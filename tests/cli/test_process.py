@@ -1,6 +1,8 @@
 """The command as a process: signals, full disks and odd paths end in one sentence, and nothing is left behind."""
 
+import contextlib
 import json
+import os
 import shlex
 import signal
 import subprocess
@@ -19,6 +21,8 @@ from clutchid.io.files import check_writable
 from clutchid.study.proving.ground import _read
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import drive, truck
+
+pytestmark = pytest.mark.slow
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals, links or devices")
 COMMAND = [sys.executable, "-m", "clutchid"]
@@ -77,14 +81,62 @@ def test_an_interrupt_before_the_command_begins_is_one_sentence(options, monkeyp
     assert (json.loads(shown.out)["message"] if options else shown.err.strip()).endswith("stopped.")
 
 
+def gone_terminal():
+    """A terminal that has hung up."""
+    master, terminal = os.openpty()
+    os.close(master)
+    return terminal
+
+
+def full_disk():
+    return os.open("/dev/full", os.O_WRONLY)
+
+
+def closed_pipe():
+    reader, writer = os.pipe()
+    os.close(reader)
+    return writer
+
+
 @posix
-def test_a_full_standard_output_is_one_sentence(tmp_path):
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            [*COMMAND, "drive", "--help"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
+@pytest.mark.parametrize(
+    ("output", "sentence"),
+    [
+        (full_disk, ["clutchid: standard output cannot be written (No space left on device)."]),
+        (gone_terminal, ["clutchid: standard output cannot be written (Input/output error)."]),
+        (closed_pipe, []),
+    ],
+)
+@pytest.mark.parametrize("command", [["drive", "--help"], ["look", "log.csv"]])
+def test_a_standard_output_that_is_lost_is_at_most_one_sentence(tmp_path, command, output, sentence):
+    (tmp_path / "log.csv").write_text("time [s],position [m]\n0,0\n1,0\n")
+    descriptor = output()
+    done = subprocess.run(
+        [*COMMAND, *command], cwd=tmp_path, stdout=descriptor, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(descriptor)
     assert done.returncode == 1
-    assert done.stderr.splitlines() == ["clutchid: standard output cannot be written (No space left on device)."]
+    assert done.stderr.splitlines() == sentence
+
+
+@posix
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_path, number):
+    (tmp_path / "log.csv").write_text("time [s],position [m]\n0,0\n1,0\n")
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(4096))
+    os.set_blocking(writer, True)
+    done = subprocess.Popen([*COMMAND, "look", tmp_path / "log.csv"], stdout=writer, stderr=subprocess.PIPE, text=True)
+    time.sleep(4.0)  # it has loaded, and waits
+    done.send_signal(number)
+    _, said = done.communicate(timeout=20)
+    os.close(reader)
+    os.close(writer)
+    assert done.returncode == 1
+    assert said.splitlines() == ["clutchid: stopped."]
 
 
 @posix

@@ -15,6 +15,8 @@ from clutchid.codegen.system import System, Table
 from clutchid.model.isothermal import isothermal
 from clutchid.parameters import Parameters
 
+pytestmark = pytest.mark.slow
+
 a, b, c, x, y, out = sp.symbols("a b c x y out", real=True)
 EPS = 2.0**-52
 

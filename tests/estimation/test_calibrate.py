@@ -15,6 +15,8 @@ from clutchid.uncertainty.change_prior import changeable
 from clutchid.uncertainty.consider import drift
 from clutchid.uncertainty.coordinates import Prior
 
+pytestmark = pytest.mark.slow
+
 BOTH = ("position", "pressure_a")
 
 

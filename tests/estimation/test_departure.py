@@ -8,9 +8,10 @@ import pytest
 from clutchid.estimation.departure import departure, misfit
 from clutchid.log import Log
 from clutchid.model import Actuator
+from clutchid.parameters import GROUPS
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.uncertainty.change_prior import GROUPS, change_covariance, change_priors
+from clutchid.uncertainty.change_prior import change_covariance, change_priors
 from clutchid.uncertainty.coordinates import coordinates
 from clutchid.uncertainty.noise import Noise
 

@@ -11,10 +11,11 @@ from clutchid.estimation.mixture import BAND, ERRORS_REPEAT, Mixture, changes, m
 from clutchid.estimation.problem import with_hypothesis
 from clutchid.estimation.search_result import SearchResult
 from clutchid.model import Actuator
+from clutchid.parameters import GROUPS
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.uncertainty.change_prior import HYPOTHESES as ALL
-from clutchid.uncertainty.change_prior import LOG_ODDS, change_priors, log_odds, prior_probability
+from clutchid.uncertainty.change_prior import change_priors, log_odds, prior_probability
 from clutchid.uncertainty.coordinates import coordinates
 from clutchid.uncertainty.noise import Noise
 
@@ -81,7 +82,7 @@ def weights_of(densities, hypotheses=HYPOTHESES):
 
 def band_weights(densities):
     """Weights of all hypotheses in the band: flattened evidence, and a change does not make another less probable."""
-    weights = densities**BAND.evidence * np.exp([sum(LOG_ODDS[group] for group in h) for h in ALL])
+    weights = densities**BAND.evidence * np.exp([sum(GROUPS[group] for group in h) for h in ALL])
     return weights / weights.sum()
 
 

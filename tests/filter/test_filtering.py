@@ -15,6 +15,8 @@ from clutchid.simulation.run import columns, run_to_end, start_state
 from clutchid.states import STATES
 from clutchid.uncertainty.noise import Noise
 
+pytestmark = pytest.mark.slow
+
 BOTH = ("position", "pressure_a")
 NAMES = ("theta_4", "theta_9", "C_vs", "P_S", "V_0A", "F_C", "T_w", "tau_y", "tau_p", "e_y", "e_p")
 #: Nothing counts as an outlier.

@@ -40,7 +40,7 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
         (task,) = tasks(fleet, Options(), one)
         read = read_recording(task.how, gone)
         assert read.reading.status == "bad_input"
-        assert "gone.parquet: cannot be read" in read.reading.message
+        assert "gone.parquet: there is no such file" in read.reading.message
         one.put(Kept("V1", "gone", task.inputs, task.file, read, 0.0))
         assert not tasks(fleet, Options(), one)
         gone.touch()

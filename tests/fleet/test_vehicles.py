@@ -60,7 +60,7 @@ def test_a_file_whose_name_is_no_text_is_a_row_and_the_others_go_on(tmp_path):
     assert rows == ["V1"]
     results = pl.read_parquet(tmp_path / "out" / "results.parquet")
     assert results["recording"].to_list() == [r"\xff\xfe", "other"]
-    assert r"\xff\xfe.parquet: cannot be read" in results["message"][0]
+    assert r"\xff\xfe.parquet: there is no such file" in results["message"][0]
 
 
 def test_track_takes_a_file_whose_name_is_no_text(tmp_path):

@@ -16,6 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 GROUPS = ("simulation", "paper", "shooting", "automatic", "prediction_error")
 

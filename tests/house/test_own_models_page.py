@@ -12,6 +12,8 @@ from clutchid.estimation.parameter_file import read_parameters
 from clutchid.model import own_model
 from clutchid.model.own.units import TERM_UNITS
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "own_models.md"
 EXAMPLE = ROOT / "docs" / "examples" / "maxwell_slip.py"

@@ -1,6 +1,7 @@
 """What must not be in the repository: paths of somebody's machine, addresses in the pins, hidden skips."""
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,19 @@ def test_names_of_tests_are_sentences():
     assert [name for name in names if name.rpartition("test_")[2].count("_") < 2] == []
 
 
-def test_every_file_that_is_marked_slow_is_there(request):
-    conftest = next(p for p in request.config.pluginmanager.get_plugins() if getattr(p, "SLOW", None))
-    assert [name for name in conftest.SLOW if not (ROOT / "tests" / name).is_file()] == []
+def test_no_files_import_each_other_in_a_loop(source):
+    house = runpy.run_path(str(ROOT / "benchmarks" / "house.py"))
+    assert house["circles"](source.parent) == []
+
+
+def test_a_loop_of_imports_is_found(tmp_path):
+    house = runpy.run_path(str(ROOT / "benchmarks" / "house.py"))
+    package = tmp_path / "clutchid"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "one.py").write_text("from clutchid import two\n")
+    (package / "two.py").write_text("def f():\n    from clutchid.three import x\n")
+    (package / "three.py").write_text("from clutchid.one import two as x\n")
+    (package / "four.py").write_text("if TYPE_CHECKING:\n    from clutchid.five import y\n")
+    (package / "five.py").write_text("from clutchid.four import z\n")
+    assert [sorted(loop) for loop in house["circles"](tmp_path)] == [["clutchid.one", "clutchid.three", "clutchid.two"]]

@@ -71,7 +71,10 @@ def test_every_column_of_a_log_is_understood_as_it_is_written():
 def test_duplicates_are_found_whatever_their_spelling_and_unit():
     texts = [f"{name} [{QUANTITIES[name]}]" for name in REQUIRED]
     (problem,) = heading_problems(headings([*texts, "Position [mm]"]))
-    assert problem == "columns 2 and 5 ('position [m]', 'Position [mm]') all mean 'position'; keep one of them."
+    assert problem == (
+        "columns 2 and 5 ('position [m]', 'Position [mm]') all mean 'position'; keep one of them, or select it with a "
+        "channel map."
+    )
 
 
 def test_a_missing_column_is_named_with_the_nearest_one_and_what_the_file_has():

@@ -12,6 +12,8 @@ from clutchid.errors import DataError
 from clutchid.io.formats.csv import file as csv_file
 from clutchid.io.formats.csv.file import open_file
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 
 

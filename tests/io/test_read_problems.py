@@ -8,6 +8,7 @@ import pytest
 import clutchid.io as cio
 from clutchid.errors import DataError
 from clutchid.io.formats.csv import file as csv_file
+from clutchid.io.map.channel_map import Channel, ChannelMap
 
 
 def problems(path):
@@ -242,3 +243,27 @@ def test_a_file_without_permission(recording, save, monkeypatch):
 def test_a_device_is_no_recording():
     (problem,) = problems(Path("/dev/null"))
     assert problem.startswith("is not a plain file")
+
+
+@pytest.mark.parametrize("second", ["position [m]", "position [mm]", "Position [m]"])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_two_columns_of_one_quantity_are_both_named_and_a_map_selects_one(tmp_path, suffix, second):
+    path, same = tmp_path / f"run{suffix}", second == "position [m]"
+    names = ["time [s]", "position [m]", second, "duty_supply [1]", "duty_exhaust [1]"]
+    values = [[0.0, 1.0], [0.001, 0.002], [0.005, 0.006], [0.0, 1.0], [0.0, 0.0]]
+    if suffix == ".csv":
+        rows = [",".join(map(str, row)) for row in zip(*values, strict=True)]
+        path.write_text("\n".join([",".join(names), *rows]) + "\n")
+    else:
+        arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+        parquet.write_table(arrow.table([arrow.array(column) for column in values], names=names), path)
+    shown = "position [m] (2)" if same else second
+    with pytest.raises(DataError) as caught:
+        cio.read(path)
+    assert f"columns 2 and 3 ('position [m]', '{shown}') all mean 'position'; keep one" in str(caught.value)
+    channels = {name: Channel(name) for name in ("duty_supply", "duty_exhaust")}
+    for name, unit in (("position [m]", "m"), (shown, "m")):
+        log = cio.read(path, channels=ChannelMap({"position": Channel(name, unit=unit), **channels}))
+        assert log["position"][0] == (0.001 if name == "position [m]" else 0.005)
+        named = f"position: the first channel '{name}' is read, not 'position [m] (2)'."
+        assert (named in log.warnings) == (same and name == "position [m]")

@@ -241,3 +241,10 @@ def test_duty_cycles_on_a_grid_of_their_own_keep_their_edges(source):
     assert np.array_equal(stamps, SLOW)
     assert np.array_equal(values, (SLOW % 0.2 < 0.1) * 1.0)
     assert not read(source({**valves, **TRAVEL}), channels)[0].edges, "in one table there are none"
+
+
+@pytest.mark.parametrize("entry", [Channel("Weg", factor=1e300), Channel("Weg", sign=-1, offset=1.7e308, factor=1e300)])
+def test_samples_that_overflow_with_the_factor_of_a_map_are_named_without_a_warning_of_numpy(source, entry):
+    travel = {"t": ("s", SLOW), "Weg": ("m", np.full(SLOW.size, 1e300))}
+    with pytest.raises(DataError, match=r"'Weg' is infinite in rows 1-200"):
+        read(source(travel), ChannelMap({"position": entry}), required=("position",))

@@ -92,7 +92,7 @@ def test_a_record_may_stand_as_the_list_of_its_fields():
         ({"rest": {"low": True}}, "[sensor.rest] low = True: a number is needed."),
         ({"rest": {"high": 1.0}}, "[sensor.rest] low: a number is needed."),
         ({"spans": {"a": {"low": 10**400}}}, f"[sensor.spans.a] low = 1{59 * '0'}...: a number is needed."),
-        ({"smaples": 1}, "no entry of [sensor] 'smaples'; did you mean 'samples'?"),
+        ({"sample": 1}, "no entry of [sensor] 'sample'; did you mean 'samples'?"),
     ],
 )
 def test_a_wrong_entry_is_one_sentence_with_its_place(entries, sentence):

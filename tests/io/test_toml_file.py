@@ -46,7 +46,7 @@ def test_of_many_unknown_names_the_first_few_are_listed_in_a_second(tmp_path):
 def test_a_file_that_is_too_large_for_what_it_should_be_is_not_parsed(tmp_path):
     path = tmp_path / "fit.toml"
     path.write_text("[parameters]\n" + "# nothing\n" * 500_000)
-    with pytest.raises(ParameterError, match="has more than 4 MB"):
+    with pytest.raises(DataError, match="has more than 4 MB"):
         read_parameters(path)
 
 

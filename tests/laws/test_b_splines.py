@@ -11,6 +11,8 @@ from clutchid.errors import ParameterError
 from clutchid.model import Load
 from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
 
+pytestmark = pytest.mark.slow
+
 EPS = 2.3e-16
 gaps = st.lists(st.floats(3e-4, 6e-3), min_size=1, max_size=12)
 knots = st.tuples(st.floats(-2e-3, 4e-3), gaps).map(lambda g: tuple(float(t) for t in np.cumsum([g[0], *g[1]])))

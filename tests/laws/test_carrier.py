@@ -21,6 +21,8 @@ from clutchid.model.pulses import (
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 
+pytestmark = pytest.mark.slow
+
 _letters = sp.symbols("a b s e c d", real=True)
 passed = sp.lambdify(_letters, passed_pulses(*_letters), "math")
 shares = st.floats(0, 1)

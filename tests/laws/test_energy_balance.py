@@ -22,6 +22,8 @@ from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.stiffness import stiffness
 
+pytestmark = pytest.mark.slow
+
 EPS = 2.3e-16
 LOAD = Load((9e5, -0.3e5, 0.6e5))
 GAMMA, R, T_0, P_0 = 1.4, 288.0, 293.0, 1.095e5

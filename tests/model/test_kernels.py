@@ -11,6 +11,8 @@ from clutchid.model.compiled import kernels
 from clutchid.model.isothermal import isothermal
 from clutchid.parameters import Parameters
 
+pytestmark = pytest.mark.slow
+
 THETA = (9e5, -0.3e5, 0.6e5)
 
 

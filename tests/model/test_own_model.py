@@ -16,6 +16,8 @@ from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.states import STATES
 
+pytestmark = pytest.mark.slow
+
 y, v, z, z_2, f_f, f_s, y_vs, u_vs, K_2, F_2, c_r, F_r, m_v = symbols(
     "y v z z_2 f_f f_s y_vs u_vs K_2 F_2 c_r F_r m_v", real=True
 )

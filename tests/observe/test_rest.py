@@ -5,7 +5,8 @@ import pytest
 
 from clutchid.observe import observe_recording, observer, read_state, write_state
 from clutchid.observe.recording import follow_block
-from clutchid.observe.rest import NOTHING, RestWatch, new_stretch, rest_pace, watch_rest
+from clutchid.observe.rest import new_stretch, rest_pace, watch_rest
+from clutchid.observe.state import NOTHING, RestWatch
 from clutchid.strokes.vented_rest import VentedRest, vented_rest
 from clutchid.truck import drive, truck
 from clutchid.uncertainty.calibration import Calibration

@@ -12,6 +12,8 @@ from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
 from clutchid.states import STATES
 
+pytestmark = pytest.mark.slow
+
 STEPS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 
 

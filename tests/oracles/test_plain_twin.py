@@ -10,6 +10,8 @@ from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.states import STATES
 
+pytestmark = pytest.mark.slow
+
 THETA = (9e5, -0.3e5, 0.6e5)
 
 

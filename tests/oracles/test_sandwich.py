@@ -8,6 +8,8 @@ from scipy.stats import binom
 from clutchid.numerics.least_squares import compress
 from clutchid.uncertainty.covariance import sandwich
 
+pytestmark = pytest.mark.slow
+
 
 def factor_of(J: np.ndarray) -> np.ndarray:
     return compress(J, np.zeros(J.shape[0]))[:-1, :-1]

@@ -18,6 +18,8 @@ from clutchid.preparation.pulses import find_phase, pulsed
 from clutchid.study.proving.ground import proof
 from fixtures.duty_cycles import commanded
 
+pytestmark = pytest.mark.slow
+
 PERIOD, PHASE = 0.01, 0.3
 
 

@@ -15,6 +15,8 @@ from clutchid.report.fit_page import MAX_DRAWN, error_table, page_of
 from clutchid.report.html import render
 from clutchid.report.parameter_page import parameter_table
 
+pytestmark = pytest.mark.slow
+
 COMMAND = "clutchid fit first.csv --verify 'my log.csv' --report page.html"
 
 

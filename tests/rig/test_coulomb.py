@@ -10,6 +10,8 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.rig import conclusions, coulomb_friction, implied
 
+pytestmark = pytest.mark.slow
+
 PRESSURES = (1e5, 3e5, 5e5, 7e5)
 
 

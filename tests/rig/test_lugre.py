@@ -15,6 +15,8 @@ from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import free_run, segments
 from clutchid.rig.lugre_problem import resolution
 
+pytestmark = pytest.mark.slow
+
 WINDOW = 0.02
 
 

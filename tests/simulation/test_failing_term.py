@@ -13,6 +13,8 @@ from clutchid.model.variants import VARIANTS
 from clutchid.simulation import simulate
 from clutchid.simulation.failing_term import failing_term
 
+pytestmark = pytest.mark.slow
+
 ENGAGED = {
     "y": 5e-3, "v": 0.1, "p_A": 4e5, "p_B": 1.2e5, "z": 1e-6, "T_A": 300.0, "T_B": 290.0, "p_S": 9e5, "p_G": 9.1e5,
     "z_h": 1e-5, "x_vs": 0.6, "x_ve": 0.3,

@@ -15,6 +15,8 @@ from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.motion import stop_force
 from clutchid.truck.order import LEDGER, STATES
 
+pytestmark = pytest.mark.slow
+
 LEAKY = Truck(C_AB=2e-11, C_A0=1e-11)
 
 

@@ -13,6 +13,8 @@ from clutchid.errors import ExportError, ParameterError, SolveError
 from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, life, respond, truck, write_truth
 from clutchid.truck.running import Course, run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def shift():

@@ -8,11 +8,10 @@ from clutchid.errors import ParameterError
 from clutchid.inspection import inspect
 from clutchid.io import read
 from clutchid.truck import CHANGES, GRID, Truck, TruckB, aged, changed, drive, life, respond, truck
-from clutchid.truck.family import families, family_of
+from clutchid.truck.families import FAMILIES, family_of
 from clutchid.truck.fleet import ranges
 
 NUMBERS = range(24)
-FAMILIES = ("A", "B")
 
 
 def test_a_number_is_always_the_same_truck_of_the_second_family_too():
@@ -24,7 +23,7 @@ def test_a_number_is_always_the_same_truck_of_the_second_family_too():
 
 def test_all_variants_of_the_second_family_occur():
     trucks = [truck(n, family="B") for n in NUMBERS]
-    table = ranges(families()["B"].ranges)
+    table = ranges(FAMILIES["B"].ranges)
     for name, values in table["choice"].items():
         if name != "bend":
             assert {getattr(one, name) for one in trucks} == set(values), name

@@ -10,6 +10,8 @@ from clutchid.truck import Truck
 from clutchid.truck.first import at_rest
 from clutchid.truck.load_table import LoadCurve
 
+pytestmark = pytest.mark.slow
+
 B_0, N = 0.4, 250
 #: A pulse of the supply, then one of the exhaust, each with a valve that opens within one tick of 0.1 ms.
 PULSES = ((10, 50, 1.0, 0.0), (120, 180, 0.0, 1.0))

@@ -4,18 +4,17 @@ import numpy as np
 import pytest
 
 from clutchid.model import Actuator
+from clutchid.parameters import GROUPS, Parameters
 from clutchid.uncertainty.change_prior import (
-    DRIFT,
-    GROUPS,
     HYPOTHESES,
     change_covariance,
     change_priors,
     changeable,
+    directions,
     drift,
     log_odds,
     prior_probability,
 )
-from clutchid.uncertainty.coordinates import SHARES
 
 AVERAGED = {"n_vs", "n_ve", "tau_vs", "tau_ve"}
 #: Drift of the Appendix's parameters in their own unit, worked out by hand.
@@ -78,7 +77,7 @@ def test_where_nothing_has_changed_every_parameter_drifts_a_little_by_itself(act
     names = changeable(actuator)
     covariance = change_covariance(actuator, names, ())
     assert np.array_equal(covariance, np.diag([drift(actuator, name) ** 2 for name in names]))
-    assert np.sqrt(covariance[names.index("P_S"), names.index("P_S")]) == pytest.approx(DRIFT["P_S"] * 9e5)
+    assert np.sqrt(covariance[names.index("P_S"), names.index("P_S")]) == pytest.approx(DRIFTS["P_S"])
 
 
 def test_a_hypothesis_adds_the_changes_of_its_groups_and_those_of_two_groups_add_up(actuator):
@@ -92,7 +91,7 @@ def test_a_hypothesis_adds_the_changes_of_its_groups_and_those_of_two_groups_add
         np.testing.assert_allclose(added[pair] / np.outer(scale, scale), both / np.outer(scale, scale), atol=1e-12)
     for group in GROUPS:
         moved = {name for name, by in zip(names, np.diag(added[(group,)]), strict=True) if by > 0.0}
-        assert moved == {name for direction in GROUPS[group] for name in direction} & set(names)
+        assert moved == {name for one in directions(actuator.rows, group) for name in one} & set(names)
 
 
 def test_with_the_temperature_the_air_the_flow_and_the_grease_change_together(actuator):
@@ -122,17 +121,31 @@ def test_what_is_0_or_not_in_the_equations_cannot_change(actuator):
     plain = changeable(Actuator())
     assert not {"h_A", "T_w", "V_S"} & set(plain)
     assert "tau_y" in plain, "the lag of the sensor is outside of the equations"
-    assert set(plain) <= set(DRIFT)
+    assert set(plain) <= set(DRIFTS)
 
 
 def test_the_prior_of_each_parameter_alone_is_as_wide_as_its_widest_change(actuator):
     priors = change_priors(actuator)
     assert tuple(priors) == changeable(actuator)
     assert all(priors[name].mean == actuator.value(name) for name in priors)
-    assert priors["P_S"].std == pytest.approx(np.hypot(0.05, DRIFT["P_S"]) * 9e5)
-    assert priors["V_0A"].std == pytest.approx(DRIFT["V_0A"] * actuator.value("V_0A")), "no group has it"
-    assert "R_0vs" not in SHARES
-    assert priors["R_0vs"].std == pytest.approx(np.hypot(0.015, DRIFT["R_0vs"])), "in its unit, not a share"
+    assert priors["P_S"].std == pytest.approx(np.hypot(0.05 * 9e5, DRIFTS["P_S"]))
+    assert priors["V_0A"].std == pytest.approx(DRIFTS["V_0A"]), "no group has it"
+    assert priors["R_0vs"].std == pytest.approx(np.hypot(0.015, DRIFTS["R_0vs"])), "in its unit, not a share"
+
+
+def test_every_change_of_a_row_is_one_of_a_known_group():
+    groups = {change.group for row in Parameters.rows().values() for change in row.changes}
+    assert groups == set(GROUPS)
+
+
+def test_parameters_along_one_direction_change_together_and_others_alone():
+    rows = Parameters.rows()
+    warmer, grease = directions(rows, "temperature and grease")
+    assert grease == {"D_v": 0.3}
+    assert warmer == {"T_0": 0.085, "T_w": 0.085, "C_vs": -0.0425, "C_ve": -0.0425, "C_r": -0.0425, "D_v": -0.5}
+    valves = directions(rows, "valves")
+    assert valves[0] == {"C_vs": 0.07, "C_ve": 0.07}
+    assert all(len(alone) == 1 for alone in valves[1:])
 
 
 def test_every_change_is_less_probable_than_none_and_two_less_than_each():

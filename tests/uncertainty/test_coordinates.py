@@ -9,10 +9,10 @@ from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
-from clutchid.uncertainty.coordinates import SHARES, STOP_STD, WIDTHS, Prior, coordinates, far_stop, smoothness
+from clutchid.uncertainty.coordinates import STOP_STD, Prior, coordinates, far_stop, smoothness
 
 ACTUATOR = Actuator(Parameters(), Load.on_b_splines(), "energy-balance-stribeck")
-KNOWN = (*SHARES, *WIDTHS)
+KNOWN = tuple(name for name, row in Parameters.rows().items() if row.spread)
 
 
 def coordinate(name, prior=None, bounds=None, actuator=ACTUATOR):
@@ -84,7 +84,6 @@ def test_a_number_of_one_recording_keeps_the_name_that_the_user_gave():
 
 def test_every_parameter_but_the_period_of_the_carrier_has_a_spread():
     assert set(Parameters.names()) - set(KNOWN) == {"T_pwm"}
-    assert set(SHARES).isdisjoint(WIDTHS)
 
 
 def test_an_unknown_spread_is_one_sentence_that_says_what_to_give():

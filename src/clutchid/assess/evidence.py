@@ -11,7 +11,7 @@ from clutchid.assess.diagnostics import Diagnosis, diagnose, fit_percent
 from clutchid.assess.missing_excitation import missing
 from clutchid.assess.once import once_a_fit
 from clutchid.estimation.result import Fit, Recording
-from clutchid.log import Log
+from clutchid.log import Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.signals.excitation import excitation, joined
 from clutchid.simulation import Partition
@@ -81,7 +81,7 @@ def predicted_fit(fit: Fit, name: str) -> float:
     Each simulation starts at the measured position; the masses of air are continuous.
     """
     measured = fit.recordings[name].measured
-    every = max(1, round(HORIZON / float(np.median(np.diff(measured.time)))))
+    every = max(1, round(HORIZON / sample_interval(measured.time)))
     part = measured.slice(0, min(len(measured), every * MOST_HORIZONS + 1))
     if not np.isfinite(part["position"]).any():
         return float("nan")

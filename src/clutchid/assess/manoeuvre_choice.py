@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
@@ -168,7 +168,7 @@ def _whitened(
 ) -> Iterator[FloatArray]:
     """Triangular factor of the whitened sensitivities for each measured column, in natural sizes."""
     log: Log = done.log
-    stride = float(np.median(np.diff(log.time)))
+    stride = sample_interval(log.time)
     rho = np.exp(-stride / memory) if memory > 0.0 else 0.0
     begins = np.zeros(len(log), dtype=bool)
     begins[[0, *Partition(every=RESET_SAMPLES).resets(len(log))]] = True

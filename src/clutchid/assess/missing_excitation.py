@@ -15,10 +15,6 @@ ACTS = 0.01
 #: Largest number of correlated pairs that are reported.
 MOST_PAIRS = 3
 
-_SUPPLY = ("R_0vs", "R_1vs", "B_vs", "b_vs", "m_vs", "C_vs")
-_EXHAUST = ("R_0ve", "R_1ve", "B_ve", "b_ve", "m_ve", "C_ve")
-_STOP = ("y_max", "K_stop", "D_stop", "d_stop", "V_0B")
-
 
 def missing(found: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
     """What a recording lacks to identify load and parameters, one sentence each; empty if nothing is missing.
@@ -121,18 +117,19 @@ def _other_parameters(information: Information, actuator: Actuator, found: Excit
     unknown = _not_identifiable(information)
     contains = "contains" if found.recordings == 1 else "contain"
     reasons = (
-        (_SUPPLY, found.highest_supply < p.R_1vs, _stays("duty_supply", found.highest_supply, p.R_1vs)),
-        (_EXHAUST, found.highest_exhaust < p.R_1ve, _stays("duty_exhaust", found.highest_exhaust, p.R_1ve)),
+        ("full supply", found.highest_supply < p.R_1vs, _stays("duty_supply", found.highest_supply, p.R_1vs)),
+        ("full exhaust", found.highest_exhaust < p.R_1ve, _stays("duty_exhaust", found.highest_exhaust, p.R_1ve)),
         (
-            _STOP,
+            "far stop",
             found.reach < p.y_max,
             f"the piston reaches {found.reach * 1e3:.1f} mm, {(p.y_max - found.reach) * 1e3:.1f} mm short of its "
             "stroke; move it closer to the end stop.",
         ),
     )
     sentences = []
-    for group, holds, why in reasons:
-        members = [name for name in unknown if name in group]
+    rows = actuator.rows
+    for need, holds, why in reasons:
+        members = [name for name in unknown if name in rows and rows[name].needs == need]
         if members and holds:
             sentences.append(f"{who} {contains} no information about {listed(members)}: {why}")
     return sentences

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from clutchid.assess.reason import Reason
 from clutchid.estimation.result import Fit
+from clutchid.log import sample_interval
 from clutchid.signals.duty_cycle import is_slow
 from clutchid.uncertainty.identifiability import listed
 
@@ -16,7 +15,7 @@ def slow_reasons(fit: Fit) -> list[Reason]:
     slow = [name for name, log in logs.items() if is_slow(log)]
     if not slow:
         return []
-    slowest = min(1.0 / float(np.median(np.diff(logs[name].time))) for name in slow)
+    slowest = min(1.0 / sample_interval(logs[name].time) for name in slow)
     text = f"{listed(slow)}: at {slowest:.3g} Hz the valves open and close between the samples, at times that are not "
     text += "recorded. "
     if fit.baseline is not None and "pressure_a" not in fit.scales:

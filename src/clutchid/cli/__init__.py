@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
+import errno
 import sys
 import traceback
 from collections.abc import Sequence
-from contextlib import suppress
 from importlib.metadata import version
 from io import TextIOWrapper
 
@@ -27,6 +26,7 @@ from clutchid.cli.observe import observe
 from clutchid.cli.paper import paper
 from clutchid.cli.prove import prove
 from clutchid.cli.simulate import simulate
+from clutchid.cli.terminal import discard_output, put
 from clutchid.cli.track import track
 from clutchid.codegen.cache import when_compiling
 
@@ -65,15 +65,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # an unprintable unit or name must not prevent the output
     if sys.stderr.isatty():
-        when_compiling(lambda sentence: print(sentence, file=sys.stderr))  # looked up late: streams can be replaced
+        when_compiling(lambda sentence: put(sentence, to=sys.stderr))  # looked up late: streams can be replaced
     try:
         code = _run(tokens)
-        print(end="", flush=True)
-    except OSError as error:
+        sys.stdout.flush()
+    except OSError as error:  # `OutputLost`, or what printed the help met
         code = FAILED
-        _silence()
-        if not isinstance(error, BrokenPipeError):  # a closed pipe is normal, as in `clutchid look F | head`
-            print(f"clutchid: standard output cannot be written ({error.strerror or error}).", file=sys.stderr)
+        discard_output()
+        if error.errno != errno.EPIPE:  # a closed pipe is normal, as in `clutchid look F | head`
+            put(f"clutchid: standard output cannot be written ({error.strerror or error}).", to=sys.stderr)
     sys.exit(code)
 
 
@@ -88,13 +88,6 @@ def _run(tokens: list[str]) -> int:
         message = " ".join(str(error).split())
         return complain(f"{message} Try 'clutchid --help'.", as_json="--json" in tokens, status="bad_input")
     return code if isinstance(code, int) else DONE
-
-
-def _silence() -> None:
-    """Redirect standard output to the null device, to avoid errors when Python exits."""
-    with suppress(OSError):
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import math
 import re
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
-from clutchid.cli.terminal import printable_lines, sentences
+from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentences
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
 from clutchid.log import Log
 from clutchid.names import printable
@@ -26,22 +25,18 @@ if TYPE_CHECKING:
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
-_NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EIO)
-
 
 def guarded(work: Callable[[], int], *, as_json: bool, debug: bool) -> int:
     """Run `work` and turn an error of clutchid into one sentence and an exit code.
 
     The exit code is 2 for bad input and 1 for other errors; with `as_json` the JSON object is printed. With `debug` the
-    traceback goes to standard error first. A closed pipe is handled by `main`.
+    traceback goes to standard error first. That standard output is lost is handled by `main`.
     """
     try:
         return work()
-    except BrokenPipeError:
+    except OutputLost:
         raise
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, OSError) and error.errno in _NO_ROOM and error.filename is None:
-            raise  # standard output: `main` says so
         if debug:
             traceback.print_exc()
         message, status = _sentence_and_status(error, debug)
@@ -64,7 +59,7 @@ def complain(message: str, *, as_json: bool, status: str) -> int:
     if as_json:
         print_json({**EMPTY, "status": status, "message": message})
     else:
-        print(sentences(f"clutchid: {printable_lines(message)}", sys.stderr), file=sys.stderr)
+        put(sentences(f"clutchid: {printable_lines(message)}", sys.stderr), to=sys.stderr)
     return BAD_INPUT if status == "bad_input" else FAILED
 
 
@@ -84,12 +79,12 @@ def print_written(*paths: Path | None, to: TextIO | None = None) -> None:
     """Say which files were written, on standard output by default."""
     for path in paths:
         if path is not None:
-            print(f"written: {printable(str(path.resolve()))}", file=to)
+            put(f"written: {printable(str(path.resolve()))}", to=to)
 
 
 def print_json(content: dict[str, Any]) -> None:
     """Print `content` as one JSON object; numbers that are not finite become null."""
-    print(json.dumps(_finite(content), ensure_ascii=True))  # independent of the encoding of standard output
+    put(json.dumps(_finite(content), ensure_ascii=True))  # independent of the encoding of standard output
 
 
 def _finite(value: Any) -> Any:
@@ -113,9 +108,7 @@ def pieces_of(
 
     reported: set[str] = set()
     for piece in read_pieces(path, ambient=ambient, channels=map_, dbc=dbc, progress=shown):
-        for warning in piece.warnings:
-            if warning not in reported:
-                print(f"warning: {warning}", file=sys.stderr)
+        say(warning for warning in piece.warnings if warning not in reported)
         reported.update(piece.warnings)
         yield piece
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from clutchid.cli.common import DONE, guarded, print_written
+from clutchid.cli.terminal import put
 from clutchid.errors import ExportError, ParameterError
 
 Shell = Literal["zsh", "bash", "fish", "powershell"]
@@ -52,5 +53,5 @@ def _install(application: App, shell: Shell | None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         raise ExportError(f"{where}{error.strerror}; the completion for {used} was not installed.") from error
     print_written(path)
-    print(f"Open a new terminal, and press Tab behind `clutchid` there: {used} completes it.")
+    put(f"Open a new terminal, and press Tab behind `clutchid` there: {used} completes it.")
     return DONE

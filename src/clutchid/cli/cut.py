@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, check_outputs, guarded, pieces_of, pressure, print_written, progress_bar
+from clutchid.cli.terminal import put
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
 
@@ -70,11 +71,11 @@ def cut(
             else:
                 with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
                     chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
-        print(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
+        put(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
         if not chosen:
             raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
         write(joined(chosen), out)
-        print(f"\n{sections_table(chosen)}\n")
+        put(f"\n{sections_table(chosen)}\n")
         print_written(out, table)
         return DONE
 

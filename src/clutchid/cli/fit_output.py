@@ -9,7 +9,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 from clutchid.cli.common import DONE, EMPTY, FAILED, print_json, print_written
-from clutchid.cli.terminal import WIDTH, print_rows, printable_lines
+from clutchid.cli.terminal import WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError
 from clutchid.names import printable
 
@@ -34,26 +34,21 @@ def answer_json(outcome: Outcome, writers: Writers) -> int:
 
 
 def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) -> int:
-    """Print the result, and write the files; the exit code. Neither costs the other where it fails."""
+    """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
     from clutchid.report.next_step import next_step
     from clutchid.report.summary import Row, other_warnings
 
-    fit = outcome.fit
-    try:
-        _print_result(outcome, verbose)
-    except (OSError, SystemExit):  # nobody reads on, which Rich makes an exit: the files are wanted all the same
-        _complain(_write(writers)[1])
-        raise
-    warnings = other_warnings(fit)
-    _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
     written, failures = _write(writers)
-    print_written(*written)
     _complain(failures)
+    _print_result(outcome, verbose)
+    warnings = other_warnings(outcome.fit)
+    _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
+    print_written(*written)
     if failures:
         return FAILED
-    why, what = next_step(fit, command)
+    why, what = next_step(outcome.fit, command)
     print_rows([Row("next", f"{why}:")])
-    print(printable(f"  {what}"))
+    put(printable(f"  {what}"))
     return DONE
 
 
@@ -63,13 +58,12 @@ def _print_result(outcome: Outcome, verbose: bool) -> None:
 
     print_rows(summary(outcome.fit, in_full=verbose))
     if verbose:
-        print(f"\n{printable_lines(fit_text(outcome.fit, WIDTH))}")
-    sys.stdout.flush()
+        put(f"\n{printable_lines(fit_text(outcome.fit, WIDTH))}")
 
 
 def _complain(failures: Sequence[str]) -> None:
     for failure in failures:
-        print(f"clutchid: the fit is complete, but {printable_lines(failure)}", file=sys.stderr)
+        put(f"clutchid: the fit is complete, but {printable_lines(failure)}", to=sys.stderr)
 
 
 def _write(writers: Writers) -> tuple[list[Path], list[str]]:
@@ -92,4 +86,4 @@ def _warn(warnings: Sequence[str], most: int) -> None:
         more = len(warnings) - most
         shown.append(f"{more} more warning{'s' if more > 1 else ''}: --verbose")
     for line in shown:
-        print(fill(line, WIDTH, break_long_words=False, break_on_hyphens=False), file=sys.stderr)
+        put(fill(line, WIDTH, break_long_words=False, break_on_hyphens=False), to=sys.stderr)

@@ -15,7 +15,7 @@ from cyclopts import Parameter
 from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_bar
 from clutchid.cli.progress import progress_of
 from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
-from clutchid.cli.terminal import printable_lines
+from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import as_text, printable
 
@@ -187,8 +187,8 @@ def _say(statuses: Counter[str], vehicles: int, read: int, out: Path, *, as_json
             {**EMPTY, "status": ended, "message": message, "statuses": dict(statuses), "out": str(out.resolve())}
         )
         return
-    print(printable_lines(message))
-    print(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((out / 'index.html').resolve()))}")
+    put(printable_lines(message))
+    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((out / 'index.html').resolve()))}")
 
 
 def _seconds(timeout: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,6 +9,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json
+from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.parameters import Parameters
@@ -61,9 +61,8 @@ def friction(
         if json:
             print_json({**EMPTY, "status": "warning" if content["warnings"] else "ok", **content})
             return DONE
-        print(text)
-        for warning in content["warnings"]:
-            print(f"warning: {warning}", file=sys.stderr)
+        put(text)
+        say(content["warnings"])
         return DONE
 
     return guarded(work, as_json=json, debug=debug)

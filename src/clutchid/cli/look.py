@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure, print_written
-from clutchid.cli.terminal import sentences
+from clutchid.cli.terminal import put, sentences
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
 from clutchid.workflow import start_file
@@ -61,14 +61,14 @@ def look(
         at = pressure(ambient, (content.actuator.parameters if content else Parameters()).P_0)
         given = None if map_ is None else read_map(map_)
         contents = look_at(file, at, tuple(dbc or ()), given)
-        print(sentences(contents.table(), sys.stdout))
-        print(sentences(_checks(file, contents, given, at, content), sys.stdout))
+        put(sentences(contents.table(), sys.stdout))
+        put(sentences(_checks(file, contents, given, at, content), sys.stdout))
         if save is not None:
             proposed = contents.proposal.channels
             write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
             print_written(save)
             if not proposed.channels:
-                print("No channel could be identified by its name: the file lists all channels, write the map by hand.")
+                put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
         return BAD_INPUT if contents.problems else DONE
 
     return guarded(work, as_json=False, debug=debug)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.cli.observe_sinks import say
+from clutchid.cli.terminal import say
 from clutchid.errors import ExportError
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, TextIO
 from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
 from clutchid.cli.observe_kept import Kept, offer
 from clutchid.cli.observe_output import Files, answer
-from clutchid.cli.observe_sinks import Sink, Stopped, published_frames, published_lines, say, view
+from clutchid.cli.observe_sinks import Sink, Stopped, published_frames, published_lines, view
+from clutchid.cli.terminal import say
 from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.io.live.bus import BusName, bus_name
 from clutchid.names import printable
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.io.live.arrival import LiveBlock
     from clutchid.observe.live import LiveRun
-    from clutchid.observe.observer import Observer, ObserverState
+    from clutchid.observe.observer import Observer
+    from clutchid.observe.state import ObserverState
     from clutchid.strokes.vented_rest import Zero
 
 #: What stands for standard input, and for standard output.

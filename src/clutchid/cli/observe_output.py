@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, TextIO
 
 from clutchid.cli.common import EMPTY, check_outputs, print_json, print_written
-from clutchid.cli.terminal import print_rows, printable_lines
+from clutchid.cli.terminal import print_rows, printable_lines, put, say
 from clutchid.errors import ParameterError
 from clutchid.names import printable
 from clutchid.workflow import start_file
@@ -122,9 +122,8 @@ def answer(
         ended = dict(zip(("status", "message"), trouble, strict=True)) if trouble[1] else {}
         print_json({**EMPTY, **observe_json(run, content.origin), **ended})
         return
-    for warning in run.log.warnings:
-        print(f"warning: {printable_lines(warning)}", file=sys.stderr)
-    print(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), file=to)
+    say(run.log.warnings)
+    put(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), to=to)
     print_rows(end_rows(run), to)
     published = files.results_dbc if files.publishes_frames else None
     written = [path for path in (files.out, files.by_stroke, files.save, files.report, published) if path is not None]

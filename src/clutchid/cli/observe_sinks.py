@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.cli.terminal import printable_lines
+from clutchid.cli.terminal import discard_output, put, say
 
 if TYPE_CHECKING:
     from clutchid.io.live.bus import BusName
@@ -52,14 +53,14 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
             nonlocal unsent, open_, stalled
             try:
                 if descriptor is None:
-                    print(text.decode(), end="", flush=True)
+                    put(text.decode().removesuffix("\n"))
                     return
                 unsent = _sent(descriptor, unsent, stopped, wait=not stalled)
                 unsent = unsent or _sent(descriptor, text, stopped, wait=True)
             except OSError as error:
                 unsent, open_ = b"", False
-                _discard_output()
-                reason = "closed" if isinstance(error, BrokenPipeError) else f"lost ({error.strerror or error})"
+                discard_output()
+                reason = "closed" if error.errno == errno.EPIPE else f"lost ({error.strerror or error})"
                 say([f"standard output was {reason}: nothing is published any more, the recording goes on."])
                 return
             if unsent and not stalled and not stopped():
@@ -126,8 +127,8 @@ def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[
     Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
     the bus is open.
     """
+    from clutchid.io.files import write_text
     from clutchid.io.live.bus import sender
-    from clutchid.report.files import write_text
     from clutchid.report.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
 
     sent, failed = 0, False
@@ -144,14 +145,6 @@ def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[
                     say([f"{name}: does not take every frame ({reason}); the recording goes on."])
 
         yield publish
-
-
-def _discard_output() -> None:
-    """Let go to the null device what is left for standard output, which Python would write again at its end."""
-    with suppress(OSError):
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, sys.stdout.fileno())
-        os.close(null)
 
 
 @contextmanager
@@ -186,10 +179,3 @@ def view() -> Iterator[Sink]:
         yield show
         if last is not None:
             picture.update(last(), refresh=True)
-
-
-def say(warnings: Iterable[str]) -> None:
-    """Say warnings while the recording goes on, also where nobody hears them: a closed terminal ends nothing."""
-    with suppress(OSError, ValueError):
-        for warning in warnings:
-            print(f"warning: {printable_lines(warning)}", file=sys.stderr, flush=True)

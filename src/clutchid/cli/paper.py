@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, guarded, pressure, progress_bar
+from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
 from clutchid.parameters import Parameters
 from clutchid.workflow import Reading, read_recordings
@@ -48,7 +49,7 @@ def paper(
             fitted, verified = read_recordings([fit, verify], Reading(pressure(ambient, Parameters().P_0)))
         with progress_bar("paper") as show:
             paper_study(fitted, verified, out, progress=show)
-        print(f"The page: {(out / 'index.html').resolve()}")
+        put(f"The page: {(out / 'index.html').resolve()}")
         return DONE
 
     return guarded(work, as_json=False, debug=debug)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from time import monotonic
 
 from clutchid.cli.common import progress_bar
+from clutchid.cli.terminal import put
 
 #: Time in s from one line of progress to the next where standard error is not a terminal.
 EVERY = 60.0
@@ -37,7 +38,7 @@ def progress_of(
             words = progress_words(done, total, items, now - begin)
             show(words, done / total)
             if now - last >= EVERY and not sys.stderr.isatty():
-                print(f"{title}: {words}", file=sys.stderr, flush=True)
+                put(f"{title}: {words}", to=sys.stderr)
                 last = now
 
         yield progress

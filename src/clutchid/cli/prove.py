@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from clutchid.cli.common import DONE, FAILED, guarded, print_written
 from clutchid.cli.progress import progress_of
 from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
-from clutchid.cli.terminal import WIDTH
+from clutchid.cli.terminal import WIDTH, put
 from clutchid.errors import ParameterError
 
 
@@ -56,7 +56,7 @@ def prove(
 
     def work() -> int:
         from clutchid.fleet.cluster import Place
-        from clutchid.report.files import write_text
+        from clutchid.io.files import write_text
         from clutchid.report.tables import to_csv, to_text
         from clutchid.study.proving.ground import Conditions, kept
         from clutchid.study.proving.ground import prove as run
@@ -72,7 +72,7 @@ def prove(
         table = standings(everyone)
         write_text(to_csv(table), out / "standings.csv")
         write_text(to_csv(every_recording(everyone)), out / "recordings.csv")
-        print(to_text(table, WIDTH), fill(table.note, WIDTH), sep="\n\n")
+        put(to_text(table, WIDTH), "", fill(table.note, WIDTH))
         print_written(out / "recordings.csv")
         return FAILED if all(result["failed"] for result in results) else DONE
 

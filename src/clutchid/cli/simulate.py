@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -20,6 +19,7 @@ from clutchid.cli.common import (
     print_json,
     print_written,
 )
+from clutchid.cli.terminal import put, say
 from clutchid.workflow import Reading, inspected, read_recordings, start_file
 
 if TYPE_CHECKING:
@@ -128,10 +128,9 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
             {**EMPTY, "status": "warning" if distinct else "ok", "message": done.message, "warnings": distinct, **logs}
         )
         return
-    for warning in distinct:
-        print(f"warning: {warning}", file=sys.stderr)
+    say(distinct)
     if errors is not None:
-        print(f"simulated {recording.name}: {errors_text(errors)}")
+        put(f"simulated {recording.name}: {errors_text(errors)}")
     print_written(out)
 
 

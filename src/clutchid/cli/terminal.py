@@ -1,9 +1,12 @@
-"""Text on a terminal: wrapped at words; files and pipes get it as it is."""
+"""What commands print: one way to standard output, one to standard error; wrapped at words on a terminal."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import TYPE_CHECKING, TextIO
@@ -19,6 +22,46 @@ WIDTH = 80
 #: Columns of the labels of rows, and how a mood is coloured.
 LABEL = 9
 _COLOURS = {"good": "bold green", "with care": "bold yellow", "none": "bold red", "": ""}
+
+
+class OutputLost(OSError):
+    """Standard output cannot be written: nobody reads it any more, or what it goes to is full or gone."""
+
+
+def put(*lines: str, to: TextIO | None = None) -> None:
+    """Print lines at once, on standard output by default; on another stream nobody may hear them.
+
+    Raises
+    ------
+    OutputLost
+        If standard output cannot be written.
+    """
+    stream = sys.stdout if to is None else to
+    try:
+        print(*lines, sep="\n", file=stream, flush=True)
+    except UnicodeError:
+        raise
+    except (OSError, ValueError) as error:  # a stream that is closed is a ValueError
+        if stream is not sys.stdout:
+            return
+        discard_output()
+        if isinstance(error, ValueError):
+            raise OutputLost("it is closed") from error
+        raise OutputLost(*error.args) from error
+
+
+def say(warnings: Iterable[str]) -> None:
+    """Print warnings on standard error, also where nobody hears them: a closed terminal ends nothing."""
+    for warning in warnings:
+        put(f"warning: {printable_lines(warning)}", to=sys.stderr)
+
+
+def discard_output() -> None:
+    """Let go to the null device what is left for standard output, which Python would write again at its end."""
+    with suppress(OSError, ValueError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
 
 
 def columns() -> int:
@@ -51,12 +94,15 @@ def print_rows(rows: Sequence[Row], to: TextIO | None = None) -> None:
     from rich.console import Console
     from rich.text import Text
 
-    console = Console(file=to, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    console = Console(file=sys.stdout if to is None else to, highlight=False, markup=False, emoji=False, soft_wrap=True)
     width = min(WIDTH, console.width) if console.is_terminal else WIDTH
-    for row in rows:
-        text = printable_lines(row.text)
-        short = max(width - LABEL, 20)
-        lines = text.splitlines() if row.fixed else fill(text, short, break_on_hyphens=False).splitlines()
-        for number, line in enumerate(lines):
-            shown = Text(f"{row.label if number == 0 else '':<{LABEL}}", style="bold")
-            console.print(shown.append(line, style=_COLOURS[row.mood] or "not bold"))
+    with console.capture() as drawn:
+        for row in rows:
+            text = printable_lines(row.text)
+            short = max(width - LABEL, 20)
+            lines = text.splitlines() if row.fixed else fill(text, short, break_on_hyphens=False).splitlines()
+            for number, line in enumerate(lines):
+                shown = Text(f"{row.label if number == 0 else '':<{LABEL}}", style="bold")
+                console.print(shown.append(line, style=_COLOURS[row.mood] or "not bold"))
+    if rows:
+        put(drawn.get().removesuffix("\n"), to=to)

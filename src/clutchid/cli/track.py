@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, check_outputs, guarded, life_limit, pressure, print_json, print_written
 from clutchid.cli.progress import progress_of
-from clutchid.cli.terminal import printable_lines
+from clutchid.cli.terminal import printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 
@@ -114,9 +114,8 @@ def _say(found: Tracked, written: Sequence[Path | None], *, as_json: bool) -> No
     if as_json:
         print_json(wear_json(found.wear))
         return
-    for warning in found.wear.warnings:
-        print(f"warning: {printable_lines(warning)}", file=sys.stderr)
-    print(*map(printable_lines, wear_lines(found.wear)), sep="\n")
+    say(found.wear.warnings)
+    put(*map(printable_lines, wear_lines(found.wear)))
     print_written(*written)
 
 

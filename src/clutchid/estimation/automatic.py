@@ -9,9 +9,9 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.measured import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
+from clutchid.parameters import in_order
 from clutchid.preparation.carrier import centred, find_carrier
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
@@ -21,18 +21,6 @@ from clutchid.uncertainty.coordinates import Prior, far_stop
 
 #: The default model of a calibration, and the one in its place where the valves have a carrier.
 AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balance-stribeck"
-
-#: Parameters that a calibration frees, if the model has them: those that differ between trucks and are not on a
-#: drawing, as areas are. Mass and damping of the stops have little influence.
-PAPER = (
-    "C_vs", "C_ve", "R_0vs", "R_0ve", "R_1vs", "R_1ve", "V_0A", "P_S", "P_0", "F_C", "D_v", "K_z", "D_zdot", "C_r",
-    "y_max", "tau_y", "tau_p",
-)  # fmt: skip
-SHAPES = ("B_vs", "B_ve")
-BALANCE = ("mu_h", "K_h", "b_vs", "m_vs", "b_ve", "m_ve", "T_w", "h_A", "V_S", "tau_S", "gamma")
-STRIBECK = ("c_F", "R_S", "v_S")
-AVERAGED = ("n_vs", "n_ve", "tau_vs", "tau_ve")
-CARRIER = ("s_vs", "s_ve", "a_0vs", "a_0ve", "t_vs", "t_ve")
 
 #: Start values: lag of a sensor in s; decay time of a valve's current and travel time of its armature in carrier
 #: periods, of which one has no influence while the other is 0; delay of an on/off valve.
@@ -64,18 +52,31 @@ def automatic(logs: Sequence[Log], actuator: Actuator) -> tuple[Actuator, tuple[
     ambient = float(np.median([_vented_pressure(log) for log in logs]))
     changes = {"P_0": ambient, "tau_y": LAG, "tau_p": LAG}
     pulsed = replace(actuator, model=WITH_CARRIER) if actuator.model == AUTOMATIC else actuator
-    found = _carrier(logs[0], pulsed) if set(pulsed.in_equations) >= set(CARRIER) else {}
+    found = _carrier(logs[0], pulsed) if _can_switch(pulsed) else {}
     actuator, changes = (pulsed if found else actuator), changes | found
-    known = {*actuator.in_equations, *SENSOR_PARAMETERS}
-    candidates = (*PAPER, *SHAPES, *BALANCE, *(CARRIER if found else AVERAGED), *STRIBECK)
-    free = [name for name in candidates if name in known]
-    free += [name for name in actuator.parameter_names if (own := actuator.own_row(name)) and own.std]
+    free = freed(actuator.replace({"T_pwm": found.get("T_pwm", 0.0)}))
     load = actuator.load if actuator.load.basis == "b-spline" else Load.on_b_splines(actuator.load)
     renewed = duty_period(logs[0])
     renewed = actuator.duty_period if renewed is None else renewed
     begin = replace(actuator, load=load, duty_period=renewed).replace(changes)
     priors = {"P_0": Prior(ambient, VENTED_STD), "y_max": far_stop(begin, max(log.reach() for log in logs))}
     return begin, (*load.names, *free), priors
+
+
+def freed(actuator: Actuator) -> tuple[str, ...]:
+    """Parameters that a calibration frees: those of the rows that have an effect.
+
+    They differ between trucks and are not on a drawing, as areas are. Mass and damping of the stops have little
+    influence.
+    """
+    acting = actuator.acting
+    return tuple(name for name in in_order(actuator.rows, lambda row: row.freed) if name in acting)
+
+
+def _can_switch(actuator: Actuator) -> bool:
+    """Whether the equations of its valves know a carrier."""
+    rows = actuator.rows
+    return any(rows[name].valves == "switched" for name in actuator.in_equations)
 
 
 def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:

@@ -9,11 +9,11 @@ import numpy as np
 from clutchid.estimation.changes import Departure
 from clutchid.estimation.problem import with_hypothesis
 from clutchid.log import FloatArray, Log
+from clutchid.parameters import GROUPS
 from clutchid.signals.excitation import HOLD_SPEED, SLOW_WINDOW
 from clutchid.signals.velocity import velocity
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import GROUPS
 
 
 def departure(

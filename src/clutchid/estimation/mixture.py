@@ -11,9 +11,10 @@ from clutchid.estimation.changes import Change
 from clutchid.estimation.hypotheses import Explanations, errors_in_x, flattened, probabilities
 from clutchid.estimation.search_result import SolutionT
 from clutchid.log import FloatArray
+from clutchid.parameters import GROUPS, Row
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import GROUPS, HYPOTHESES, Hypothesis, prior_probability
+from clutchid.uncertainty.change_prior import HYPOTHESES, Hypothesis, prior_probability
 
 #: Part of the errors of a fit to position alone that is different in another recording.
 ERRORS_REPEAT = 0.5
@@ -115,9 +116,8 @@ def changes(problem: FitProblem, found: Mixture) -> tuple[Change, ...]:
     result = []
     for stem in problem.stems:
         own = [i for i, c in enumerate(problem.coordinates) if c.stem == stem and c.name in problem.changing]
-        for group, directions in GROUPS.items():
-            names = {name for direction in directions for name in direction}
-            at = [i for i in own if problem.coordinates[i].base in names]
+        for group in GROUPS:
+            at = [i for i in own if _of_group(problem.actuator.rows[problem.coordinates[i].base], group)]
             if at and _odds(found.of_group(group)) >= 2.0 * _odds(before[group]):
                 moved = np.abs(found.x[at]) / std[at]
                 shown = [
@@ -125,6 +125,10 @@ def changes(problem: FitProblem, found: Mixture) -> tuple[Change, ...]:
                 ]
                 result += [_change(problem, found, i, stem, group, float(std[i])) for i in shown]
     return tuple(result)
+
+
+def _of_group(row: Row, group: str) -> bool:
+    return any(change.group == group for change in row.changes)
 
 
 def _odds(probability: float) -> float:

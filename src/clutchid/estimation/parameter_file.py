@@ -26,9 +26,9 @@ from clutchid.estimation.parameter_tables import (
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.estimation.search_state import Continuation, SearchState
-from clutchid.io.files import atomic_write
+from clutchid.io.files import small_file, write_text
 from clutchid.io.records import Rule, covariance_problem, plain, read, table
-from clutchid.io.toml_file import read_toml
+from clutchid.io.toml_file import LARGEST, toml_of
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
@@ -41,7 +41,7 @@ from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyEr
 MATLAB_SUFFIXES = (".mat", ".m")
 
 #: No standard deviation is larger, in SI: ten times the largest admissible value, that of a stiffness.
-LARGEST = 1e12
+_LARGEST_STD = 1e12
 
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
@@ -295,7 +295,7 @@ def _covariance(matrix: FloatArray, names: Sequence[str], where: str) -> FloatAr
     if matrix.size != len(names) ** 2:
         raise ParameterError(f"{where.removesuffix('_covariance')}: {_RULES[where.rpartition(' ')[2]].needed}.")
     matrix = matrix.reshape(len(names), len(names))
-    largest = [Parameters.row(name).width if name in Parameters.names() else LARGEST for name in names]
+    largest = [Parameters.row(name).width if name in Parameters.names() else _LARGEST_STD for name in names]
     if problem := covariance_problem(matrix, names, largest):
         raise ParameterError(f"{where}: {problem}{_AGAIN}.")
     return matrix
@@ -324,8 +324,7 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
         document["fit"] = dict(content.fit)
     name = content.actuator.equipment.name or "an electropneumatic clutch actuator"
     text = f"# Parameters of {name}, SI units; written by clutchid.\n" + tomli_w.dumps(document)
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(text, path)
 
 
 def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) -> ParameterFile:
@@ -354,7 +353,8 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
             f"{path}: is for MATLAB, and clutchid does not read it back; save the fit as .toml too (fit LOG --save "
             "FIT.toml), and name that file."
         )
-    document = read_toml(path, "parameter file")
+    content = small_file(path, "parameter file", LARGEST)
+    document = toml_of(content, path, "parameter file")
     problems = unknown_names(document, _SECTIONS, "section")
     problems += [
         f"[{name}] must be a section with entries."
@@ -376,7 +376,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
         raise ParameterError(_all(path, [str(error)])) from error
     if problems or actuator is None:
         raise ParameterError(_all(path, problems))
-    hashed = sha256(Path(path).read_bytes()).hexdigest()
+    hashed = sha256(content).hexdigest()
     said = {name: about.get(name) for name in ("created", "trust")}
     origin = _with_texts(Origin(name=Path(path).name, sha256=hashed), said)
     return ParameterFile(actuator, starts, about, own, origin)

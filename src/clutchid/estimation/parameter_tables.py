@@ -20,9 +20,6 @@ from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
 from clutchid.strokes.vented_rest import FURTHEST
 
-#: Parameters from the drawing of an actuator; the defaults (Appendix A) are those of another one.
-_DRAWING, _DRAWING_B = ("A_A", "V_0A", "M", "y_max"), ("A_B", "V_0B")
-
 #: The entry of ``[actuator]`` that is no field of `Equipment`: a constant load in N, against positive motion.
 _GRAVITY = "gravity_load"
 
@@ -191,8 +188,8 @@ def _equipment(document: Mapping[str, Any], problems: list[str]) -> Equipment:
     equipment = collected(problems, lambda: Equipment(**given))
     if equipment is None:
         return Equipment()
-    needed = [*_DRAWING, *(_DRAWING_B if equipment.chamber_b else ())]
-    if lacking := [name for name in needed if name not in values]:
+    drawn = [name for name, row in Parameters.rows().items() if row.drawing and not equipment.missing(name)]
+    if lacking := [name for name in drawn if name not in values]:
         problems.append(
             f"[parameters] {', '.join(lacking)}: missing; a file with [actuator] needs the values of its drawing, "
             "because the defaults are those of another actuator."

@@ -13,7 +13,7 @@ from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.one_pass import with_window_steps
 from clutchid.estimation.prediction_error.problem import predict_errors
 from clutchid.estimation.problem import fit_problem
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
@@ -70,7 +70,7 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     DataError
         If the recording lacks a duty cycle.
     """
-    step = float(np.median(np.diff(log.time)))
+    step = sample_interval(log.time)
     slow = duties_in(log, actuator) is not Duties.RECORDED
     part = log.slice(0, min(len(log), round((DURATION_SLOW if slow else DURATION) / step)))
     once = _problem(part, actuator, calibration)

@@ -20,7 +20,7 @@ from clutchid.io.files import atomic_write
 from clutchid.log import FloatArray
 from clutchid.processes import Lost, check_workers, results
 from clutchid.truck import aged, drive, truck
-from clutchid.truck.family import family_of
+from clutchid.truck.families import family_of
 from clutchid.truck.service import Visit
 from clutchid.truck.vehicle import Vehicle
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,8 +12,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import ClutchidError
 from clutchid.inspection.signal import IntArray, Runs, noise, quantum, run_ends, runs
-from clutchid.io.checks import usual_interval
-from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.log import INPUTS, FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.plan import plan
@@ -45,7 +45,7 @@ class Reading:
     @cached_property
     def step(self) -> float:
         """Usual interval between samples in s; infinity for fewer than two."""
-        return usual_interval(self.log.time)
+        return sample_interval(self.log.time, math.inf)
 
     @cached_property
     def update_interval(self) -> float:

@@ -11,19 +11,16 @@ from typing import TYPE_CHECKING, TypeVar
 
 from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check, check_ambient
-from clutchid.io.columns import QUANTITIES, REQUIRED
-from clutchid.io.files import atomic_write, digest, polars_errors
-from clutchid.io.guard.limits import MEMORY_VARIABLE, memory
+from clutchid.io.columns import REQUIRED
+from clutchid.io.files import atomic_write, digest
 from clutchid.io.opening import open_source
 from clutchid.io.source import BLOCK, Source, in_contract, with_unit
+from clutchid.io.whole import check_size
 from clutchid.log import Log
 from clutchid.names import printable
 
 if TYPE_CHECKING:
     from clutchid.io.map.channel_map import ChannelMap
-
-#: Largest ratio of unpacked to stored bytes of a recording: a higher one means values that hardly ever change.
-_MOST_GROWTH = 50
 
 Item = TypeVar("Item")
 
@@ -139,8 +136,6 @@ def _logs(
     check_ambient(ambient)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))
-    if rows is None:
-        _check_size(source)
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(float(ambient))}
     if rows is None:
         metadata["sha256"] = digest(source.path)
@@ -156,22 +151,23 @@ def _logs(
         else:
             logs = pieces(source, chosen, ambient, required, rows)
     done, size = 0, max((raster.size for raster in source.rasters), default=0)
-    for log in logs:
+    for log in _from_disk(source.path, logs):
         yield replace(log, metadata={**log.metadata, **metadata})
         done += len(log)
         if progress is not None:
             progress(done, size)
 
 
-def _check_size(source: Source) -> None:
-    """Refuse to read a small file as a whole that unpacks to more than there may be in memory."""
-    size = 8 * max((raster.size * min(len(raster.headings), len(QUANTITIES)) for raster in source.rasters), default=0)
-    there = source.path.stat().st_size
-    if size > max(memory() / 2.5, _MOST_GROWTH * there):
-        raise DataError(
-            f"{source.path}: a file of {there / 1e6:.3g} MB that unpacks to {size / 1e9:.3g} GB; save less, cut out "
-            f"what is needed with `clutchid cut`, or allow more with the environment variable {MEMORY_VARIABLE}=8GB."
-        )
+def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
+    """The logs; where the disk does not give them, an error that names the recording, not what is written meanwhile."""
+    while True:
+        try:
+            log = next(logs, None)
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({error.strerror or error}).") from error
+        if log is None:
+            return
+        yield log
 
 
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
@@ -187,6 +183,8 @@ def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: 
     if not source.rasters or source.unnamed:
         raise DataError.of(str(source.path), [*source.problems, *([source.unnamed] if source.unnamed else [])])
     wanted = [heading.index for heading in source.rasters[0].headings if heading.name is not None]
+    if rows is None:
+        check_size(source.path, source.rasters[0].size, len(wanted))
     for table in source.tables(0, wanted, rows):
         checked = check(table, ambient, required)
         if source.problems or checked.problems:
@@ -218,7 +216,7 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     if log.edges and suffix.lower() != ".parquet":
         lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
         warnings.warn(lost, stacklevel=2)
-    with polars_errors(path), atomic_write(path) as temporary:
+    with atomic_write(path) as temporary:
         writers[suffix.lower()](log, temporary)
 
 

@@ -213,7 +213,7 @@ def shortened(text: str, length: int = 40) -> str:
 def _duplicate(name: str, group: list[Heading]) -> str:
     where = " and ".join(str(column.index + 1) for column in group)
     texts = ", ".join(f"'{column.text}'" for column in group)
-    return f"columns {where} ({texts}) all mean '{name}'; keep one of them."
+    return f"columns {where} ({texts}) all mean '{name}'; keep one of them, or select it with a channel map."
 
 
 def _unit_problem(column: Heading, name: str) -> str:

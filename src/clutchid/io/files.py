@@ -1,4 +1,4 @@
-"""Atomic writing of files, and checks of files with clear messages."""
+"""Files: one way to open what a user names, one to write what a user gets, both with clear messages."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import hashlib
 import os
 import secrets
 import shutil
+import stat
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
-from clutchid.errors import DataError, ExportError, ParameterError
+from clutchid.errors import ClutchidError, DataError, ExportError
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,12 +29,12 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
     """Temporary file beside `path` that replaces it when the block ends without an error.
 
     On any error the temporary file is removed and an existing file stays unchanged. The temporary name has the suffix
-    of `path`, for libraries that choose a format by it.
+    of `path`, for libraries that choose a format by it. Errors that name another file are raised as they are.
 
     Raises
     ------
     ExportError
-        If the folder is missing or cannot be written, `path` is not a plain file, or writing fails.
+        If the folder is missing or cannot be written, `path` is not a plain file, or writing fails, also in polars.
 
     Examples
     --------
@@ -52,42 +54,60 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
         if target.exists():
             shutil.copymode(target, temporary)
         temporary.replace(target)
-    except ExportError:
-        raise
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be written ({_reason(error)}); what was there is unchanged.") from error
+    except Exception as error:
+        reason = _failure(error, temporary)
+        if reason is None:
+            raise
+        raise ExportError(f"{path}: cannot be written ({reason}); what was there is unchanged.") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
 
 
-@contextmanager
-def polars_errors(path: str | PathLike[str]) -> Iterator[None]:
-    """What polars says where `path` cannot be written, as on a full disk, as the error that it is.
+def _failure(error: Exception, temporary: Path | None) -> str | None:
+    """Why a file could not be written; None for an error that has another cause, or the sentence already."""
+    if isinstance(error, ClutchidError):
+        return None
+    if isinstance(error, OSError):
+        own = error.filename is None or temporary is None or str(error.filename) == str(temporary)
+        return _reason(error) if own else None
+    polars = sys.modules.get("polars")
+    return str(error) if polars is not None and isinstance(error, polars.exceptions.PolarsError) else None
+
+
+def write_text(text: str, path: str | PathLike[str]) -> None:
+    """Write `text` in UTF-8 to `path`, atomically; bytes of file names that are not UTF-8 become question marks.
 
     Raises
     ------
     ExportError
-        In place of an error of polars.
+        If it cannot be written; an existing file stays unchanged.
     """
-    import polars as pl
-
-    try:
-        yield
-    except pl.exceptions.PolarsError as error:
-        raise ExportError(f"{path}: cannot be written ({error}); what was there is unchanged.") from error
+    write_bytes(text.encode("utf-8", "replace"), path)
 
 
-def write_frame(frame: pl.DataFrame, path: Path) -> None:
-    """Write a table as Parquet.
+def write_bytes(content: bytes, path: str | PathLike[str]) -> None:
+    """Write `content` to `path`, atomically.
 
     Raises
     ------
     ExportError
-        If the file cannot be written; an existing one is then unchanged.
+        If it cannot be written; an existing file stays unchanged.
     """
-    with polars_errors(path), atomic_write(path) as temporary:
-        frame.write_parquet(temporary)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_frame(frame: pl.DataFrame, path: str | PathLike[str]) -> None:
+    """Write a table as Parquet, atomically.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be written; an existing file stays unchanged.
+    """
+    with atomic_write(path) as temporary, temporary.open("wb") as file:  # polars takes no name that is no text
+        frame.write_parquet(file)
 
 
 def check_writable(path: str | PathLike[str]) -> None:
@@ -129,8 +149,8 @@ def make_folder(folder: Path, option: str = "") -> None:
         raise ExportError(f"{named}: the folder cannot be created ({_reason(error)}); name another one.") from error
 
 
-def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
-    """Check that `path` is a readable plain file; `what` names it in messages.
+def opened(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
+    """The plain file at `path`, open for reading; `what` names it in messages.
 
     Raises
     ------
@@ -139,18 +159,32 @@ def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
     """
     file = Path(path)
     try:
-        if file.is_dir():
+        mode = file.stat().st_mode
+        if stat.S_ISDIR(mode):
             raise DataError(f"{file}: is a folder; name one {what} in it.")
-        if not file.exists():
-            raise DataError(f"{file}: there is no such file{_nearest(file)}")
-        if not file.is_file():
+        if not stat.S_ISREG(mode):
             raise DataError(f"{file}: is not a plain file; save the {what} to a file first.")
-        file.open("rb").close()
+        return file.open("rb")
+    except (FileNotFoundError, NotADirectoryError):
+        if file.is_symlink():
+            raise DataError(f"{file}: is a link to '{file.readlink()}', which is not there.") from None
+        raise DataError(f"{file}: there is no such file{_nearest(file)}") from None
     except PermissionError:
         raise DataError(f"{file}: there is no permission to read it; change its owner or mode.") from None
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({_reason(error)}).") from error
-    return file
+
+
+def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
+    """Check that `path` can be `opened`, for what a library opens.
+
+    Raises
+    ------
+    DataError
+        As `opened`.
+    """
+    opened(path, what).close()
+    return Path(path)
 
 
 def small_file(path: str | PathLike[str], what: str, most: int) -> bytes:
@@ -159,18 +193,15 @@ def small_file(path: str | PathLike[str], what: str, most: int) -> bytes:
     Raises
     ------
     DataError
-        As `plain_file`.
-    ParameterError
-        If it is larger.
+        As `opened`, or if it is larger.
     """
-    file = plain_file(path, what)
-    try:
-        with file.open("rb") as stream:
+    with opened(path, what) as stream:
+        try:
             content = stream.read(most + 1)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
     if len(content) > most:
-        raise ParameterError(f"{path}: is no {what}: it has more than {most / 1e6:g} MB; name another file.")
+        raise DataError(f"{path}: is no {what}: it has more than {most / 1e6:g} MB; name another file.")
     return content
 
 
@@ -180,15 +211,15 @@ def digest(path: Path) -> str:
     Raises
     ------
     DataError
-        If the file cannot be read.
+        As `opened`, or if it cannot be read.
     """
     total = hashlib.sha256()
-    try:
-        with path.open("rb") as file:
+    with opened(path, "file") as file:
+        try:
             while chunk := file.read(CHUNK):
                 total.update(chunk)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
     return total.hexdigest()
 
 

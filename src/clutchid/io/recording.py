@@ -18,6 +18,7 @@ from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.map.picking import COUNTED, Pick, pick
 from clutchid.io.source import Source, with_unit
 from clutchid.io.table import Places, Rows, Table
+from clutchid.io.whole import check_size
 from clutchid.log import HOLE, FloatArray, Log, Samples
 
 Block = tuple[FloatArray, Mapping[str, FloatArray]]
@@ -50,11 +51,15 @@ def pieces(
     Raises
     ------
     DataError
-        If the map does not match the file, or samples are invalid; the text lists all problems of the block.
+        If the map does not match the file, samples are invalid, or the file is too large to be read as a whole; the
+        text lists all problems of the block.
     """
     picks, problems = picked(source, channels, required)
     if problems or source.problems:
         raise DataError.of(str(source.path), [*source.problems, *problems])
+    if rows is None:
+        longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
+        check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
     notes = [note for chosen in picks for note in chosen.notes]
     messages = _Messages(warnings=[*source.warnings, *channels.comments.get("", "").splitlines(), *notes])
     streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
@@ -160,9 +165,12 @@ def _named(table: Table, chosen: Pick) -> Table:
 
 
 def scaled(values: FloatArray, entry: Channel) -> FloatArray:
-    """Samples with the sign, factor and offset of a map entry, in its unit."""
+    """Samples with the sign, factor and offset of a map entry, in its unit; infinite where they overflow."""
     scale = entry.sign * entry.factor
-    return values if (scale, entry.offset) == (1.0, 0.0) else scale * values + entry.offset
+    if (scale, entry.offset) == (1.0, 0.0):
+        return values
+    with np.errstate(over="ignore", invalid="ignore"):  # `check` says which samples are not finite
+        return scale * values + entry.offset
 
 
 def _kept(table: Table, rows: Rows, time: FloatArray) -> Table:

@@ -10,7 +10,7 @@ from clutchid.errors import ParameterError
 from clutchid.io.files import small_file
 
 #: Bytes of a TOML file; the largest that clutchid writes, a calibration with many recordings, has a fifth of it.
-_LARGEST = 4_000_000
+LARGEST = 4_000_000
 
 
 def read_toml(path: str | PathLike[str], what: str) -> dict[str, Any]:
@@ -19,11 +19,21 @@ def read_toml(path: str | PathLike[str], what: str) -> dict[str, Any]:
     Raises
     ------
     DataError
-        If there is no readable plain file.
+        If there is no readable plain file, or it is too large for what it should be.
     ParameterError
-        If it is too large for what it should be, or no TOML.
+        If it is no TOML.
     """
-    content = small_file(path, what, _LARGEST)
+    return toml_of(small_file(path, what, LARGEST), path, what)
+
+
+def toml_of(content: bytes, path: str | PathLike[str], what: str) -> dict[str, Any]:
+    """The `content` of the TOML file at `path`, as `read_toml`.
+
+    Raises
+    ------
+    ParameterError
+        If it is no TOML.
+    """
     try:
         return tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:

@@ -4,5 +4,6 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel, OwnParameter, OwnState
 from clutchid.model.own.file import own_model
 from clutchid.model.weighted_load import PAPER_KNOTS, Load
+from clutchid.parameters import GroupChange
 
-__all__ = ["PAPER_KNOTS", "Actuator", "Load", "OwnModel", "OwnParameter", "OwnState", "own_model"]
+__all__ = ["PAPER_KNOTS", "Actuator", "GroupChange", "Load", "OwnModel", "OwnParameter", "OwnState", "own_model"]

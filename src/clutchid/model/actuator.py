@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
+from clutchid.measured import SENSOR_PARAMETERS
 from clutchid.model.compiled import Model, check_model, kernels, parameter_names, state_rows
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter
@@ -118,9 +119,22 @@ class Actuator:
         names = self.parameter_names
         return frozenset(names[q] for _, q in kernels(self.model).SLOTS)
 
+    @property
+    def acting(self) -> frozenset[str]:
+        """Names of the parameters that have an effect: in the equations or a sensor's, as the valves are driven."""
+        rows, valves = self.rows, "switched" if self.parameters.T_pwm > 0.0 else "averaged"
+        known = {*self.in_equations, *SENSOR_PARAMETERS}
+        return frozenset(name for name in known if rows[name].valves in ("", valves))
+
     def array(self) -> FloatArray:
         """Values of the parameters in the order of `parameter_names`, shape (n_parameters,)."""
         return np.append(self.parameters.array(), self.own) if self.own else self.parameters.array()
+
+    @property
+    def rows(self) -> Mapping[str, Row]:
+        """The rows of all parameters by name, in the order of `array`."""
+        own = self._own_rows
+        return {**Parameters.rows(), **{name: one.row for name, one in own.items()}} if own else Parameters.rows()
 
     def row(self, name: str) -> Row:
         """Unit, meaning, admissible range and source of a parameter.

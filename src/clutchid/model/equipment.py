@@ -21,11 +21,6 @@ VALVES = MappingProxyType(
 #: that the piston does not squeeze, neither breathes nor warms. The area is not 0, as formulas divide by it.
 NO_CHAMBER_B = MappingProxyType({"A_B": 1e-9, "V_0B": 1.0, "C_r": 0.0, "h_B": 0.0})
 
-_OF_CHAMBER_B = (*NO_CHAMBER_B, "B_in", "B_out")
-_OF_VALVE = ("R_0{}", "R_1{}", "B_{}", "C_{}", "b_{}", "m_{}", "s_{}", "t_{}", "a_0{}", "n_{}", "tau_{}")
-_OF_SUPPLY = (*(name.format("vs") for name in _OF_VALVE), "P_S", "V_S", "tau_S", "tau_G")
-_OF_EXHAUST = tuple(name.format("ve") for name in _OF_VALVE)
-
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
@@ -84,11 +79,12 @@ class Equipment:
 
     def missing(self, name: str) -> str:
         """Why the parameter `name` means nothing here, in words; empty where it means something."""
-        if not self.chamber_b and name in _OF_CHAMBER_B:
+        rows = Parameters.rows()
+        part = rows[name].part if name in rows else ""
+        if not self.chamber_b and part == "chamber B":
             return f"{name}: this actuator has no chamber B ([actuator] chamber_b = false); leave {name} out."
-        for valves, names in (("exhaust", _OF_SUPPLY), ("supply", _OF_EXHAUST)):
-            if self.valves == valves and name in names:
-                other = "supply" if valves == "exhaust" else "exhaust"
+        for valves, other in (("exhaust", "supply"), ("supply", "exhaust")):
+            if self.valves == valves and part == f"{other} valve":
                 return f"{name}: this actuator has no {other} valve ([actuator] valves = '{valves}'); leave {name} out."
         return ""
 

@@ -6,8 +6,9 @@ comes out: `start`, then `observe` for every block of samples.
 
 from clutchid.observe.by_stroke import curve, follow_strokes, known
 from clutchid.observe.following import Observed, observe
-from clutchid.observe.observer import Observer, ObserverState, observer, start
+from clutchid.observe.observer import Observer, observer, start
 from clutchid.observe.recording import ObservedRecording, observe_recording
+from clutchid.observe.state import ObserverState
 from clutchid.observe.state_file import read_state, write_state
 
 __all__ = [

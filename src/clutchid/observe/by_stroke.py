@@ -11,7 +11,8 @@ import numpy as np
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observe.following import Observed, observe
-from clutchid.observe.observer import Observer, ObserverState
+from clutchid.observe.observer import Observer
+from clutchid.observe.state import ObserverState
 from clutchid.observe.strokes import count_strokes
 
 #: Distance of two positions of the load curve of a stroke in m.

@@ -14,8 +14,9 @@ from clutchid.filter.joint_filter import Diverged, JointInputs, JointPass, Joint
 from clutchid.filter.setup import intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observe.mismatch import mismatches
-from clutchid.observe.observer import Observer, ObserverState, unknown
-from clutchid.observe.rest import RestWatch, counted_from, new_stretch, rest_pace, watch_rest
+from clutchid.observe.observer import Observer, unknown
+from clutchid.observe.rest import counted_from, new_stretch, rest_pace, watch_rest
+from clutchid.observe.state import ObserverState, RestWatch
 from clutchid.observe.strokes import count_strokes
 from clutchid.observe.tail import EMPTY, Mask, Tail, last_samples, measured_values, segment_of, usable_positions
 

@@ -13,8 +13,9 @@ from clutchid.log import FloatArray, Log
 from clutchid.observe.by_stroke import StrokeRow
 from clutchid.observe.following import Observed
 from clutchid.observe.health import FLAGS, LIVE_FLAGS, live_health
-from clutchid.observe.observer import Observer, ObserverState
+from clutchid.observe.observer import Observer
 from clutchid.observe.recording import ObservedRecording, duration, follow_block, too_slow, usable
+from clutchid.observe.state import ObserverState
 from clutchid.observe.supply import unused_supply
 
 #: Time in s of the samples, and number of the strokes, that are kept for a report.

@@ -13,14 +13,8 @@ from clutchid.filter.joint_setup import KALMAN, Rule
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
-from clutchid.observe.prior import LEAK
+from clutchid.parameters import in_order
 from clutchid.uncertainty.coordinates import Coordinate
-
-#: Parameters that adapt beside the load: what wears with a clutch, the far stop, the viscous friction of the grease,
-#: a delay of the duty cycles, which looks like one of the sensor, and a leak of chamber A. Provenance:
-#: docs/derivations.md.
-ADAPTING = ("F_C", "V_0A", "y_max", "D_v", "tau_y", LEAK)
-
 
 #: Modes of the load that adapt in 'joint-reduced' in place of its weights. Provenance: docs/derivations.md.
 MODES = 12
@@ -56,10 +50,14 @@ class Method(NamedTuple):
 
 
 def joint(actuator: Actuator) -> tuple[str, ...]:
-    """All load weights, what changes with them, a leak if the model has one, and the phase of the valves' carrier."""
-    phase = ("s_pwm",) if actuator.parameters.T_pwm > 0.0 else ()
-    adapting = [name for name in ADAPTING if name != LEAK or LEAK in actuator.in_equations]
-    return (*actuator.load.names, *adapting, *phase)
+    """All load weights, and the parameters of the rows that adapt beside them and have an effect.
+
+    These are what wears with a clutch, the far stop, the viscous friction of the grease, a delay of the duty cycles,
+    which looks like one of the sensor, a leak of chamber A, and the phase of the valves' carrier. Provenance:
+    docs/derivations.md.
+    """
+    acting = actuator.acting
+    return (*actuator.load.names, *(n for n in in_order(actuator.rows, lambda row: row.adapts) if n in acting))
 
 
 def states(_actuator: Actuator) -> tuple[str, ...]:

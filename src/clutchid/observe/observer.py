@@ -15,8 +15,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observe.methods import method_for
 from clutchid.observe.prior import BOUND, LEAK, OnlinePrior, online_prior
-from clutchid.observe.rest import NOTHING, RestWatch
-from clutchid.observe.strokes import NO_STROKES, Strokes
+from clutchid.observe.state import ObserverState
 from clutchid.observe.supply import ASSUMED, Supply, load_deviation, supply_of
 from clutchid.observe.tail import EMPTY, Tail, segment_of
 from clutchid.strokes.vented_rest import Zero
@@ -32,32 +31,6 @@ MARGIN = 1.05
 
 #: A leak of so many standard deviations is one. Provenance: docs/derivations_online.md.
 LEAK_FOUND = 5.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ObserverState:
-    """What an observer knows between two samples.
-
-    `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt; `filter` is
-    None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.
-    `number` counts the samples of the stretch. `sound` are theta and T at the end of the last stroke, to which the
-    observer goes back if it diverges; `mismatch` is the present mean of the NIS over the usual one, see `mismatch`;
-    `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is what is known of the vented rest,
-    and `zero` what is subtracted from the position in m.
-    """
-
-    filter: JointState | None
-    theta: FloatArray
-    T: FloatArray
-    tail: Tail
-    deviations: FloatArray
-    sound: tuple[FloatArray, FloatArray]
-    number: int = 0
-    strokes: Strokes = NO_STROKES
-    mismatch: float = 1.0
-    leaking: bool = False
-    rest: RestWatch = NOTHING
-    zero: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,6 @@ from clutchid.uncertainty.change_prior import drift
 from clutchid.uncertainty.coordinates import (
     CURVATURE,
     STOP_STD,
-    WIDTHS,
     Coordinate,
     Prior,
     coordinates,
@@ -25,10 +24,6 @@ from clutchid.uncertainty.coordinates import (
 
 #: Parameter of a leak of chamber A, which is not below 0.
 LEAK = "C_A0"
-
-#: Standard deviations of what changes within hours, more than between two recordings: share, s, and m³/(Pa·s).
-#: Provenance: docs/derivations.md.
-GREASE, DELAY, LEAKING = 0.1, 3e-4, 5e-11
 
 #: Bounds of the adapting parameters in prior standard deviations.
 BOUND = 5.0
@@ -68,13 +63,11 @@ def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = N
         How many modes of the load adapt in place of its weights; by default, and if there are no more weights than
         that, the weights.
     """
-    known = {name: Prior(actuator.value(name), std) for name in names if (std := drift(actuator, name)) > 0.0} | {
-        "D_v": Prior(actuator.value("D_v"), GREASE * actuator.value("D_v")),
-        "tau_y": Prior(actuator.value("tau_y"), DELAY),
-        LEAK: Prior(actuator.value(LEAK), LEAKING),
-        "y_max": far_stop(actuator, 0.0),
-        "s_pwm": Prior(actuator.value("s_pwm"), WIDTHS["s_pwm"]),
-    }
+    known = {name: Prior(actuator.value(name), std) for name in names if (std := drift(actuator, name)) > 0.0}
+    for name, row in actuator.rows.items():
+        if row.adapts and row.adapts.std is not None:
+            known[name] = Prior(actuator.value(name), row.adapts.std * row.size(actuator.value(name)))
+    known["y_max"] = far_stop(actuator, 0.0)
     free = tuple(coordinates(actuator, tuple(names), {}, {n: prior for n, prior in known.items() if n in names}))
     rows = [np.column_stack([np.eye(len(free)), np.zeros(len(free))])]
     if actuator.load.basis == "b-spline" and set(names) & set(actuator.load.names):

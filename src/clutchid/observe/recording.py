@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import INPUTS, FloatArray, Log, name_and_unit
+from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observe.by_stroke import StrokeRow, follow_strokes, known, positions
 from clutchid.observe.following import Observed, subtracted
 from clutchid.observe.health import health
-from clutchid.observe.observer import Observer, ObserverState, start
+from clutchid.observe.observer import Observer, start
+from clutchid.observe.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
 
 #: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
@@ -123,7 +124,7 @@ def spacing(log: Log) -> float:
     """
     if len(log) < 2:
         raise DataError(f"{log.name}: {len(log)} samples; an observer needs two at least, to know their distance.")
-    return float(f"{np.median(np.diff(log.time[: INTERVALS + 1])):.{DIGITS}g}")
+    return float(f"{sample_interval(log.time[: INTERVALS + 1]):.{DIGITS}g}")
 
 
 def too_slow(log: Log, actuator: Actuator) -> str:

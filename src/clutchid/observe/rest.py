@@ -3,46 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.observe.state import ObserverState, RestWatch
 from clutchid.signals.runs import runs
 from clutchid.strokes.bins import BIN, CLOSED
 from clutchid.strokes.rest_level import CREEP, STILL, BoolArray
 from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift
-
-if TYPE_CHECKING:
-    from clutchid.observe.observer import ObserverState
 
 #: A vented rest lies below this position in m, whatever its sensor adds.
 LOW = 3e-3
 
 #: Rests after a stroke that are remembered; their median is compared.
 REMEMBERED = 8
-
-
-class RestWatch(NamedTuple):
-    """What is known of the vented rest between two samples.
-
-    `shift` is how far in m it is taken to have moved since the calibration. `lowest` and `returned` are the levels in m
-    of the stretch: the lowest, NaN before there is one, and the last ones after a stroke. `window` are the positions
-    since the last still window, `vents` the samples with an open exhaust valve since the piston came to rest;
-    `stroke` says whether there was a stroke before, `taken` whether the level of the present rest has been.
-    """
-
-    shift: float = 0.0
-    lowest: float = float("nan")
-    returned: tuple[float, ...] = ()
-    window: FloatArray = np.empty(0)
-    vents: int = 0
-    stroke: bool = False
-    taken: bool = False
-
-
-#: Before the first sample.
-NOTHING = RestWatch()
 
 
 class RestPace(NamedTuple):

@@ -13,12 +13,13 @@ import tomli_w
 
 from clutchid.errors import ParameterError
 from clutchid.filter.joint_filter import JointState
-from clutchid.io.files import atomic_write
+from clutchid.io.files import write_text
 from clutchid.io.toml_file import read_toml
 from clutchid.log import FloatArray
 from clutchid.observe.following import ROUNDING
-from clutchid.observe.observer import Observer, ObserverState, blank, start
-from clutchid.observe.rest import LOW, REMEMBERED, RestWatch
+from clutchid.observe.observer import Observer, blank, start
+from clutchid.observe.rest import LOW, REMEMBERED
+from clutchid.observe.state import ObserverState, RestWatch
 from clutchid.observe.strokes import Strokes
 from clutchid.observe.tail import Tail
 from clutchid.parameters import is_number
@@ -56,8 +57,7 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
     if state.filter is not None:
         content["filter"] = {name: array.tolist() for name, array in state.filter._asdict().items()}
     content["observer"]["sha256"] = _checksum(content)
-    with atomic_write(path) as temporary, temporary.open("wb") as file:
-        tomli_w.dump(content, file)
+    write_text(tomli_w.dumps(content), path)
 
 
 def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.numerics.threads import map_pairs
@@ -52,7 +52,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     DataError
         If the recording has no pressure.
     """
-    step = float(np.median(np.diff(log.time)))
+    step = sample_interval(log.time)
     log = log.slice(0, min(len(log), round(MAX_DURATION / step)))
     if on_off(log):
         return 0.0, 0.0

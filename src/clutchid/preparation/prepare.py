@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
 from clutchid.preparation.pulses import FindPhase, find_phase, pulsed
@@ -117,7 +117,7 @@ def prepare(
     pulsed_log = pulsed(log, actuator, with_pressure, find)
     if pulsed_log.warning:
         raise DataError(pulsed_log.warning)
-    step = float(np.median(np.diff(pulsed_log.log.time))) if len(pulsed_log.log) > 1 else RESET_INTERVAL
+    step = sample_interval(pulsed_log.log.time, RESET_INTERVAL)
     resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
     rate = MARGIN * stiffness(pulsed_log.actuator) if rate is None else rate
     prepared = plan(pulsed_log.log, pulsed_log.actuator, rate, resets, with_pressure, pulsed_log.open_std)

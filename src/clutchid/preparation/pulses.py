@@ -14,7 +14,7 @@ from enum import Enum
 
 import numpy as np
 
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
 from clutchid.preparation.time_grid import in_clock, interpolated, latched
@@ -24,7 +24,7 @@ from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.sensors import without_sensors
 from clutchid.simulation.stiffness import stiffness
-from clutchid.uncertainty.coordinates import WIDTHS
+from clutchid.uncertainty.coordinates import coordinates
 
 #: Shortest period in samples with duty cycles of its own: in a sample of 10 ms the middle of a period of 2 ms is known
 #: to 1 ms, as are the time stamps.
@@ -82,7 +82,7 @@ def find_phase(log: Log, actuator: Actuator) -> float:
     DataError
         If the recording lacks a duty cycle.
     """
-    p, step, period = actuator.parameters, float(np.median(np.diff(log.time))), _period(actuator)
+    p, step, period = actuator.parameters, sample_interval(log.time), _period(actuator)
     part, rate = log.slice(0, min(len(log), round(MAX_DURATION / step))), stiffness(actuator)
     slow = duties_in(log, actuator) is not Duties.RECORDED
     part = part.with_columns(position=part["position"] - p.e_y) if slow else without_sensors(part, p)
@@ -115,7 +115,7 @@ def duties_in(log: Log, actuator: Actuator) -> Duties:
     """
     carrier, renewed = actuator.parameters.T_pwm, actuator.duty_period
     renewed = carrier if renewed is None else renewed
-    step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
+    step = sample_interval(log.time, 0.0)
     if step == 0.0 or (actuator.duty_period is None and carrier == 0.0):
         return Duties.RECORDED
     period = carrier or renewed
@@ -136,7 +136,7 @@ def lacks_changes(log: Log, actuator: Actuator) -> bool:
     """
     known = duties_in(log, actuator)
     return known is Duties.INTERPOLATED or (
-        known is Duties.LATCHED and _period(actuator) < EACH_PERIOD * float(np.median(np.diff(log.time)))
+        known is Duties.LATCHED and _period(actuator) < EACH_PERIOD * sample_interval(log.time)
     )
 
 
@@ -163,13 +163,13 @@ def pulsed(log: Log, actuator: Actuator, with_pressure: bool, find: FindPhase = 
         phase = centred(phase - actuator.parameters.tau_p / period)
     else:
         phase = find(log, actuator)
-    return Pulsed(fine, actuator.replace({"s_pwm": phase}), WIDTHS["s_pwm"])
+    return Pulsed(fine, actuator.replace({"s_pwm": phase}), _phase_std(actuator))
 
 
 def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulsed:
     """A recording slower than the changes of the duty cycles, on a finer time grid if it has enough of them."""
     if known is Duties.UNKNOWN:
-        step = float(np.median(np.diff(log.time)))
+        step = sample_interval(log.time)
         warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the on/off valves switch, and "
         warning += "the load would have errors of tens of percent; record at 1 kHz."
         return Pulsed(log, actuator, warning=warning)
@@ -178,7 +178,7 @@ def _slow(log: Log, actuator: Actuator, known: Duties, find: FindPhase) -> Pulse
     period = in_clock(actuator.parameters.T_pwm, log.time) if actuator.parameters.T_pwm else 0.0
     actuator = actuator.replace({"T_pwm": period})
     fine, open_std = on_time_grid(log, actuator)
-    std = max(WIDTHS["s_pwm"], STAMP_STD / period) if period > 0.0 else 0.0
+    std = max(_phase_std(actuator), STAMP_STD / period) if period > 0.0 else 0.0
     return Pulsed(fine, actuator, std, open_std)
 
 
@@ -220,3 +220,8 @@ def pulsed_without_sensors(log: Log, actuator: Actuator) -> Pulsed:
     pulsed_log = pulsed(log, actuator, False)
     moved = without_sensors(log, pulsed_log.actuator.parameters)
     return replace(pulsed_log, log=on_time_grid(moved, pulsed_log.actuator)[0])
+
+
+def _phase_std(actuator: Actuator) -> float:
+    """Standard deviation of the phase of the carrier in a recording, in periods, by its prior."""
+    return coordinates(actuator, ("s_pwm",), {}, {})[0].width

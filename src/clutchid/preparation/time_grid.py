@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
 
 IntArray = NDArray[np.intp]
 
@@ -158,7 +158,7 @@ class _Grid:
         added = np.zeros(0) if breaks is None else breaks[_apart(breaks, log.time)]
         points = np.sort(np.concatenate([log.time, added]))
         gaps, at = np.diff(points), np.searchsorted(points, log.time)
-        hole = np.repeat(np.diff(log.time) > HOLE * np.median(np.diff(log.time)), np.diff(at))
+        hole = np.repeat(np.diff(log.time) > HOLE * sample_interval(log.time), np.diff(at))
         parts: IntArray = np.where(hole, 1, np.ceil(gaps / step * (1.0 - GRID_ROUNDING))).astype(np.intp)
         start = np.concatenate([[0], np.cumsum(parts)])
         of = np.repeat(np.arange(gaps.size), parts)

@@ -15,6 +15,7 @@ from clutchid.assess.half_load import half_load_band
 from clutchid.assess.verdict import verdict
 from clutchid.estimation import Fit
 from clutchid.estimation.result import Errors, Recording
+from clutchid.io.files import write_text
 from clutchid.report.comparison_page import comparison_sections
 from clutchid.report.diagnosis_page import (
     diagnosis_table,
@@ -24,7 +25,6 @@ from clutchid.report.diagnosis_page import (
     worst_first,
 )
 from clutchid.report.figures import png, svg
-from clutchid.report.files import write_text
 from clutchid.report.fit_figures import load_figure, recording_figure
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.parameter_page import parameter_blocks

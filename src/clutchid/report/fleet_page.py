@@ -8,8 +8,8 @@ from os import PathLike
 
 import numpy as np
 
+from clutchid.io.files import write_text
 from clutchid.report.figures import svg
-from clutchid.report.files import write_text
 from clutchid.report.fleet_figures import distribution_figure
 from clutchid.report.fleet_odd import MARKS, ODD_AT_LEAST, ODD_SCORE, Odd, odd_vehicles
 from clutchid.report.fleet_tables import all_table, odd_tables, reasons_table, types_table, worst_table

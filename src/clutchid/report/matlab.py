@@ -20,7 +20,7 @@ from clutchid.errors import ExportError
 from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
 from clutchid.estimation.parameter_tables import model_entries
 from clutchid.estimation.result import Estimate, Fit
-from clutchid.io.files import atomic_write
+from clutchid.io.files import atomic_write, write_text
 from clutchid.names import ParameterName
 from clutchid.report.fit_json import change_json, comparison_json, curve_json, origin_json
 from clutchid.report.parameter_page import meaning
@@ -100,14 +100,14 @@ def write_matlab(fit: Fit, path: str | PathLike[str]) -> None:
             "save the fit as .toml."
         )
     content = {key: _in_ascii(value) for key, value in _content(fit).items()}
-    with atomic_write(path) as temporary:
-        if Path(path).suffix == ".m":
-            temporary.write_text(_function(content, Path(path).stem), encoding="utf-8")
-        else:
-            from scipy.io import savemat
+    if Path(path).suffix == ".m":
+        write_text(_function(content, Path(path).stem), path)
+        return
+    from scipy.io import savemat
 
-            variables = {_VARIABLE: _variable(content)}
-            savemat(temporary, variables, appendmat=False, long_field_names=True, oned_as="column")
+    with atomic_write(path) as temporary:
+        variables = {_VARIABLE: _variable(content)}
+        savemat(temporary, variables, appendmat=False, long_field_names=True, oned_as="column")
 
 
 def _is_name(text: str) -> bool:

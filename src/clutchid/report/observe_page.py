@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from os import PathLike
 
 from clutchid.assess.observed import indicators, observed_verdict
+from clutchid.io.files import write_text
 from clutchid.observe.by_stroke import Known, known
 from clutchid.observe.health import FLAGS, LIVE_FLAGS
 from clutchid.observe.recording import ObservedRecording
 from clutchid.report.diagnosis_page import verdict_blocks
 from clutchid.report.figures import png, svg
-from clutchid.report.files import write_text
 from clutchid.report.html import Block, Details, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.observe_figures import loads_figure, samples_figure, strokes_figure
 from clutchid.report.observe_text import load_sentence, loads

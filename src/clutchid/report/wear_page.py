@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 
+from clutchid.io.files import write_text
 from clutchid.report.figures import svg
-from clutchid.report.files import write_text
 from clutchid.report.html import Block, Notice, Page, Picture, Section, Text, escape, render
 from clutchid.report.link import Link
 from clutchid.report.provenance import provenance

@@ -12,7 +12,7 @@ from clutchid.assess.diagnostics import fit_percent
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.result import Estimate
 from clutchid.estimation.search_state import ended
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import Solution, minimise
 from clutchid.parameters import Parameters
@@ -28,7 +28,7 @@ from clutchid.rig.lugre_problem import (
     resolution,
     starts,
 )
-from clutchid.rig.lugre_warnings import DAMPINGS, UNITS_OF, at_bound, poor, softened
+from clutchid.rig.lugre_warnings import DAMPINGS, at_bound, poor, softened, unit_of
 from clutchid.signals.residual_colour import effective_samples
 from clutchid.uncertainty.covariance import Covariance, sandwich
 
@@ -207,7 +207,7 @@ def _result(problem: LugreProblem, solution: Solution, shift: FloatArray) -> Lug
         undetermined.add("D_zdot")
     if solution.status == "limit":
         warnings.append(f"the search {ended(solution.status, solution.evaluations)}.")
-    block = max(1, round(WINDOW / float(np.median(np.diff(problem.log.time)))))
+    block = max(1, round(WINDOW / sample_interval(problem.log.time)))
     return LugreFit(
         name=problem.log.name,
         status="warning" if warnings else "ok",
@@ -246,5 +246,5 @@ def _estimates(
         low, high = values[name] - quantile * std, values[name] + quantile * std
         if np.isfinite(std):
             low = max(low, 0.0 if name in NAMES else low)
-        estimates[name] = Estimate(values[name], UNITS_OF[name], std, low, high)
+        estimates[name] = Estimate(values[name], unit_of(name), std, low, high)
     return estimates

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from clutchid.parameters import Parameters
+
 #: A fit in free run below this, in %, is called poor: the rigs of docs/friction.md have 83 to 93 %.
 POOR_FIT = 70.0
 
 #: Parameters that may be 0, the physical bound of a damping.
 DAMPINGS = ("D_v", "D_zdot")
 
-#: Units of the parameters of a fit.
-UNITS_OF = {"F_C": "N", "K_z": "N/m", "D_v": "N·s/m", "D_zdot": "N·s/m", "force_zero": "N"}
+
+def unit_of(name: str) -> str:
+    """Unit of a parameter of a fit, the zero of the force among them."""
+    return "N" if name == "force_zero" else Parameters.row(name).unit
 
 
 def at_bound(name: str, values: Mapping[str, float]) -> str:
     """Warning about a parameter at a bound of the search beyond which the cost decreases."""
     where = (
-        f"{name} lies at a bound of the search, {values[name]:.3g} {UNITS_OF[name]}, and the cost decreases beyond it"
+        f"{name} lies at a bound of the search, {values[name]:.3g} {unit_of(name)}, and the cost decreases beyond it"
     )
     if name in DAMPINGS:
         return (

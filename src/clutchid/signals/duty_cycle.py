@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.log import INPUTS, FloatArray, Log, sample_interval
 
 #: Changes of the duty cycles lie on a grid if the mean of their phasors has at least this length; least number of
 #: changes, and greatest number that is used; longest period in s.
@@ -26,7 +26,7 @@ def is_slow(log: Log) -> bool:
     >>> [is_slow(Log(step * np.arange(5.0), {})) for step in (1e-3, 1e-2)]
     [False, True]
     """
-    return len(log) > 1 and float(np.median(np.diff(log.time))) > CONTINUOUS_STEP
+    return sample_interval(log.time, 0.0) > CONTINUOUS_STEP
 
 
 def on_off(log: Log) -> bool:
@@ -50,7 +50,7 @@ def resolves_carrier(log: Log, period: float) -> bool:
         If the recording lacks a duty cycle.
     """
     least = MIN_SAMPLES_ON_OFF if on_off(log) else MIN_SAMPLES
-    return period > (least - 1e-6) * float(np.median(np.diff(log.time)))
+    return period > (least - 1e-6) * sample_interval(log.time)
 
 
 def _changes(log: Log) -> FloatArray:
@@ -69,7 +69,7 @@ def duty_grid(log: Log) -> tuple[float, float]:
     DataError
         If the recording lacks a duty cycle.
     """
-    step = float(np.median(np.diff(log.time)))
+    step = sample_interval(log.time)
     at = _changes(log)[:MAX_CHANGES]
     if at.size < MIN_CHANGES:
         return 0.0, 0.0

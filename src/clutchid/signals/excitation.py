@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
 from clutchid.parameters import Parameters
 from clutchid.signals.runs import runs
 from clutchid.signals.velocity import velocity
@@ -182,7 +182,7 @@ def _still(log: Log, p: Parameters) -> tuple[list[float], tuple[Hold, ...]]:
     time, known = log.time, np.flatnonzero(np.isfinite(log["position"]))
     position = np.interp(time, time[known], log["position"][known])
     still = np.abs(velocity(time, position, SLOW_WINDOW)) < HOLD_SPEED
-    still[1:] &= np.diff(time) <= HOLE * _usual(time)
+    still[1:] &= np.diff(time) <= HOLE * sample_interval(time, 0.0)
     near = np.abs(position) <= VENTED_POSITION
     closed = log["duty_supply"] <= p.R_0vs if "duty_supply" in log else np.ones(len(log), dtype=bool)
     pressure = log["pressure_a"] if "pressure_a" in log else np.full(len(log), np.nan)
@@ -193,13 +193,9 @@ def _still(log: Log, p: Parameters) -> tuple[list[float], tuple[Hold, ...]]:
     return [rest for rest in rests if rest >= SHORTEST_REST], tuple(holds)
 
 
-def _usual(time: FloatArray) -> float:
-    return float(np.median(np.diff(time))) if time.size > 1 else 0.0
-
-
 def _visits(log: Log) -> tuple[RegionVisit, ...]:
     """Time and passes by region; a hole in time counts as one usual interval."""
-    usual = _usual(log.time)
+    usual = sample_interval(log.time, 0.0)
     dt = np.append(np.diff(log.time), usual)
     dt = np.where(dt > HOLE * usual, usual, dt)
     known = np.isfinite(log["position"])

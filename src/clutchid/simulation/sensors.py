@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.parameters import Parameters
 
 _KERNELS = "clutchid.simulation.comparison"
@@ -81,7 +81,7 @@ def sensor_output(values: FloatArray, time: FloatArray, lag: float, offset: floa
     if time.size < 2:
         return values + offset
     record = np.full_like(values, np.nan)
-    step = float(np.median(np.diff(time)))
+    step = sample_interval(time)
     known = np.flatnonzero(np.isfinite(values))
     for part in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
         record[part] = lagged(values[part], lag, step)

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.plan import Plan, Segment
@@ -45,7 +45,7 @@ def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
 
 def _spacing(log: Log) -> float:
     known = log.time[np.isfinite(log["position"])]
-    return float(np.median(np.diff(known))) if known.size > 1 else WINDOW
+    return sample_interval(known, WINDOW)
 
 
 def _windows(segment: Segment) -> list[Segment]:

@@ -9,10 +9,7 @@ from clutchid.simulation.run import KernelArrays, run
 from clutchid.simulation.sensors import sensor_output
 from clutchid.smoother.problem import FitProblem
 from clutchid.smoother.projection import ShootingSolution
-
-#: Limits of a re-estimated noise scale, as multiples of the usual one: a sensor may be better than usual, but the model
-#: error within a window is not.
-MIN_SCALE, MAX_SCALE = 1.0, 10.0
+from clutchid.uncertainty.noise import noise_scale
 
 
 def trajectory(problem: FitProblem, solution: ShootingSolution, log: int) -> FloatArray:
@@ -40,16 +37,12 @@ def sensor_outputs(
 
 
 def noise_scales(problem: FitProblem, solution: ShootingSolution) -> dict[str, float]:
-    """Noise scale of each measured column: standard deviation from the median absolute residual, within limits."""
+    """Noise scale of each measured column, from the residuals of all recordings."""
     scales = {}
     for name in problem.measure:
         residuals = [
             sensor_outputs(problem, solution, log, trajectory(problem, solution, log))[name] - measured[name]
             for log, measured in {track.log: track.measured for track in problem.tracks}.items()
         ]
-        size = np.abs(np.concatenate(residuals))
-        size = size[np.isfinite(size)]
-        usual = problem.noise.measured[name]
-        scale = 1.4826 * float(np.median(size)) if size.size else usual
-        scales[name] = float(np.clip(scale, MIN_SCALE * usual, MAX_SCALE * usual))
+        scales[name] = noise_scale(np.concatenate(residuals), problem.noise.measured[name])
     return scales

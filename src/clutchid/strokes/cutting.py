@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clutchid.log import Log
+from clutchid.log import Log, sample_interval
 from clutchid.strokes.bins import Bins, RawBins, raw_bins, relative_to_rest, samples_in_bin
 from clutchid.strokes.borders import Completed, Pending, completed
 from clutchid.strokes.describing import section
 from clutchid.strokes.rest_level import RestLevel, quantum_of, updated, windows_of
 from clutchid.strokes.section import Section
-from clutchid.strokes.stream import Samples, Stretch, blocks, last_known, pieces_of, stretches, usual_interval
+from clutchid.strokes.stream import Samples, Stretch, blocks, last_known, pieces_of, stretches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +94,7 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
 
 def _binned(block: Samples, before: _Carried) -> tuple[_Carried, list[tuple[Samples, Bins, bool]]]:
     """State after a block, and the stretches of the block with their bins."""
-    interval = usual_interval(block, before.interval)
+    interval = sample_interval(block.time, before.interval)
     width = samples_in_bin(interval)
     found: list[Stretch] = stretches(block, before.time, interval)
     raws: list[RawBins] = []

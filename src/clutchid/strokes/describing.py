@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from clutchid.log import FloatArray, Log
+from clutchid.log import Log
+from clutchid.signals.velocity import difference_velocity
 from clutchid.strokes.bins import CLOSED
 from clutchid.strokes.borders import Completed
 from clutchid.strokes.manoeuvre import rest_label, stroke_label
@@ -32,19 +33,10 @@ def section(part: Completed, name: str, metadata: Mapping[str, str]) -> Section:
     return Section(part.kind, label, log, start, end, departure, samples.first, summary)
 
 
-def velocity(time: FloatArray, position: FloatArray) -> FloatArray:
-    """Velocity in m/s at each bin, from the median positions some bins before and after; NaN at the ends."""
-    found = np.full(time.size, np.nan)
-    k = SPEED_BINS
-    if time.size > 2 * k:
-        found[k:-k] = (position[2 * k :] - position[: -2 * k]) / (time[2 * k :] - time[: -2 * k])
-    return found
-
-
 def _summary(part: Completed) -> SectionSummary:
     samples, bins = part.samples, part.bins
     known = bins.position[np.isfinite(bins.position)]
-    speed = velocity(bins.time, bins.position)
+    speed = difference_velocity(bins.time, bins.position, SPEED_BINS)
     supply, exhaust = (_pulses(samples, name) for name in ("duty_supply", "duty_exhaust"))
     pressure = samples.columns.get("pressure_a")
     finite = int(np.count_nonzero(np.isfinite(samples.columns["position"])))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, sample_interval
+from clutchid.signals.velocity import difference_velocity
 from clutchid.strokes.bins import raw_bins, samples_in_bin
 from clutchid.strokes.borders import LEAD
-from clutchid.strokes.describing import velocity
+from clutchid.strokes.describing import SPEED_BINS
 from clutchid.strokes.section import Section
-from clutchid.strokes.stream import Samples, usual_interval
+from clutchid.strokes.stream import Samples
 
 #: Hat functions (linear B-splines) over the reach, once for each direction and speed range.
 HATS = 11
@@ -43,9 +44,9 @@ def gram(section: Section, reach: float) -> FloatArray:
         Range of the hats from the level of the vented rest, above 0.
     """
     log, summary = section.log, section.summary
-    width = samples_in_bin(usual_interval(Samples(0, log.time, log.columns), 1.0))
+    width = samples_in_bin(sample_interval(log.time, 1.0))
     bins = raw_bins(Samples(0, log.time, log.columns), width, np.nan)
-    speed = velocity(bins.time, bins.position) / reach
+    speed = difference_velocity(bins.time, bins.position, SPEED_BINS) / reach
     place = np.clip((bins.position - summary.level) / reach, 0.0, 1.0) * (HATS - 1)
     lasts = np.diff(bins.time, append=log.time[-1])
     used = np.isfinite(speed) & np.isfinite(place) & (np.abs(speed) > STANDS)

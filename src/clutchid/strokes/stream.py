@@ -124,11 +124,6 @@ def stretches(block: Samples, before: float, interval: float) -> list[Stretch]:
     return [Stretch(a, b + 1, not linked[a]) for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
 
 
-def usual_interval(block: Samples, otherwise: float) -> float:
-    """Median interval between the samples in s; `otherwise` in a block of one sample."""
-    return float(np.median(np.diff(block.time))) if len(block) > 1 else otherwise
-
-
 def last_known(block: Samples) -> float:
     """Time of the last sample in s, NaN where its inputs are missing."""
     known = all(np.isfinite(block.columns[name][-1]) for name in INPUTS if name in block.columns)

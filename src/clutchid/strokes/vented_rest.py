@@ -8,13 +8,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.log import Log
+from clutchid.log import Log, sample_interval
 from clutchid.numerics.interval import QUANTILE
 from clutchid.signals.excitation import VENTED_POSITION
 from clutchid.signals.runs import runs
 from clutchid.strokes.bins import CLOSED, RawBins, raw_bins, samples_in_bin
 from clutchid.strokes.rest_level import CALM, CREEP, LOW_END, STILL, BoolArray, quantum_of, ranges, windows_of
-from clutchid.strokes.stream import Samples, usual_interval
+from clutchid.strokes.stream import Samples
 
 #: Time in s for which the exhaust valve is open at a vented rest, after the piston has come to a standstill or within
 #: `STILL` s before; and the beginning of a rest that gives its level: seals that relax let the piston creep later.
@@ -115,7 +115,7 @@ def vented_rest(log: Log) -> VentedRest | None:
     if "position" not in log or len(log) < 2 or not np.isfinite(log["position"]).any():
         return None
     samples = Samples(0, log.time, log.columns)
-    interval = usual_interval(samples, 0.0)
+    interval = sample_interval(samples.time, 0.0)
     if not interval > 0.0:
         return None
     width = samples_in_bin(interval)

@@ -13,7 +13,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, Log
 from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
-from clutchid.truck.family import changed, family_of
+from clutchid.truck.families import changed, family_of
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.manoeuvres import ClutchPoints, set_point

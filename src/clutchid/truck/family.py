@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.names import unknown_name
 from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.vehicle import Vehicle
 
@@ -45,53 +42,3 @@ class Family:
     measured_pressure: Callable[[Any, FloatArray, np.random.Generator], FloatArray]
     true_states: Callable[[Any, Mapping[str, FloatArray]], dict[str, FloatArray]]
     changes: Mapping[str, Callable[[Any], Vehicle]]
-
-
-@cache
-def families() -> Mapping[str, Family]:
-    """The families by name."""
-    from clutchid.truck.first import FIRST
-    from clutchid.truck.second import SECOND
-
-    return {"A": FIRST, "B": SECOND}
-
-
-def family(name: str) -> Family:
-    """The family `name`.
-
-    Raises
-    ------
-    ParameterError
-        If there is none of that name.
-    """
-    if name not in families():
-        raise ParameterError(f"family {name!r}: must be {' or '.join(families())}.")
-    return families()[name]
-
-
-def family_of(truck: Vehicle) -> Family:
-    """The family that `truck` belongs to."""
-    return next(one for one in families().values() if isinstance(truck, one.kind))
-
-
-def changed(truck: Vehicle, *changes: str) -> Vehicle:
-    """`truck` after changes between its calibration and its use, each by its name in `CHANGES`, one after the other.
-
-    Raises
-    ------
-    ParameterError
-        If a change is unknown, the text names the nearest one; or if the truck does not admit it.
-
-    Examples
-    --------
-    >>> from clutchid.truck import Truck
-    >>> f"{changed(Truck(), 'supply', 'seals').F_C:.0f} N"
-    '196 N'
-    """
-    known = family_of(truck).changes
-    unknown = [unknown_name(name, tuple(known), "change") for name in changes if name not in known]
-    if unknown:
-        raise ParameterError("\n".join(unknown))
-    for name in changes:
-        truck = known[name](truck)
-    return truck

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.truck.family import family as family_named
+from clutchid.truck.families import family as family_named
 from clutchid.truck.vehicle import Vehicle
 
 #: The versioned file with the ranges of family A.

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.log import FloatArray
-from clutchid.truck.family import family_of
+from clutchid.truck.families import family_of
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadCurve, rest_position
 from clutchid.truck.order import LEDGER

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.io.files import atomic_write
+from clutchid.io.files import write_text
 from clutchid.log import COLUMNS, FloatArray, Log
-from clutchid.truck.family import family_of
+from clutchid.truck.families import family_of
 from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.running import Run
 from clutchid.truck.vehicle import Vehicle
@@ -82,8 +82,7 @@ def write_truth(truths: Mapping[str, Truth], path: str | PathLike[str]) -> None:
         If the file cannot be written; an older file is then unchanged.
     """
     content = {"position_m": GRID.tolist(), "logs": {stem: _entry(truth) for stem, truth in truths.items()}}
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(content), encoding="utf-8")
+    write_text(json.dumps(content), path)
 
 
 def _entry(truth: Truth) -> dict[str, Any]:

@@ -8,8 +8,9 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
+from clutchid.parameters import in_order
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import DRIFT, DRIFT_CONSIDERED, drift
+from clutchid.uncertainty.change_prior import drift
 from clutchid.uncertainty.coordinates import Coordinate
 
 #: Factor on all standard deviations of a fit by prediction error; chosen on trucks of the proving ground,
@@ -31,7 +32,8 @@ def consider_parameters(
     """
     free_names = {c.base for c in free} | set(actuator.load.names)
     calibrated = calibration.names if calibration else ()
-    names = tuple(n for n in dict.fromkeys([*DRIFT, *DRIFT_CONSIDERED, *calibrated]) if n not in free_names)
+    drifting = in_order(actuator.rows, lambda row: row.drift)
+    names = tuple(n for n in dict.fromkeys([*drifting, *calibrated]) if n not in free_names)
     matrix = np.diag([drift(actuator, name) ** 2 for name in names])
     if calibration:
         matrix = matrix + calibration.covariance_of(names)

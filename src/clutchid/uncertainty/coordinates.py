@@ -15,25 +15,6 @@ from clutchid.model.actuator import Actuator
 #: Prior standard deviation of the curvature of a load in N/m²: the load of a 5 kN clutch bends over 4 mm.
 CURVATURE = 3e8
 
-#: Relative standard deviation of the parameters of a new actuator from Appendix A or a data sheet; the prior is
-#: log-normal. Areas and stroke are known from the drawing. Reasons: docs/derivations.md.
-SHARES: Mapping[str, float] = {
-    "A_A": 0.001, "A_B": 0.001, "V_0A": 0.15, "V_0B": 0.15, "P_0": 0.003, "T_0": 0.02, "R": 0.002, "M": 0.15,
-    "P_S": 0.05, "D_v": 0.4, "K_z": 0.3, "D_zdot": 0.3, "F_C": 0.4, "C_vs": 0.15, "C_ve": 0.15, "C_r": 0.4,
-    "rho_0": 0.02, "y_max": 0.02, "K_stop": 0.5, "D_stop": 0.5, "d_stop": 0.5, "T_w": 0.03, "h_A": 0.5,
-    "h_B": 0.5, "V_S": 0.6, "tau_S": 0.6, "v_S": 0.7, "c_F": 0.7, "B_0": 0.1,
-    "m_vs": 0.25, "m_ve": 0.25, "K_h": 0.5, "F_h": 0.5, "tau_G": 0.5, "n_vs": 0.2, "n_ve": 0.2,
-    "tau_vs": 0.5, "tau_ve": 0.5,
-}  # fmt: skip
-
-#: Standard deviation of parameters that may be 0 or change sign, in their unit; the prior is normal.
-WIDTHS: Mapping[str, float] = {
-    "R_0vs": 0.03, "R_0ve": 0.03, "R_1vs": 0.05, "R_1ve": 0.05, "B_vs": 0.8, "B_ve": 0.8, "B_in": 0.3, "B_out": 0.3,
-    "R_S": 0.3, "s_vs": 0.1, "s_ve": 0.1, "s_pwm": 0.03, "tau_y": 2e-3, "tau_p": 2e-3, "e_y": 2e-5, "e_p": 2e3,
-    "r_lam": 1e-3, "a_0vs": 0.1, "t_vs": 0.05, "t_ve": 0.05, "b_vs": 0.15, "b_ve": 0.15, "mu_h": 0.02, "a_0ve": 0.1,
-    "gamma": 0.1, "C_A0": 1e-12,
-}  # fmt: skip
-
 #: Prior standard deviation of a load weight by its unit: N/m for the paper's splines, N for B-splines.
 WEIGHT_WIDTHS = {"N/m": 5e5, "N": 2e3}
 
@@ -116,20 +97,20 @@ def _coordinate(actuator: Actuator, name: str, limits: tuple[float, float] | Non
     base, _, stem = name.partition("@")
     value = actuator.value(base)
     weight = base in actuator.load.names
-    low, high = (-np.inf, np.inf) if weight else actuator.row(base).limits
+    row = None if weight else actuator.row(base)
+    low, high = (-np.inf, np.inf) if row is None else row.limits
     if limits is not None:
         low, high = max(low, limits[0]), min(high, limits[1])
     mean = value if prior is None else prior.mean
-    own = actuator.own_row(base)
-    positive = (own.positive if own else base in SHARES) and mean > 0.0
+    positive = row is not None and row.log_normal and mean > 0.0
     if prior is not None:
         width = prior.std / mean if positive else prior.std
-    elif weight:
+    elif row is None:
         width = WEIGHT_WIDTHS[actuator.load.unit]
-    elif own and own.std:
-        width = own.std / mean if positive else own.std
-    elif not own and (positive or base in WIDTHS):
-        width = SHARES[base] if positive else WIDTHS[base]
+    elif row.spread and not row.spread.share:
+        width = row.spread.std / mean if positive else row.spread.std
+    elif row.spread and positive:
+        width = row.spread.std
     else:
         raise ParameterError(f"{name}: there is no default prior; give --prior {name}=VALUE±STD.")
     if not low <= mean <= high:

@@ -7,10 +7,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
+import numpy as np
+
+from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
 from clutchid.states import STATES
 
+#: Limits of a re-estimated noise scale, as multiples of the usual one: a sensor may be better than usual, but the model
+#: error within a window is not.
+MIN_SCALE, MAX_SCALE = 1.0, 10.0
+
 _STATE_NOISE: Mapping[str, float] = MappingProxyType({name: state.noise for name, state in STATES.items()})
+
+
+def noise_scale(errors: FloatArray, usual: float, state_variance: float = 0.0) -> float:
+    """Noise scale of a sensor: standard deviation from the median absolute error, within limits of the `usual` one.
+
+    `state_variance` is the part of the variance of the `errors` that the uncertainty of the states makes.
+    """
+    size = np.abs(errors[np.isfinite(errors)])
+    square = (1.4826 * float(np.median(size))) ** 2 - state_variance if size.size else 0.0
+    return float(np.clip(np.sqrt(max(0.0, square)), MIN_SCALE * usual, MAX_SCALE * usual))
 
 
 @dataclass(frozen=True, slots=True)

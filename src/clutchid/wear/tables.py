@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from clutchid.errors import DataError, ParameterError
+from clutchid.errors import DataError
 from clutchid.io.files import small_file
 from clutchid.log import FloatArray
 from clutchid.wear.history import Listed
@@ -125,8 +125,6 @@ def _rows(path: Path) -> list[dict[str, str]]:
         names = [name.strip() for name in reader.fieldnames or ()]
         rows = [{(k or "").strip(): (v or "").strip() for k, v in row.items() if isinstance(v, str | None)}
                 for row in reader]  # fmt: skip
-    except ParameterError as error:
-        raise DataError(str(error)) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataError(f"{path}: cannot be read as CSV ({error}).") from error
     if not rows:

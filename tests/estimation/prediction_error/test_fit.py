@@ -20,6 +20,8 @@ from clutchid.numerics.least_squares import Linearisation
 from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.uncertainty.change_prior import changeable
 
+pytestmark = pytest.mark.slow
+
 EXACT = Calibration((), np.zeros((0, 0)))
 Y = np.linspace(0.5e-3, 20e-3, 40)
 LOAD = FitRequest(("position",), ("load",), calibration=EXACT)

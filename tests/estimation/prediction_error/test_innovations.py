@@ -10,6 +10,8 @@ from clutchid.estimation.prediction_error.innovations import innovations, noise_
 from clutchid.estimation.prediction_error.problem import predict_errors
 from clutchid.uncertainty.noise import Noise
 
+pytestmark = pytest.mark.slow
+
 SAMPLES = 20_000
 
 

@@ -19,6 +19,8 @@ from clutchid.numerics.failure import Failure
 from clutchid.simulation import Partition
 from clutchid.uncertainty.noise import Noise
 
+pytestmark = pytest.mark.slow
+
 BOTH = ("position", "pressure_a")
 METHOD = "prediction-error"
 

@@ -12,11 +12,17 @@ from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.estimation.shooting.result import result
+from clutchid.parameters import Parameters
 from clutchid.smoother import projection
 from clutchid.smoother.search import search
-from clutchid.uncertainty import change_prior as module
+from clutchid.uncertainty import consider
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import DRIFT_CONSIDERED, changeable, drift
+from clutchid.uncertainty.change_prior import changeable, drift
+
+#: Parameters whose drift is not estimated.
+CONSIDERED = ("A_A", "P_0", "m_ve")
+
+pytestmark = pytest.mark.slow
 
 #: All numbers but the load are known as well as they drift.
 EXACT = Calibration((), np.zeros((0, 0)))
@@ -33,7 +39,7 @@ def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log
     y = np.linspace(1e-3, 20e-3, 20)
     shot = shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
     whole = half_width(result(shot, EXACT), y)
-    monkeypatch.setattr(module, "DRIFT_CONSIDERED", {**DRIFT_CONSIDERED, "A_A": 0.0})
+    monkeypatch.setattr(consider, "drift", lambda actuator, name: 0.0 if name == "A_A" else drift(actuator, name))
     counted = np.sqrt(whole**2 - half_width(result(shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
     monkeypatch.setattr(projection, "CONVERGED_GAIN", 1e-4)
@@ -46,7 +52,7 @@ def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log
         loads.append(problem.actuator_of(again.x, "worn").load.force(y))
     by_share = np.abs(loads[0] - loads[1]) / 0.02
     # two searches each end within 0.01 of 45 N, where the loads differ by 56 N
-    assert counted == pytest.approx(QUANTILE * DRIFT_CONSIDERED["A_A"] * by_share, rel=0.02)
+    assert counted == pytest.approx(QUANTILE * Parameters.row("A_A").drift.std * by_share, rel=0.02)
 
 
 def test_where_errors_last_as_long_as_assumed_the_band_of_the_load_is_as_wide_as_they_are(worn, plant, recorded_by):
@@ -54,9 +60,7 @@ def test_where_errors_last_as_long_as_assumed_the_band_of_the_load_is_as_wide_as
     for seed in range(recordings):
         rng = np.random.default_rng(seed)
         # an actuator that differs from the calibrated one as far as it may
-        drifted = {
-            n: worn.value(n) + drift(worn, n) * rng.standard_normal() for n in (*changeable(worn), *DRIFT_CONSIDERED)
-        }
+        drifted = {n: worn.value(n) + drift(worn, n) * rng.standard_normal() for n in (*changeable(worn), *CONSIDERED)}
         true = worn.replace({**drifted, "C_A0": abs(drifted["C_A0"])})  # a leak is not below 0
         clean = recorded_by(true, seconds=6.0, seed=None, name="w", driven=1).without("pressure_a")
         # 50 µm whose neighbours correlate at 9/11, so that (1 + 9/11) / (1 - 9/11) = 10 samples, 10 ms, tell as one

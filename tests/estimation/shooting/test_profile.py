@@ -24,6 +24,8 @@ from clutchid.smoother.projection import project
 from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
 from clutchid.uncertainty.coordinates import Prior
 
+pytestmark = pytest.mark.slow
+
 #: The data determine friction, sensor lag and gas temperature, but not the far stop, which the piston does not reach.
 NAMES = ("F_C", "tau_y", "T_w", "K_stop")
 

@@ -8,18 +8,19 @@ import pytest
 from clutchid.estimation.shooting import uncertainty as module
 from clutchid.estimation.shooting.uncertainty import parameter_uncertainty, pressure_deviations
 from clutchid.numerics.failure import Failure
+from clutchid.parameters import Parameters, in_order
 from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.problem import linearise
 from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution
 from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
 from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import DRIFT, DRIFT_CONSIDERED, drift
+from clutchid.uncertainty.change_prior import drift
 from clutchid.uncertainty.consider import consider_parameters
 
 NAMES = ("C_vs", "P_S", "F_C")
 
 #: Parameters that drift in the model of these tests.
-DRIFTING = (*DRIFT, *DRIFT_CONSIDERED)
+DRIFTING = in_order(Parameters.rows(), lambda row: row.drift)
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,8 @@ from clutchid.study.paper.figures import figure_5
 from clutchid.study.paper.results import FIGURES, TABLES, StudyResults
 from fixtures.figures import legends_on_the_engaging_range
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def html(study):

@@ -9,6 +9,8 @@ from clutchid.model import Actuator, Load
 from clutchid.model.static import static_load, static_pressure
 from clutchid.study.paper.pressure import measured_motion, pressures, static_estimate
 
+pytestmark = pytest.mark.slow
+
 ACTUATOR = Actuator(load=Load((9e5, -0.3e5, 0.6e5)))
 P = ACTUATOR.parameters
 T = np.arange(0, 0.5, 1e-3)

@@ -12,6 +12,8 @@ from clutchid.study.paper.fits import NUMBERS, Method, best_possible, load_error
 from clutchid.study.paper.printed import TABLE_1, TABLE_2
 from clutchid.study.paper.recording import TrueLoad, true_load
 
+pytestmark = pytest.mark.slow
+
 LABELS = (
     "ballistic",
     *(f"{n} parts" for n in (2, 4, 8, 16, 32)),

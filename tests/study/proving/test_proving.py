@@ -22,6 +22,8 @@ from clutchid.study.proving.standings import coverage, every_recording, standing
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def ground():

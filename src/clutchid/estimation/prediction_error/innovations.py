@@ -10,7 +10,7 @@ from clutchid.estimation.prediction_error.problem import Prediction
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
 from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.trajectory import MAX_SCALE, MIN_SCALE
+from clutchid.uncertainty.noise import noise_scale
 
 #: Largest lag of the autocorrelation in samples.
 MAX_LAG = 200
@@ -60,7 +60,7 @@ def _correlated_samples(correlation: FloatArray) -> float:
 
 
 def noise_scales(problem: FitProblem, prediction: Prediction) -> dict[str, float]:
-    """Noise scale of each measured column: median error less the part due to the state covariance, within limits."""
+    """Noise scale of each measured column, from the errors less the part due to the state covariance."""
     scales = {}
     for column, name in enumerate(MEASURED):
         if name not in problem.measure:
@@ -68,9 +68,6 @@ def noise_scales(problem: FitProblem, prediction: Prediction) -> dict[str, float
         usual = problem.noise.measured[name]
         errors = np.concatenate([segment.errors[:, column] for segment in prediction.segments])
         errors = errors[np.isfinite(errors[:, 0])]
-        square = 0.0
-        if errors.size:
-            state_variance = float(np.median(errors[:, 1])) - usual**2
-            square = max(0.0, (1.4826 * float(np.median(np.abs(errors[:, 0])))) ** 2 - state_variance)
-        scales[name] = float(np.clip(np.sqrt(square), MIN_SCALE * usual, MAX_SCALE * usual))
+        state_variance = float(np.median(errors[:, 1])) - usual**2 if errors.size else 0.0
+        scales[name] = noise_scale(errors[:, 0], usual, state_variance)
     return scales

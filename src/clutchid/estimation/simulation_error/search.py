@@ -39,7 +39,7 @@ def two_stages(problem: Problem, progress: Progress | None) -> tuple[Solution | 
     if not problem.has_motion:
         return Solution(problem.x0, begin[1], "converged", count), scales
     coarse = minimise(lambda x: evaluate(x, "coarse"), begin, problem.low, problem.high, tolerance=1e-3)
-    scales = _noise_scales(problem, coarse.x, scales)
+    scales = _rms_residuals(problem, coarse.x, scales)
     again = evaluate(coarse.x, "fine")
     assert isinstance(again, Linearisation)
     fine = minimise(lambda x: evaluate(x, "fine"), (coarse.x, again), problem.low, problem.high, tolerance=1e-9)
@@ -65,7 +65,7 @@ def _best_start(
     return best or failure or Failure("no start can be simulated")
 
 
-def _noise_scales(problem: Problem, x: FloatArray, scales: Mapping[str, float]) -> dict[str, float]:
+def _rms_residuals(problem: Problem, x: FloatArray, scales: Mapping[str, float]) -> dict[str, float]:
     """Rms residual of every measured column, at least a thousandth of the first scale."""
     sums = {name: [0.0, 0] for name in problem.measure}
     for answer in residuals(problem, x, scales):

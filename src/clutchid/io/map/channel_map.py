@@ -11,7 +11,7 @@ from typing import Any
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.io.columns import QUANTITIES, unit_spelled
-from clutchid.io.files import atomic_write
+from clutchid.io.files import write_text
 from clutchid.io.toml_file import read_toml
 from clutchid.names import unknown_name
 from clutchid.units import UNITS, known_units
@@ -105,8 +105,7 @@ def write_map(content: ChannelMap, path: str | PathLike[str]) -> None:
     ExportError
         If the file cannot be written; an existing file is then unchanged.
     """
-    with atomic_write(path) as temporary:
-        temporary.write_text(map_text(content, Path(path).parent), encoding="utf-8")
+    write_text(map_text(content, Path(path).parent), path)
 
 
 def map_text(content: ChannelMap, folder: Path) -> str:

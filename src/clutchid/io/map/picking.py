@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -61,6 +62,7 @@ def pick(
         if held is not None:
             problems.append(_no_numbers(name, heading.text, held))
             continue
+        notes += _namesakes(name, heading, source.rasters[raster])
         unit = unit_spelled(entry.unit) or heading.unit
         if unit is None and (unit := unit_at_end(heading.text, QUANTITIES[name])):
             notes.append(f"{name}: the unit [{unit}] is taken from the name of the channel '{heading.text}'.")
@@ -134,6 +136,15 @@ def _named(source: Source, entry: Channel) -> Iterator[tuple[int, Heading]]:
             if places:
                 yield from places
                 return
+
+
+def _namesakes(name: str, heading: Heading, raster: Raster) -> list[str]:
+    """Note about further channels with the name of the selected one, which have numbers, see `columns.distinct`."""
+    again = re.compile(rf"{re.escape(heading.text)} \(\d+\)")
+    others = [f"'{other.text}'" for other in raster.headings if again.fullmatch(other.text)]
+    if not others:
+        return []
+    return [f"{name}: the first channel '{heading.text}' is read, not {' or '.join(others[:_SHOWN])}."]
 
 
 def _bare(text: str) -> str:

@@ -15,7 +15,7 @@ from clutchid.log import COLUMNS
 from clutchid.model.own.rows import OwnParameter, OwnState, Physics
 from clutchid.model.variants import VARIANTS, variant_system
 from clutchid.names import unknown_name
-from clutchid.parameters import Parameters
+from clutchid.parameters import GROUPS, GroupChange, Parameters
 from clutchid.states import STATES
 
 if TYPE_CHECKING:
@@ -129,7 +129,8 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
         "drift": parameter.drift,
         **{f"range[{i}]": v for i, v in enumerate(limits)},
     }
-    if problems := _no_numbers(entries | ({} if parameter.std is None else {"std": parameter.std})):
+    given = {key: v for key in ("std", "adapts") if (v := getattr(parameter, key)) is not None}
+    if problems := [*_no_numbers(entries | given), *_change_problems(parameter.changes)]:
         yield from problems
         return
     if parameter.range is None:
@@ -138,10 +139,23 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
         yield f"range = {parameter.range}: the smallest and the largest admissible value are needed, in this order."
     elif not parameter.row.admits(parameter.default):
         yield f"default = {parameter.default!r} {parameter.unit}: it is {parameter.row.allowed}."
-    if parameter.std is not None and not 0.0 < parameter.std < math.inf:
-        yield f"std = {parameter.std!r} {parameter.unit}: the standard deviation of a prior is above 0 and finite."
+    for key, std in given.items():
+        if not 0.0 < std < math.inf:
+            of = "a prior" if key == "std" else "a change on line"
+            yield f"{key} = {std!r} {parameter.unit}: the standard deviation of {of} is above 0 and finite."
     if not 0.0 <= parameter.drift < math.inf:
         yield f"drift = {parameter.drift!r} {parameter.unit}: a standard deviation is at least 0 and finite."
+
+
+def _change_problems(changes: object) -> list[str]:
+    """Changes with a group that are none."""
+    if not isinstance(changes, tuple) or not all(isinstance(change, GroupChange) for change in changes):
+        return [f"changes = {changes!r}: a tuple of GroupChange(GROUP, STD) is needed."]
+    unknown = [change.group for change in changes if change.group not in list(GROUPS)]
+    problems = [f"changes: {unknown_name(str(group), GROUPS, 'group')}" for group in unknown]
+    stds = {f"changes, {change.group}, std": change.std for change in changes}
+    infinite = [key for key, std in stds.items() if isinstance(std, float) and not math.isfinite(std)]
+    return [*problems, *_no_numbers(stds), *(f"{key} = {stds[key]!r}: it must be finite." for key in infinite)]
 
 
 def _state_problems(state: OwnState, model: Physics) -> Iterator[str]:

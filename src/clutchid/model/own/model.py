@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 from clutchid.codegen.system import Expr
 from clutchid.model.own.rows import OwnParameter, OwnState
+
+#: Entries of a parameter that count in the hash of a model where they are given, so that older hashes stay.
+_LATER = ("changes", "freed", "considered", "adapts")
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +115,8 @@ class OwnModel:
 def _meaning(row: OwnParameter | OwnState) -> dict[str, Any]:
     """The entries of a row, numbers as floats, without the words for people."""
     entries = {key: value for key, value in asdict(row).items() if key != "meaning"}
+    later = {one.name: one.default for one in fields(row) if one.name in _LATER}
+    entries = {key: value for key, value in entries.items() if key not in later or value != later[key]}
     if isinstance(row, OwnParameter):
         entries["range"] = list(map(float, row.range or ()))
     return {key: float(value) if isinstance(value, (int, float)) else value for key, value in entries.items()}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from clutchid.codegen.system import Expr
-from clutchid.parameters import Row
+from clutchid.parameters import Adapting, Drift, Freed, GroupChange, Row, Spread
 from clutchid.states import STATES, State
 
 #: Defaults of a new state relative to its scale: process noise over 0.1 s, standard deviation at a vented start and at
@@ -16,6 +16,9 @@ _LIKE = STATES["z"]
 NOISE, START, UNKNOWN_START, FAST = (
     value / _LIKE.scale for value in (_LIKE.noise, _LIKE.start, _LIKE.unknown_start, _LIKE.fast)
 )
+
+#: Source of what a row of an own model says.
+OWN = "own model"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +33,18 @@ class OwnParameter:
         Smallest and largest admissible value; -inf and inf are open. Required.
     std
         Standard deviation of its prior, in its unit, above 0. The prior is log-normal where the range has no negative
-        value and the default is above 0, else normal. A parameter with it is free in ``--free auto``; without it the
-        parameter is fixed there.
+        value and the default is above 0, else normal.
     drift
         Standard deviation of its change between two recordings of one actuator, in its unit, at least 0.
+    changes
+        What a hypothesis about the groups of `clutchid.parameters.GROUPS` changes in it beyond, in its unit.
+    freed
+        Whether ``--free auto`` frees it; by default if it has `std`.
+    considered
+        Whether its drift is only part of the uncertainty, and not estimated from position alone.
+    adapts
+        Standard deviation of its change within hours, in its unit, above 0; with it, the parameter adapts in the
+        observer's method 'joint'. By default it stays as calibrated.
     """
 
     default: float
@@ -42,17 +53,30 @@ class OwnParameter:
     range: tuple[float, float] | None = None
     std: float | None = None
     drift: float = 0.0
+    changes: tuple[GroupChange, ...] = ()
+    freed: bool | None = None
+    considered: bool = False
+    adapts: float | None = None
 
     @property
     def row(self) -> Row:
         """The row that parameters of the package have."""
         low, high = self.range or (float("nan"), float("nan"))
-        return Row(self.unit, self.meaning, low, high, True, "own model")
-
-    @property
-    def positive(self) -> bool:
-        """Whether the prior is log-normal."""
-        return self.row.low >= 0.0 and self.default > 0.0
+        freed = self.std is not None if self.freed is None else self.freed
+        return Row(
+            self.unit,
+            self.meaning,
+            low,
+            high,
+            True,
+            OWN,
+            spread=None if self.std is None else Spread(self.std, False, OWN),
+            log_normal=low >= 0.0 and self.default > 0.0,
+            drift=Drift(self.drift, considered=self.considered) if self.drift else None,
+            changes=self.changes,
+            freed=Freed() if freed else None,
+            adapts=None if self.adapts is None else Adapting(std=self.adapts),
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from importlib.resources import as_file, files
 import numpy as np
 
 from clutchid.io import read
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, sample_interval
 
 #: Metadata key with the name of the file of the true load.
 TRUTH = "true_load"
@@ -75,7 +75,7 @@ def _cut(log: Log) -> int:
     n = len(log)
     if n < 10 or "position" not in log:
         return n // 2
-    width = max(2, round(REST_TIME / float(np.median(np.diff(log.time)))))
+    width = max(2, round(REST_TIME / sample_interval(log.time)))
     low = int(n * (0.5 - MIDDLE / 2))
     part = log["position"][low : n - low + width]
     if part.size <= width:

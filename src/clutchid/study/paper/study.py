@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from clutchid.errors import ExportError
-from clutchid.io.files import check_writable
+from clutchid.io.files import check_writable, write_bytes
 from clutchid.log import Log
-from clutchid.report.files import write_bytes
 from clutchid.report.html import render
 from clutchid.report.tables import Table, to_csv
 from clutchid.study.paper.fits import Case, Progress

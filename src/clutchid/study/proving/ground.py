@@ -15,7 +15,7 @@ import numpy as np
 from clutchid.errors import ExportError
 from clutchid.fleet.cluster import Place, results
 from clutchid.fleet.version import version_and_source
-from clutchid.io.files import atomic_write
+from clutchid.io.files import write_text
 from clutchid.log import Log
 from clutchid.processes import Lost, check_workers
 from clutchid.study.proving.answers import Answer, Workflow, score
@@ -196,8 +196,7 @@ def _read(path: Path) -> dict[str, Any] | None:
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(content), encoding="utf-8")
+    write_text(json.dumps(content), path)
 
 
 def kept(out: Path, numbers: Iterable[int]) -> dict[str, list[dict[str, Any]]]:

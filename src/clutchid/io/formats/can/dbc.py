@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from clutchid.errors import DataError
 from clutchid.extras import missing
 from clutchid.io.columns import shortened
+from clutchid.io.files import small_file
 from clutchid.io.formats.can.frames import quiet
 from clutchid.io.formats.can.j1939 import first_code
 from clutchid.io.formats.can.signals import FLOATS, Page, Signal
@@ -64,15 +65,9 @@ def read_dbc(path: Path) -> tuple[Message, ...]:
     MissingExtra
         If cantools is not installed.
     DataError
-        If it is none; the text names the file, and for a DBC the line.
-    OSError
-        If the file cannot be read.
+        If it cannot be read or is none; the text names the file, and for a DBC the line.
     """
-    if path.stat().st_size > _LARGEST_FILE:
-        raise DataError(
-            f"{path}: is no DBC file, for it has more than {_LARGEST_FILE >> 20} MiB; name the DBC of the bus."
-        )
-    content = path.read_bytes()
+    content = small_file(path, "DBC file", _LARGEST_FILE)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -102,7 +102,8 @@ def save(log: Log, path: Path) -> None:
     """
     import polars as pl
 
-    to_frame(log).with_columns(pl.all().fill_nan(None)).write_csv(path)
+    with path.open("wb") as file:  # polars takes no name that is no text
+        to_frame(log).with_columns(pl.all().fill_nan(None)).write_csv(file)
 
 
 def _refused(path: Path, problem: str) -> Source:

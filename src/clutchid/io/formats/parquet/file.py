@@ -276,7 +276,8 @@ def save(log: Log, path: Path) -> None:
     if log.edges:
         numbers = {name: [b64encode(a.astype("<f8").tobytes()).decode() for a in s] for name, s in log.edges.items()}
         metadata[_EDGES] = json.dumps(numbers)
-    to_frame(log).write_parquet(path, metadata=metadata)
+    with path.open("wb") as file:  # polars takes no name that is no text
+        to_frame(log).write_parquet(file, metadata=metadata)
 
 
 def _edges(text: str | None) -> dict[str, Samples]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from clutchid.io.columns import shortened
 
@@ -50,22 +50,23 @@ def with_polars(path: Path) -> Reader:
         kinds = dict(pl.read_parquet_schema(file))
         file.seek(0)
         metadata = pl.read_parquet_metadata(file)
-        size = int(_scan(path).select(pl.len()).collect().item()) if kinds else 0
+        file.seek(0)
+        size = int(_scan(file).select(pl.len()).collect().item()) if kinds else 0
     return Reader(kinds, size, metadata, partial(_polars_frames, path, size))
 
 
 def _polars_frames(path: Path, size: int, columns: Sequence[str], rows: int) -> Iterator[pl.DataFrame]:
     for start in range(0, size, rows):
-        with _sound():
-            frame = _scan(path).select(columns).slice(start, rows).collect()
+        with _sound(), path.open("rb") as file:
+            frame = _scan(file).select(columns).slice(start, rows).collect()
         yield frame
 
 
-def _scan(path: Path) -> pl.LazyFrame:
-    """The file as polars reads it piece by piece; its name is no pattern, and its folders are no columns."""
+def _scan(file: BinaryIO) -> pl.LazyFrame:
+    """The file as polars reads it piece by piece; its name may be no text, which polars does not take."""
     import polars as pl
 
-    return pl.scan_parquet(path, glob=False, hive_partitioning=False)
+    return pl.scan_parquet(file, hive_partitioning=False)
 
 
 def with_arrow(path: Path) -> Reader:
@@ -79,8 +80,8 @@ def with_arrow(path: Path) -> Reader:
         If PyArrow does not read it.
     """
     parquet = import_module("pyarrow.parquet")
-    with _sound():
-        file = parquet.ParquetFile(path)
+    with _sound(), path.open("rb") as stream:  # PyArrow takes no name that is no text either
+        file = parquet.ParquetFile(stream)
         schema, footer = file.schema_arrow, file.metadata
         kinds = dict(zip(_apart(schema.names), map(_kind, schema.types), strict=True))
         size = sum(footer.row_group(i).num_rows for i in range(footer.num_row_groups))
@@ -92,18 +93,19 @@ def _arrow_frames(path: Path, columns: Sequence[str], rows: int) -> Iterator[pl.
     import polars as pl
 
     arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
-    with _sound():
-        file = parquet.ParquetFile(path)
-        names = dict(zip(_apart(file.schema_arrow.names), file.schema_arrow.names, strict=True))
-        batches = file.iter_batches(batch_size=rows, columns=list({names[name] for name in columns}))
-    while True:
+    with path.open("rb") as stream:
         with _sound():
-            batch = next(batches, None)
-            if batch is None:
-                return
-            named = arrow.RecordBatch.from_arrays(batch.columns, names=_apart(batch.schema.names))
-            frame = pl.DataFrame(named.select(list(columns)))
-        yield frame
+            file = parquet.ParquetFile(stream)
+            names = dict(zip(_apart(file.schema_arrow.names), file.schema_arrow.names, strict=True))
+            batches = file.iter_batches(batch_size=rows, columns=list({names[name] for name in columns}))
+        while True:
+            with _sound():
+                batch = next(batches, None)
+                if batch is None:
+                    return
+                named = arrow.RecordBatch.from_arrays(batch.columns, names=_apart(batch.schema.names))
+                frame = pl.DataFrame(named.select(list(columns)))
+            yield frame
 
 
 def _kind(arrow_type: Any) -> pl.DataType:

@@ -1,0 +1,131 @@
+"""How large the house is, and whether its rooms keep their order: ``python benchmarks/house.py [--ref COMMIT]``.
+
+Code lines are those of ``src`` without docstrings, comments, blank lines and imports; templates stand beside them. A
+circle is a group of files that import each other in a loop, imports within functions included, those for type checkers
+only left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import subprocess
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+TEMPLATES = (".j2", ".toml", ".js")
+
+
+def modules(source: Path) -> dict[str, Path]:
+    """Every module by its name, that of a package being its `__init__`."""
+    found = {}
+    for path in sorted((source / "clutchid").rglob("*.py")):
+        parts = path.relative_to(source).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imported(tree: ast.AST, known: Mapping[str, Path]) -> Iterator[str]:
+    """Names of the modules that a file imports when it runs."""
+    if isinstance(tree, ast.If) and isinstance(tree.test, ast.Name) and tree.test.id == "TYPE_CHECKING":
+        return
+    if isinstance(tree, ast.ImportFrom) and tree.module:
+        for alias in tree.names:
+            inner = f"{tree.module}.{alias.name}"
+            yield inner if inner in known else tree.module
+    elif isinstance(tree, ast.Import):
+        yield from (alias.name for alias in tree.names)
+    for child in ast.iter_child_nodes(tree):
+        yield from imported(child, known)
+
+
+def circles(source: Path) -> list[list[str]]:
+    """Groups of modules that import each other in a loop, the largest first (Tarjan 1972)."""
+    known = modules(source)
+    graph = {
+        name: {one for one in imported(ast.parse(path.read_text("utf-8")), known) if one in known and one != name}
+        for name, path in known.items()
+    }
+    number: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(name: str) -> None:
+        number[name] = low[name] = len(number)
+        stack.append(name)
+        for other in sorted(graph[name]):
+            if other not in number:
+                visit(other)
+                low[name] = min(low[name], low[other])
+            elif other in stack:
+                low[name] = min(low[name], number[other])
+        if low[name] == number[name]:
+            at = stack.index(name)
+            group = stack[at:]
+            del stack[at:]
+            if len(group) > 1:
+                found.append(group)
+
+    for name in graph:
+        if name not in number:
+            visit(name)
+    return sorted(found, key=len, reverse=True)
+
+
+def code_lines(path: Path) -> int:
+    """Lines of code of a file without docstrings, comments, blank lines and imports."""
+    text = path.read_text("utf-8")
+    tree, taken = ast.parse(text), set()
+    for node in ast.walk(tree):
+        is_text = (
+            isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        )
+        if is_text or isinstance(node, (ast.Import, ast.ImportFrom)):
+            taken |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    lines = enumerate(text.splitlines(), 1)
+    return sum(1 for n, line in lines if n not in taken and line.strip() and not line.strip().startswith("#"))
+
+
+def measured(root: Path) -> dict[str, str]:
+    """The measures of a work tree."""
+    source = root / "src"
+    package = source / "clutchid"
+    files = [*modules(source).values()]
+    templates = [path for path in package.rglob("*") if path.suffix in TEMPLATES]
+    contracts = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+    loops = circles(source)
+    entries = [path for path in package.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()]
+    return {
+        "code lines": f"{sum(map(code_lines, files)):,}",
+        "lines of templates": f"{sum(len(path.read_text('utf-8').splitlines()) for path in templates):,}",
+        "files": str(len(files)),
+        "entries in src/clutchid": str(len(entries)),
+        "exceptions of the import contract": str(len(contracts[0].get("ignore_imports", []))),
+        "circles, files in the largest": f"{len(loops)}, {len(loops[0]) if loops else 0}",
+        "code lines of tests": f"{sum(map(code_lines, (root / 'tests').rglob('*.py'))):,}",
+        "words of docs": f"{sum(len(path.read_text('utf-8').split()) for path in (root / 'docs').rglob('*.md')):,}",
+    }
+
+
+def main() -> None:
+    """Print the measures of the work tree, and beside them those of another commit."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--ref", default="", help="a commit to compare with")
+    options = parser.parse_args()
+    now, before = measured(ROOT), {}
+    if options.ref:
+        with tempfile.TemporaryDirectory() as folder:
+            archive = subprocess.run(["git", "archive", options.ref], cwd=ROOT, check=True, capture_output=True).stdout
+            subprocess.run(["tar", "-x", "-C", folder], input=archive, check=True)
+            before = measured(Path(folder))
+    for name, value in now.items():
+        print(f"{name:36s} {before.get(name, ''):>10s} {value:>10s}")
+
+
+if __name__ == "__main__":
+    main()
