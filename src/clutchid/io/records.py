@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from types import MappingProxyType, NoneType, UnionType
 from typing import Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -121,13 +122,18 @@ def collected(problems: list[str], make: Callable[..., T], *arguments: Any) -> T
         return None
 
 
-def _entries(kind: Any) -> dict[str, tuple[Any, bool]]:
+def _entries(kind: Any) -> Mapping[str, tuple[Any, bool]]:
     """Types of the fields of a record, and whether each is required; empty for any other type."""
+    return _fields(kind) if is_dataclass(kind) or hasattr(kind, "_field_defaults") else {}
+
+
+@cache  # to evaluate the annotations takes longer than all the rest
+def _fields(kind: Any) -> Mapping[str, tuple[Any, bool]]:
     if is_dataclass(kind):
         required = {item.name: item.default is MISSING and item.default_factory is MISSING for item in fields(kind)}
     else:
-        required = {name: name not in kind._field_defaults for name in getattr(kind, "_fields", ())}
-    hints = get_type_hints(kind) if required else {}
+        required = {name: name not in kind._field_defaults for name in kind._fields}
+    hints = get_type_hints(kind)
     return {name: (hints[name], each) for name, each in required.items()}
 
 
