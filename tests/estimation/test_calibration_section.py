@@ -104,10 +104,10 @@ def test_errors_of_position_alone_that_are_wrong_are_one_sentence(entries, tmp_p
 
 def test_an_unknown_entry_of_a_calibration_names_the_nearest(tmp_path):
     path = tmp_path / "CAL.toml"
-    path.write_text(SECTION + "position_onyl = 5\n")
+    path.write_text(SECTION + "positions_only = 5\n")
     with pytest.raises(
         ParameterError,
-        match=r"^CAL\.toml: no entry of \[fit\.calibration\] 'position_onyl'; did you mean 'position_only'",
+        match=r"^CAL\.toml: no entry of \[fit\.calibration\] 'positions_only'; did you mean 'position_only'",
     ):
         read_parameters(path).calibration  # noqa: B018, read on use
 
