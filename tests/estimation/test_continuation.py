@@ -9,8 +9,8 @@ import pytest
 import clutchid
 from clutchid import workflow
 from clutchid.errors import ParameterError
+from clutchid.estimation.parameter_file import search_in, search_section
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.search_section import search_in, search_section
 from clutchid.estimation.search_state import Continuation, SearchState, ended
 from clutchid.smoother import projection
 from clutchid.uncertainty.coordinates import Prior
