@@ -6,8 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.filter.joint_filter import JointState, correct, covariance, follow, init, inputs, predict
-from clutchid.filter.joint_setup import JointSettings, joint_filter
+from clutchid.filter.joint_filter import (
+    JointSettings,
+    JointState,
+    correct,
+    covariance,
+    follow,
+    init,
+    inputs,
+    joint_filter,
+    predict,
+)
 from clutchid.numerics.failure import Failure
 from clutchid.uncertainty.noise import Noise
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.filter.joint_filter import follow, init, inputs
-from clutchid.filter.joint_setup import JointSettings, joint_filter
+from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
