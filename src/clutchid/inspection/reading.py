@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ClutchidError
-from clutchid.inspection.signal import IntArray, Runs, noise, quantum, run_ends, runs
 from clutchid.io.checks import usual_interval
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
+from clutchid.signals.sampled import IntArray, Runs, constant_runs, noise, quantum, run_ends
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.stiffness import stiffness
@@ -84,7 +84,7 @@ class Reading:
     @cached_property
     def runs(self) -> Mapping[str, Runs]:
         """Runs in which each measured column does not change."""
-        return {name: runs(self.log[name]) for name in self.measured}
+        return {name: constant_runs(self.log[name]) for name in self.measured}
 
     @cached_property
     def measured(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from clutchid.log import Log
 from clutchid.parameters import Parameters
 from clutchid.signals.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
 from clutchid.signals.runs import runs
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import velocity
 
 
 def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:

@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.log import HOLE, FloatArray, Log
 from clutchid.rig.compiled import NAMES, kernels
 from clutchid.signals.runs import runs
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import velocity
 
 #: Least number of samples of a segment.
 _FEWEST = 10

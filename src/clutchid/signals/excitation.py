@@ -13,7 +13,7 @@ from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.parameters import Parameters
 from clutchid.signals.runs import runs
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import velocity
 
 #: Edges of the stroke regions in m; the first region is open below, the last one open above.
 REGION_EDGES = (0.0, 2e-3, 5e-3, 8e-3, 12e-3, 16e-3, 20e-3, np.inf)
