@@ -28,8 +28,8 @@ ROOT = Path(__file__).resolve().parents[1]
 
 #: Functions that compare a simulation with what was measured.
 RESIDUALS = (
-    "smoother.window_rows.window_rows",
-    "estimate.simulation_error.problem._compared",
+    "smoother.rows.window_rows",
+    "estimation.simulation_error.problem._compared",
     "filter.filtering.follow",
 )
 

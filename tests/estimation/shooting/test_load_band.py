@@ -12,7 +12,7 @@ from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.estimation.shooting.result import result
-from clutchid.smoother import projection
+from clutchid.smoother import search as fine_search
 from clutchid.smoother.search import search
 from clutchid.uncertainty import change_prior as module
 from clutchid.uncertainty.calibration import Calibration
@@ -36,7 +36,7 @@ def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log
     monkeypatch.setattr(module, "DRIFT_CONSIDERED", {**DRIFT_CONSIDERED, "A_A": 0.0})
     counted = np.sqrt(whole**2 - half_width(result(shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
-    monkeypatch.setattr(projection, "CONVERGED_GAIN", 1e-4)
+    monkeypatch.setattr(fine_search, "CONVERGED_GAIN", 1e-4)
     problem, found = shot.problem, shot.solution
     loads = []
     area = plant.value("A_A")

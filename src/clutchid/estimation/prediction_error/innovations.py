@@ -10,7 +10,7 @@ from clutchid.estimation.prediction_error.problem import Prediction
 from clutchid.log import FloatArray
 from clutchid.measured import MEASURED
 from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.trajectory import MAX_SCALE, MIN_SCALE
+from clutchid.smoother.residuals import MAX_SCALE, MIN_SCALE
 
 #: Largest lag of the autocorrelation in samples.
 MAX_LAG = 200
