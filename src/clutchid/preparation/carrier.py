@@ -15,7 +15,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.numerics.threads import map_pairs
 from clutchid.signals.duty_cycle import duty_grid, on_off, resolves_carrier
-from clutchid.simulation.plan import carrier
+from clutchid.simulation.inputs import carrier
 
 #: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.
 PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)

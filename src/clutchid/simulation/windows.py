@@ -11,9 +11,9 @@ import numpy as np
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
+from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import KernelArrays, run, start_state
-from clutchid.simulation.simulation import failure_message
 
 #: Length of a window in s, and interval in s between resets of the simulation that gives the initial values.
 WINDOW, RESET_INTERVAL = 0.1, 0.02

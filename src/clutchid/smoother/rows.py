@@ -15,11 +15,11 @@ from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
+from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.plan import Segment
 from clutchid.simulation.process_noise import opening_of_valves, start_deviations, state_deviations
 from clutchid.simulation.run import columns, run, run_to_end, start_sensitivities, start_state
-from clutchid.simulation.simulation import failure_message
 from clutchid.simulation.windows import Track, units
 from clutchid.uncertainty.noise import Noise
 

@@ -11,7 +11,7 @@ from clutchid.model import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.model.variants import VARIANTS
 from clutchid.simulation import simulate
-from clutchid.simulation.failing_term import failing_term
+from clutchid.simulation.divergence import failing_term
 
 ENGAGED = {
     "y": 5e-3, "v": 0.1, "p_A": 4e5, "p_B": 1.2e5, "z": 1e-6, "T_A": 300.0, "T_B": 290.0, "p_S": 9e5, "p_G": 9.1e5,
