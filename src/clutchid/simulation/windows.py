@@ -75,6 +75,15 @@ def _window(segment: Segment, a: int, b: int) -> Segment:
     )
 
 
+def with_window_steps(track: Track) -> Track:
+    """`track` with the integration steps of its windows, which are fewer than those of the plan."""
+    substeps = track.segment.substeps.copy()
+    for window in track.windows:
+        begin = window.start - track.segment.start
+        substeps[begin : begin + len(window.substeps)] = window.substeps
+    return replace(track, segment=replace(track.segment, substeps=substeps))
+
+
 def units(actuator: Actuator) -> FloatArray:
     """Natural sizes of the states of the actuator's model."""
     return np.array([row.scale for row in actuator.state_rows.values()])
