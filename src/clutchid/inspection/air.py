@@ -33,7 +33,7 @@ def pressure_unit(reading: Reading) -> Check:
     p, pressure = reading.actuator.parameters, reading.log["pressure_a"]
     low, high = (float(q) for q in np.nanquantile(pressure, (0.01, 0.99)))
     value = f"{low:.4g} to {high:.4g}"
-    if reading.ends["pressure_a"][0] == reading.ends["pressure_a"][1]:
+    if reading.ends["pressure_a"].low == reading.ends["pressure_a"].high:
         sentence = (
             f"pressure_a is {low:.4g} Pa in every sample, so its sensor was not connected or the channel is another "
             "one; leave the column out, or take the right channel."

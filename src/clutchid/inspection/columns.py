@@ -92,7 +92,7 @@ def stuck(reading: Reading, name: str) -> Check:
 def _frozen(reading: Reading, name: str) -> list[tuple[float, float]]:
     """Start and end times of constant runs, except at the extreme values: those are checked for saturation."""
     found, ends, time = reading.runs[name], reading.ends[name], reading.log.time
-    inner = (found.value != ends[0]) & (found.value != ends[1])
+    inner = (found.value != ends.low) & (found.value != ends.high)
     usual = found.longest(inner, LEFT_OUT)
     long = inner & (found.length > LONGER * usual) & (found.length * reading.step > LEAST)
     return [

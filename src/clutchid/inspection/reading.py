@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,13 @@ FAST, FEWEST = 0.1, 50
 
 #: Longest pause in s between two pulses that count as one opening: the longest period of a carrier, 20 Hz.
 PAUSE = 0.05
+
+
+class Extremes(NamedTuple):
+    """Smallest and largest value of a column, in SI."""
+
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +80,11 @@ class Reading:
         return {name: quantum(self.log[name]) for name in self.measured}
 
     @cached_property
-    def ends(self) -> Mapping[str, tuple[float, float]]:
+    def ends(self) -> Mapping[str, Extremes]:
         """Smallest and largest value of each measured column, in SI."""
-        return {name: (float(np.nanmin(self.log[name])), float(np.nanmax(self.log[name]))) for name in self.measured}
+        return {
+            name: Extremes(float(np.nanmin(self.log[name])), float(np.nanmax(self.log[name]))) for name in self.measured
+        }
 
     def noisy(self, name: str) -> bool:
         """Whether the noise of a measured column exceeds its quantisation, so that repeated values are significant."""

@@ -182,7 +182,7 @@ def on_grid(reading: Reading) -> bool:
 
     Other changes take effect with the next period of the carrier, after up to one period.
     """
-    return duty_grid(reading.log)[0] > 0.0
+    return duty_grid(reading.log).period > 0.0
 
 
 def period(reading: Reading, usual: float) -> float:
@@ -190,7 +190,7 @@ def period(reading: Reading, usual: float) -> float:
 
     Valves that are only opened and closed change on the time grid of the control unit, which is not a carrier.
     """
-    return usual if on_off(reading.log) else duty_grid(reading.log)[0] or usual
+    return usual if on_off(reading.log) else duty_grid(reading.log).period or usual
 
 
 #: Time in s for which the supply valve must be closed before a stroke. The rest level comes from the part that ends

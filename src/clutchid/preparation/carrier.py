@@ -56,7 +56,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     log = log.slice(0, min(len(log), round(MAX_DURATION / step)))
     if on_off(log):
         return 0.0, 0.0
-    grid, _ = duty_grid(log)
+    grid = duty_grid(log).period
     common = max(1, round(max(periods) / step))
     candidates: dict[float, tuple[float, float]] = {}
     for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,22 +127,29 @@ def plan(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."
         )
-    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max)[0]), actuator)
+    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max).sentences), actuator)
 
 
-def outside_stroke(log: Log, y_max: float) -> tuple[list[str], bool]:
-    """A sentence where the measured position leaves the stroke of `y_max` m, and whether it is no such piston's."""
+class OutsideStroke(NamedTuple):
+    """The sentence where a position leaves the stroke, or none, and whether it is not one of such a piston."""
+
+    sentences: tuple[str, ...]
+    alien: bool
+
+
+def outside_stroke(log: Log, y_max: float) -> OutsideStroke:
+    """Whether the measured position leaves the stroke of `y_max` m."""
     position = log["position"][np.isfinite(log["position"])] if "position" in log else np.zeros(0)
     if position.size == 0:
-        return [], False
+        return OutsideStroke((), False)
     low, high = (float(q) for q in np.percentile(position, (0.5, 99.5)))
     if low > -OUTSIDE and high < y_max + 5 * OUTSIDE:
-        return [], False
+        return OutsideStroke((), False)
     sentence = (
         f"{log.name}: the position runs from {position.min() * 1e3:.4g} to {position.max() * 1e3:.4g} mm, outside the "
         f"stroke of 0 to {y_max * 1e3:g} mm; check its unit, its sign and its zero."
     )
-    return [sentence], low < -ALIEN * y_max or high > (1 + ALIEN) * y_max
+    return OutsideStroke((sentence,), low < -ALIEN * y_max or high > (1 + ALIEN) * y_max)
 
 
 def _stretches(log: Log) -> list[tuple[int, int]]:

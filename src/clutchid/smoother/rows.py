@@ -16,7 +16,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.divergence import failure_message
-from clutchid.simulation.parameter_map import ParameterMap
+from clutchid.simulation.parameter_map import LoadPieces, ParameterMap
 from clutchid.simulation.plan import Segment
 from clutchid.simulation.process_noise import opening_of_valves, start_deviations, state_deviations
 from clutchid.simulation.run import columns, run, run_to_end, start_sensitivities, start_state
@@ -66,9 +66,9 @@ def window_rows(
             return _failure(track, window, out, failed, mapped)
         low, high = compiled.value_range(out[:, 0], start[0])
         needed = mapped.load_pieces(low - STEP_OVERSHOOT, high + STEP_OVERSHOOT)
-        if not mapped.bases or (pieces[0] <= needed[0] and needed[1] <= pieces[1]):
+        if not mapped.bases or pieces.contains(needed):
             break
-        pieces = min(pieces[0], needed[0]), max(pieces[1], needed[1])
+        pieces = pieces.joined(needed)
     sensors, measured = _sensors_and_samples(track, window, mapped, measure, noise)
     rows, slopes = np.empty((measured.size, active.row_columns.size)), np.ones(active.row_columns.size - 1)
     slopes[n:] = mapped.slopes[active.parameters]
@@ -100,10 +100,10 @@ def _kernels() -> Any:
     return kernels_in("clutchid.simulation.comparison")
 
 
-def _expected_pieces(track: Track, window: Segment, start: FloatArray, mapped: ParameterMap) -> tuple[int, int]:
-    """First and last piece of the load over the measured positions of a window and its start."""
+def _expected_pieces(track: Track, window: Segment, start: FloatArray, mapped: ParameterMap) -> LoadPieces:
+    """Pieces of the load over the measured positions of a window and its start."""
     if not mapped.bases:
-        return 0, 0
+        return LoadPieces(0, 0)
     low, high = _kernels().value_range(track.measured["position"][window.start : window.stop], start[0])
     return mapped.load_pieces(low - EXPECTED_DEVIATION, high + EXPECTED_DEVIATION)
 
