@@ -71,20 +71,29 @@ def kernels_in(name: str) -> ModuleType:
     """
     with _loading:
         texts = _texts(name)
-        return load_module(name.rsplit(".", 1)[-1], list(texts), lambda: "\n\n".join((_FIRST, *texts.values())))
+        return load_module(name.rsplit(".", 1)[-1], list(texts), lambda: _joined(texts))
 
 
 #: First line of a module of kernels.
 _FIRST = "from __future__ import annotations"
 
 
-def _texts(name: str) -> dict[Path, str]:
+def _joined(texts: dict[Path, str | None]) -> str:
+    return "\n\n".join((_FIRST, *(_hash(path) if text is None else text for path, text in texts.items())))
+
+
+def _hash(path: Path) -> str:
+    """A comment with the hash of what a module means."""
+    return f"# {path.stem}: {hashlib.sha256(meaning(path, path.read_bytes())).hexdigest()}"
+
+
+def _texts(name: str) -> dict[Path, str | None]:
     """The texts of the modules whose kernels a module imports, in the order of their use, and last its own.
 
-    A module without kernels from which they take names has a comment with its hash.
+    None for a module without kernels from which they take names.
     """
     path = _file(name)
-    text, texts = path.read_text(encoding="utf-8"), dict[Path, str]()
+    text, texts = path.read_text(encoding="utf-8"), dict[Path, str | None]()
     lines, tree = text.splitlines(), ast.parse(text)
     taken = set(_names_in_functions(tree))
     for node in tree.body:
@@ -94,7 +103,7 @@ def _texts(name: str) -> dict[Path, str]:
         if own and kernels:
             texts |= _texts(own)
         elif own and isinstance(node, ast.ImportFrom) and taken & {name.asname or name.name for name in node.names}:
-            texts[_file(own)] = f"# {own}: {_hash(_file(own))}"
+            texts[_file(own)] = None
         if kernels or module == "__future__":
             for number in range(node.lineno - 1, node.end_lineno or node.lineno):
                 lines[number] = ""
@@ -106,10 +115,6 @@ def _names_in_functions(tree: ast.Module) -> Iterator[str]:
     for function in tree.body:
         if isinstance(function, ast.FunctionDef):
             yield from (node.id for part in function.body for node in ast.walk(part) if isinstance(node, ast.Name))
-
-
-def _hash(path: Path) -> str:
-    return hashlib.sha256(meaning(path, path.read_bytes())).hexdigest()
 
 
 def _has_kernels(path: Path) -> bool:
