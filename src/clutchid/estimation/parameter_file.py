@@ -202,6 +202,7 @@ def started(content: ParameterFile, request: FitRequest) -> FitRequest:
 def parameter_file(fitted: Fit, trust: str) -> ParameterFile:
     """Contents of a parameter file for a fit with a `trust`, see `clutchid.assess.verdict`."""
     about = {
+        "format": FORMAT,
         "status": fitted.status,
         "free": list(fitted.parameters),
         "measure": list(fitted.scales),
