@@ -1,0 +1,148 @@
+"""Open a file of any known format in this process: its reader is loaded on demand, a packed file unpacked first."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+import tempfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from clutchid.errors import ClutchidError, DataError
+from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
+from clutchid.recordings.source import Source, Tables
+from clutchid.recordings.table import Table
+
+#: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
+_MOST_UNPACKED = 8_000_000_000
+_CHUNK = 1 << 20
+
+
+def opened_here(file: Path, dbc: Sequence[Path]) -> Source:
+    """Open a file of any known format in this process.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read; problems inside a recording are in ``Source.problems``.
+    MissingExtra
+        If the format needs a library that is not installed.
+    """
+    try:
+        source = _opened(file, dbc)
+    except OSError as error:
+        if isinstance(error, ClutchidError):
+            raise
+        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
+    if source.rasters or source.problems:
+        return source
+    return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
+
+
+def head_of(file: Path) -> bytes:
+    """First bytes of a file, which tell its kind.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read.
+    """
+    try:
+        with file.open("rb") as stream:
+            return stream.read(ENOUGH)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
+
+
+def _opened(file: Path, dbc: Sequence[Path]) -> Source:
+    kind = kind_of(head_of(file))
+    if kind == "gzip":
+        return _unpacked(file, dbc)
+    if kind == "mdf":
+        return _mdf(file, dbc)
+    if kind in ("blf", "asc", "trc"):
+        return _can(file, dbc)
+    if kind == "parquet":
+        from clutchid.recordings.formats.parquet import file as parquet_file
+
+        return parquet_file.open_file(file)
+    if kind == "mat":
+        from clutchid.recordings.formats.mat import file as mat_file
+
+        return mat_file.open_file(file)
+    from clutchid.recordings.formats.csv import file as csv_file
+
+    return csv_file.open_file(file)
+
+
+def _can(file: Path, dbc: Sequence[Path]) -> Source:
+    from clutchid.recordings.formats.can import file as can_file
+
+    return can_file.open_file(file, dbc)
+
+
+def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
+    """An MDF file with measured channels, or with bus frames if a DBC file is given."""
+    from clutchid.recordings.formats.can import mf4 as mf4_bus
+    from clutchid.recordings.formats.mdf import file as mdf_file
+
+    if dbc and mf4_bus.holds_bus_frames(file):
+        return _can(file, dbc)
+    source = mdf_file.open_file(file)
+    silent = not (source.rasters or source.problems)
+    return _can(file, ()) if silent and mf4_bus.holds_bus_frames(file) else source
+
+
+def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
+    """The recording in a gzip file, unpacked to a temporary file that is deleted with its reader."""
+    folder = tempfile.TemporaryDirectory(prefix="clutchid-")
+    inner = Path(folder.name) / (file.name.removesuffix(".gz") or "recording")
+    with _named(file, inner):
+        _unpack(file, inner)
+        head = head_of(inner)
+        reason = "is packed twice; unpack it once." if kind_of(head) == "gzip" else refusal(head, inner)
+        if reason:
+            raise DataError(f"{file}: {reason}")
+        source = opened_here(inner, dbc)
+    return replace(source, path=file, tables=_UnpackedTables(file, inner, folder, source.tables))
+
+
+@contextmanager
+def _named(file: Path, inner: Path) -> Iterator[None]:
+    """What goes wrong with the unpacked file as an error that names the packed one."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(str(error).replace(str(inner), str(file))) from error
+
+
+def _unpack(file: Path, to: Path) -> None:
+    most = min(_MOST_UNPACKED, shutil.disk_usage(to.parent).free // 2)
+    try:
+        with gzip.open(file, "rb") as packed, to.open("wb") as plain:
+            size = 0
+            while chunk := packed.read(_CHUNK):
+                size += len(chunk)
+                if size > most:
+                    raise DataError(f"{file}: unpacks to more than {most / 1e9:.3g} GB; unpack and shorten it.")
+                plain.write(chunk)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _UnpackedTables:
+    """Reads from an unpacked file, see `Tables`, and keeps its folder as long."""
+
+    file: Path
+    inner: Path
+    folder: tempfile.TemporaryDirectory[str]
+    tables: Tables
+
+    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Tables of the unpacked file."""
+        with _named(self.file, self.inner):
+            yield from self.tables(raster, columns, rows)
