@@ -15,79 +15,74 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
-    from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
-    from clutchid.estimation import Fit, fit
-    from clutchid.estimation.parameter_file import read_parameters, write_parameters
-    from clutchid.inference.uncertainty.calibration import Calibration
-    from clutchid.inference.uncertainty.coordinates import Prior
-    from clutchid.log import Log
-    from clutchid.model import Actuator, Load
-    from clutchid.parameters import Parameters
-    from clutchid.recordings import read, read_pieces, write
-    from clutchid.recordings.look.look import look
-    from clutchid.simulation import Partition, Simulation, simulate
-    from clutchid.study import bundled_recording
-    from clutchid.workflow.verbs import calibrate, estimate, parameter_file
+    from clutchid.errors import ClutchidError as ClutchidError
+    from clutchid.errors import DataError as DataError
+    from clutchid.errors import ExportError as ExportError
+    from clutchid.errors import MissingExtra as MissingExtra
+    from clutchid.errors import ParameterError as ParameterError
+    from clutchid.errors import SolveError as SolveError
+    from clutchid.estimation import Fit as Fit
+    from clutchid.estimation import fit as fit
+    from clutchid.estimation.assess.verdict import Verdict as Verdict
+    from clutchid.estimation.assess.verdict import verdict as verdict
+    from clutchid.estimation.parameter_file import read_parameters as read_parameters
+    from clutchid.estimation.parameter_file import write_parameters as write_parameters
+    from clutchid.fleets.verbs import FleetRun as FleetRun
+    from clutchid.fleets.verbs import fleet as fleet
+    from clutchid.fleets.verbs import track as track
+    from clutchid.inference.uncertainty.calibration import Calibration as Calibration
+    from clutchid.inference.uncertainty.coordinates import Prior as Prior
+    from clutchid.log import Log as Log
+    from clutchid.model import Actuator as Actuator
+    from clutchid.model import Load as Load
+    from clutchid.observer.observer import Observer as Observer
+    from clutchid.parameters import Parameters as Parameters
+    from clutchid.recordings import read as read
+    from clutchid.recordings import read_pieces as read_pieces
+    from clutchid.recordings import write as write
+    from clutchid.recordings.look.look import look as look
+    from clutchid.simulation import Partition as Partition
+    from clutchid.simulation import Simulation as Simulation
+    from clutchid.simulation import simulate as simulate
+    from clutchid.study import bundled_recording as bundled_recording
+    from clutchid.study.proving.ground import prove as prove
+    from clutchid.truck import drive as drive
+    from clutchid.wear.life import Wear as Wear
+    from clutchid.workflow.attached import plot as plot
+    from clutchid.workflow.attached import report as report
+    from clutchid.workflow.verbs import calibrate as calibrate
+    from clutchid.workflow.verbs import cut as cut
+    from clutchid.workflow.verbs import estimate as estimate
+    from clutchid.workflow.verbs import friction as friction
+    from clutchid.workflow.verbs import observe as observe
+    from clutchid.workflow.verbs import parameter_file as parameter_file
 
-_HOME = {
-    "Actuator": "clutchid.model",
-    "Calibration": "clutchid.inference.uncertainty.calibration",
-    "ClutchidError": "clutchid.errors",
-    "DataError": "clutchid.errors",
-    "ExportError": "clutchid.errors",
-    "Fit": "clutchid.estimation",
-    "Load": "clutchid.model",
-    "Log": "clutchid.log",
-    "MissingExtra": "clutchid.errors",
-    "ParameterError": "clutchid.errors",
-    "Parameters": "clutchid.parameters",
-    "Partition": "clutchid.simulation",
-    "Prior": "clutchid.inference.uncertainty.coordinates",
-    "Simulation": "clutchid.simulation",
-    "SolveError": "clutchid.errors",
-    "bundled_recording": "clutchid.study",
-    "calibrate": "clutchid.workflow.verbs",
-    "estimate": "clutchid.workflow.verbs",
-    "fit": "clutchid.estimation",
-    "look": "clutchid.recordings.look.look",
-    "parameter_file": "clutchid.workflow.verbs",
-    "read": "clutchid.recordings",
-    "read_pieces": "clutchid.recordings",
-    "read_parameters": "clutchid.estimation.parameter_file",
-    "simulate": "clutchid.simulation",
-    "write": "clutchid.recordings",
-    "write_parameters": "clutchid.estimation.parameter_file",
+#: Public names by the module that has them.
+_NAMES: dict[str, tuple[str, ...]] = {
+    "errors": ("ClutchidError", "DataError", "ExportError", "MissingExtra", "ParameterError", "SolveError"),
+    "estimation": ("Fit", "fit"),
+    "estimation.assess.verdict": ("Verdict", "verdict"),
+    "estimation.parameter_file": ("read_parameters", "write_parameters"),
+    "fleets.verbs": ("FleetRun", "fleet", "track"),
+    "inference.uncertainty.calibration": ("Calibration",),
+    "inference.uncertainty.coordinates": ("Prior",),
+    "log": ("Log",),
+    "model": ("Actuator", "Load"),
+    "observer.observer": ("Observer",),
+    "parameters": ("Parameters",),
+    "recordings": ("read", "read_pieces", "write"),
+    "recordings.look.look": ("look",),
+    "simulation": ("Partition", "Simulation", "simulate"),
+    "study": ("bundled_recording",),
+    "study.proving.ground": ("prove",),
+    "truck": ("drive",),
+    "wear.life": ("Wear",),
+    "workflow.attached": ("plot", "report"),
+    "workflow.verbs": ("calibrate", "cut", "estimate", "friction", "observe", "parameter_file"),
 }
+_HOME = {name: f"clutchid.{module}" for module, names in _NAMES.items() for name in names}
 
-__all__ = [
-    "Actuator",
-    "Calibration",
-    "ClutchidError",
-    "DataError",
-    "ExportError",
-    "Fit",
-    "Load",
-    "Log",
-    "MissingExtra",
-    "ParameterError",
-    "Parameters",
-    "Partition",
-    "Prior",
-    "Simulation",
-    "SolveError",
-    "bundled_recording",
-    "calibrate",
-    "estimate",
-    "fit",
-    "look",
-    "parameter_file",
-    "read",
-    "read_parameters",
-    "read_pieces",
-    "simulate",
-    "write",
-    "write_parameters",
-]
+__all__ = [*_HOME]  # noqa: PLE0604, made of names that are text
 
 
 def __getattr__(name: str) -> Any:

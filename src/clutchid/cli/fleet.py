@@ -5,26 +5,22 @@ from __future__ import annotations
 import math
 import shlex
 import sys
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_bar
+from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json
 from clutchid.cli.progress import progress_of
 from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
-from clutchid.names import as_text, printable
+from clutchid.names import printable
 
 if TYPE_CHECKING:
     from clutchid.fleets.cluster import Place
-    from clutchid.fleets.jobs import Fleet
-    from clutchid.fleets.run import Task
-    from clutchid.fleets.store import Store
-    from clutchid.fleets.tracking import Limits
+    from clutchid.fleets.verbs import FleetRun
 
 #: Statuses in the order in which they are said.
 STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
@@ -109,27 +105,17 @@ def fleet(
     """
 
     def work() -> int:
-        from clutchid.fleets.jobs import fleet_of
-        from clutchid.fleets.run import Options, tasks
-        from clutchid.fleets.store import store
-        from clutchid.workflow import start_file
+        from clutchid.fleets import verbs
 
-        if limit is not None and verb != "track":
-            raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
-        shift = life_limit(limit)
-        place, found = _place(pool, scheduler), fleet_of(source, start)
-        if start.is_file():
-            start_file(start, None)  # a broken one is one sentence, not one a recording
-        options = Options(
-            "observe" if verb == "observe" else "fit", pressure(ambient, math.nan), map_, tuple(dbc or ())
-        )
-        with store(out, {"source": as_text(str(source.resolve())), "verb": verb}) as kept:
-            todo = tasks(found, options, kept, retry=retry)
-            if todo:
-                _run(place, todo, kept)
-            statuses, vehicles = _written(found, kept, out, _limits(found, start, shift), trends=verb == "track")
-        _say(statuses, vehicles, len(todo), out, as_json=json)
-        return DONE if statuses["ok"] + statuses["warning"] else FAILED
+        shift, place = life_limit(limit), _place(pool, scheduler)
+        with progress_of("fleet") as progress:
+            done = verbs.fleet(
+                source, start, out, verb=verb, place=place, limit=shift, retry=retry,
+                ambient=pressure(ambient, math.nan), channels=map_, dbc=dbc or (),
+                command=printable(f"clutchid {shlex.join(sys.argv[1:])}"), progress=progress,
+            )  # fmt: skip
+        _say(done, as_json=json)
+        return DONE if {"ok", "warning"} & {*done.statuses} else FAILED
 
     return guarded(work, as_json=json, debug=debug)
 
@@ -143,52 +129,21 @@ def _place(pool: WorkerLimits, where: Scheduler) -> Place:
     return Place(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
 
 
-def _run(place: Place, todo: list[Task], kept: Store) -> None:
-    from clutchid.fleets.run import compile_first, run
-
-    if not place.scheduler:
-        with progress_bar("fleet"):
-            compile_first({task.how.start for task in todo})
-    with progress_of("fleet") as progress:
-        run(place, todo, kept, progress)
-
-
-def _written(
-    found: Fleet, kept: Store, out: Path, ends: dict[str, Limits], *, trends: bool
-) -> tuple[Counter[str], int]:
-    """Write tables and pages; recordings by status, and the number of vehicles."""
-    from clutchid.fleets.output import write_results
-    from clutchid.fleets.vehicles import vehicles_of, write_vehicles
-
-    command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
-    statuses = write_results(found, kept, out)
-    return statuses, write_vehicles(vehicles_of(found, kept, ends), command, out, trends=trends)
-
-
-def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, Limits]:
-    """What ends a life, by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
-    from clutchid.fleets.tracking import Limits
-    from clutchid.wear.tables import read_wear_table
-
-    tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}
-    return {
-        kind: Limits(shift, read_wear_table(path) if kind and path.is_file() else None) for kind, path in tables.items()
-    }
-
-
-def _say(statuses: Counter[str], vehicles: int, read: int, out: Path, *, as_json: bool) -> None:
+def _say(done: FleetRun, *, as_json: bool) -> None:
     """Print how many recordings there are by status, and what was written."""
+    statuses, vehicles = done.statuses, done.vehicles
     count = sum(statuses.values())
-    words = ", ".join(f"{statuses[name]:,} {name}" for name in STATUSES if statuses[name])
-    message = f"{count:,} recordings, {read:,} of them read now: {words}"
+    words = ", ".join(f"{statuses[name]:,} {name}" for name in STATUSES if statuses.get(name))
+    message = f"{count:,} recordings, {done.read:,} of them read now: {words}"
     if as_json:
-        ended = "ok" if statuses["ok"] == count else "warning" if statuses["ok"] + statuses["warning"] else "failed"
+        useful = statuses.get("ok", 0) + statuses.get("warning", 0)
+        ended = "ok" if statuses.get("ok") == count else "warning" if useful else "failed"
         print_json(
-            {**EMPTY, "status": ended, "message": message, "statuses": dict(statuses), "out": str(out.resolve())}
+            {**EMPTY, "status": ended, "message": message, "statuses": dict(statuses), "out": str(done.out.resolve())}
         )
         return
     put(printable_lines(message))
-    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((out / 'index.html').resolve()))}")
+    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((done.out / 'index.html').resolve()))}")
 
 
 def _seconds(timeout: float) -> float:

@@ -11,13 +11,13 @@ from cyclopts import Parameter
 from clutchid.cli.common import DONE, guarded, pressure
 from clutchid.cli.observe_live import STANDARD_INPUT, LiveOptions, is_live, observe_live
 from clutchid.cli.observe_output import Files, answer, calibration_file
-from clutchid.errors import DataError, ParameterError
+from clutchid.errors import ParameterError
 from clutchid.workflow import Reading, inspected, read_recordings
+from clutchid.workflow.observing import fast_enough, observed
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
-    from clutchid.observer.recording import ObservedRecording
     from clutchid.recordings.strokes.vented_rest import Zero
 
 
@@ -105,7 +105,7 @@ def observe(
         if options.follow or is_live(log):
             return observe_live(files, content, replace(options, ambient=air))
         checked = _checked(log, content, Reading(air, map_, options.dbc), force, zero)
-        run = _followed(checked, content, options)
+        run = observed(checked, content, method, resume, zero)
         files.write(run, content)
         answer(run, content, files, as_json=json)
         return DONE
@@ -118,27 +118,4 @@ def _checked(path: Path, content: ParameterFile, reading: Reading, force: bool, 
     read = read_recordings([path], reading, content.actuator.equipment)
     rest = content.calibration.rest if content.calibration else None
     (checked,) = inspected(read, content.actuator, force=force, rest=rest, zero=zero)
-    return _fast_enough(checked, content, force)
-
-
-def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
-    """The recording with its warnings; one that is too slow is bad input unless it is forced."""
-    from clutchid.observer.recording import too_slow
-    from clutchid.observer.supply import unused_supply
-
-    slow = too_slow(log, content.actuator)
-    if slow and not force:
-        raise DataError(f"{slow} Or go on with --force.")
-    found = (slow, unused_supply(log, content.actuator, content.calibration))
-    return replace(log, warnings=(*log.warnings, *filter(None, found)))
-
-
-def _followed(log: Log, content: ParameterFile, options: LiveOptions) -> ObservedRecording:
-    from clutchid.observer.observer import observer
-    from clutchid.observer.recording import observe_recording, spacing
-    from clutchid.observer.state_file import read_state, saved_spacing
-
-    resume = options.resume
-    every = spacing(log) if resume is None else saved_spacing(resume)
-    one = observer(content.actuator, options.method, every, content.calibration, options.zero)
-    return observe_recording(one, log, None if resume is None else read_state(one, resume))
+    return fast_enough(checked, content, force=force)

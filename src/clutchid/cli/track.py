@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 from collections.abc import Sequence
@@ -75,23 +76,18 @@ def track(
     """
 
     def work() -> int:
-        from clutchid import workflow
-        from clutchid.fleets import tracking
-        from clutchid.fleets.reading import How
-        from clutchid.wear.tables import read_table, read_wear_table
+        from clutchid.fleets import tracking, verbs
 
-        shift = life_limit(limit)
+        shift, results = life_limit(limit), (out, tracking.curves_path(out))
         _check(out, report, start, table, wear_table, logs)
-        content = workflow.start_file(start, None)
-        rows = read_table(table) if table else {}
-        ends = tracking.Limits(shift, read_wear_table(wear_table) if wear_table else None)
-        paths = tracking.recordings_of(logs, (out, tracking.curves_path(out)))
-        vehicle = tracking.vehicle_of(paths, rows, str(table))
-        how = How(start, pressure(ambient, content.actuator.parameters.P_0), map_, tuple(dbc or ()), zero=zero)
+        outside = None if ambient is None else pressure(ambient, math.nan)
         with progress_of("track") as progress:
-            found = tracking.track(paths, how, rows, ends, workers, progress, vehicle=vehicle)
+            found = verbs.track(
+                logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
+                channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
+            )  # fmt: skip
         _write(found, out, report)
-        _say(found, (out, tracking.curves_path(out), report), as_json=json)
+        _say(found, (*results, report), as_json=json)
         return DONE
 
     return guarded(work, as_json=json, debug=debug)

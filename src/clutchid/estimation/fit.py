@@ -145,7 +145,7 @@ def fit_any(
         As `fit`.
     """
     fitted, others = _several(logs), _several(verify)
-    recordings = _read([*fitted, *others], actuator or Actuator())
+    recordings = recordings_of([*fitted, *others], actuator or Actuator())
     done = fit_request(recordings[: len(fitted)], actuator, request, recordings[len(fitted) :], progress)
     return done.raised() if on_failure == "raise" else done
 
@@ -154,7 +154,7 @@ def _several(logs: LogOrPath | Sequence[LogOrPath]) -> list[LogOrPath]:
     return [*logs] if isinstance(logs, Iterable) and not isinstance(logs, str) else [logs]
 
 
-def _read(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
+def recordings_of(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
     """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
     from clutchid.recordings import read, read_each
 

@@ -14,6 +14,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
 from clutchid.truck.families import changed, family_of
+from clutchid.truck.fleet import truck as numbered
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
@@ -55,8 +56,9 @@ class Drive:
 
 
 def drive(
-    truck: Vehicle,
+    truck: Vehicle | int,
     *,
+    family: str = "A",
     manoeuvre: str = "mix",
     seconds: float = 30.0,
     seed: int = 0,
@@ -79,6 +81,8 @@ def drive(
 
     Parameters
     ----------
+    truck : Vehicle or int
+        A truck, or the number of one of the `family`, see `clutchid.truck.truck`.
     manoeuvre : name
         One of `clutchid.truck.MANOEUVRES`; "mix" combines all of them.
     seconds : s
@@ -129,25 +133,26 @@ def drive(
     """
     _check(seconds, seed, dropouts, recorder, stuck)
     _check_sensors(offset, zero, late)
-    truck = aged(truck, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
+    kind = numbered(truck, family) if isinstance(truck, int) else truck
+    truck = aged(kind, wear, cycles).replace({} if temperature is None else {"T_0": temperature})
     truck = truck if supply is None else truck.replace({"P_S": supply})
     truck = changed(truck, *((change,) if isinstance(change, str) else change))
-    family = family_of(truck)
-    curve = family.load_curve(truck)
+    own = family_of(truck)
+    curve = own.load_curve(truck)
     seeds = np.random.SeedSequence(seed).spawn(5)
     of_course, of_noise, of_air, of_recorder, of_conditions = map(np.random.default_rng, seeds)
     points = ClutchPoints(curve.touch - curve.rest, truck.y_max - curve.rest - MARGIN)
     wanted = set_point(manoeuvre, seconds, points, of_course)
-    noise = family.position_noise(truck, wanted.size, of_noise)
+    noise = own.position_noise(truck, wanted.size, of_noise)
     shift = offset + (_fallen(truck, curve) if zero == "kept" else 0.0)
     course = Course(wanted, np.full((wanted.size, 2), np.nan), noise, _samples(stuck), shift)
-    start, working = family.start(truck, curve, of_air)
+    start, working = own.start(truck, curve, of_air)
     done = run(truck, course, start=start, working=working)
-    read = family.measured_pressure(truck, done.pressure, of_air) if pressure else None
+    read = own.measured_pressure(truck, done.pressure, of_air) if pressure else None
     log = _recorded(done, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
     log = sensors.with_late_duties(log, round(late / SAMPLE))
     if conditions:
-        true = family.true_states(truck, done.columns)["pressure_supply"]
+        true = own.true_states(truck, done.columns)["pressure_supply"]
         log = log.with_columns(**sensors.measured_conditions(truck, true, of_conditions))
     if recorder == "bus":
         log = sensors.bus_log(truck, log, of_recorder)

@@ -21,6 +21,22 @@ if TYPE_CHECKING:
     from clutchid.simulation.simulation import Simulation
 
 
+def plot(shown: Log | Simulation | Fit) -> Figure:
+    """Figure of a log, a simulation or a fit, as matplotlib has it without pyplot; as ``shown.plot()``.
+
+    Raises
+    ------
+    SolveError
+        If a fit failed: there is no load to draw.
+    """
+    from clutchid.estimation.result import Fit
+    from clutchid.log import Log
+
+    if isinstance(shown, Log):
+        return plot_log(shown)
+    return plot_fit(shown) if isinstance(shown, Fit) else plot_simulation(shown)
+
+
 def plot_log(log: Log) -> Figure:
     """Position, pressure and duty cycles over time, as a matplotlib figure without pyplot."""
     from clutchid.reports.notebook import log_figure
@@ -46,7 +62,7 @@ def plot_fit(fit: Fit) -> Figure:
     return fit_figure(fit.raised())
 
 
-def report_fit(fit: Fit, path: str | PathLike[str]) -> None:
+def report(fit: Fit, path: str | PathLike[str]) -> None:
     """Write the page that ``clutchid fit --report`` writes, one self-contained HTML file.
 
     Raises
@@ -110,7 +126,7 @@ _ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
     ("clutchid.simulation.simulation", "Simulation"): {"plot": plot_simulation, "_repr_html_": _simulation_in_notebook},
     ("clutchid.estimation.result", "Fit"): {
         "plot": plot_fit,
-        "report": report_fit,
+        "report": report,
         "evidence": property(evidence_of),
         "verdict": property(verdict_of),
         "comparison": property(comparison_of),

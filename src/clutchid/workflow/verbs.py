@@ -1,23 +1,34 @@
-"""`calibrate` and `estimate`: the two fits of every day, once with pressure, and then from position alone."""
+"""The verbs of the command line in Python, as far as they concern single recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
+from clutchid.errors import DataError
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.fit import LogOrPath, MethodName, fit, fit_any
+from clutchid.estimation.fit import LogOrPath, MethodName, fit, fit_any, recordings_of
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
 from clutchid.estimation.parameter_file import parameter_file as with_trust
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
+from clutchid.parameters import Parameters
+from clutchid.recordings import AMBIENT
 from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.partition import Partition
+from clutchid.workflow.observing import fast_enough, observed
+
+if TYPE_CHECKING:
+    from clutchid.observer.recording import ObservedRecording
+    from clutchid.recordings.map.channel_map import ChannelMap
+    from clutchid.rig import CoulombFriction, LugreFit
 
 
 def calibrate(
@@ -152,3 +163,128 @@ def _content(start: Fit | ParameterFile | str | PathLike[str]) -> ParameterFile:
 def parameter_file(fit: Fit) -> ParameterFile:
     """Contents of a parameter file for a fit, with the trust of its verdict."""
     return with_trust(fit, verdict(fit).trust)
+
+
+def observe(
+    log: LogOrPath,
+    start: Fit | ParameterFile | str | PathLike[str],
+    *,
+    method: str = "joint",
+    resume: str | PathLike[str] | None = None,
+    zero: Zero = "subtract",
+) -> ObservedRecording:
+    """Follow the load and the pressure of a recording from position and duty cycles alone, sample by sample.
+
+    For samples as they come, and for blocks of them, see `clutchid.observer`.
+
+    Parameters
+    ----------
+    log : Log or path
+        Recording with position and duty cycles at 1 kHz.
+    start : Fit, ParameterFile or path
+        The calibration.
+    method : name
+        'joint', 'joint-reduced', 'states', 'paper', 'rls' or 'adaptive', see docs/commands/observe.md.
+    resume : path, optional
+        A state that was saved with `clutchid.observer.write_state`.
+    zero : 'subtract' or 'keep'
+        Whether a vented rest that has moved is subtracted from the position.
+
+    Returns
+    -------
+    found : ObservedRecording
+        ``found.estimates()`` is a `Log` of all samples, ``found.load_by_stroke()`` one with a row a stroke, and
+        ``found.health`` has seconds by fault.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If recording, calibration, method and state do not fit each other.
+    """
+    content = _content(start)
+    (recording,) = recordings_of([log], content.actuator)
+    ready = fast_enough(content.actuator.equipment.driven(recording), content)
+    return observed(ready, content, method, None if resume is None else Path(resume), zero)
+
+
+def cut(
+    recording: LogOrPath,
+    *,
+    seconds: float = 60.0,
+    ambient: float = AMBIENT,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+) -> Log:
+    """The strokes of a long recording with the most information about the load, as one recording with holes.
+
+    Parameters
+    ----------
+    recording : Log or path
+        Of any length; a file is read in pieces.
+    seconds : s
+        Greatest total length of the strokes.
+    ambient : Pa
+        Ambient pressure for gauge units.
+    channels, dbc
+        As in `clutchid.read`.
+
+    Raises
+    ------
+    DataError
+        If there is no usable stroke of at most that length.
+    """
+    from clutchid.recordings import read_pieces
+    from clutchid.recordings.strokes import choose, joined
+    from clutchid.recordings.strokes import cut as sections_of
+
+    if isinstance(recording, Log):
+        name, pieces = recording.name, iter([recording])
+    else:
+        name, pieces = str(recording), read_pieces(recording, ambient=ambient, channels=channels, dbc=dbc)
+    chosen = choose(sections_of(pieces), seconds)
+    if not chosen:
+        raise DataError(f"{name}: no usable stroke of at most {seconds:g} s was found.")
+    return joined(chosen)
+
+
+def friction(
+    logs: LogOrPath | Sequence[LogOrPath],
+    *,
+    law: Literal["coulomb", "lugre"] = "coulomb",
+    ambient: float | None = None,
+    area: float | None = None,
+    fixed: Mapping[str, float] | None = None,
+    inertia: float = 0.0,
+) -> CoulombFriction | list[LugreFit]:
+    """Friction of a seal from recordings of a test rig, with position, force and, where measured, pressure.
+
+    Parameters
+    ----------
+    logs : Log or path, or several
+        Recordings with the columns position and force.
+    law : 'coulomb' or 'lugre'
+        Coulomb friction at each constant pressure, see `clutchid.rig.coulomb_friction`; or F_C, K_z, D_v and D_zdot of
+        each recording, see `clutchid.rig.fit_lugre`.
+    ambient : Pa, optional
+        Ambient pressure; P_0 by default.
+    area : m², optional
+        Slope of the force over the pressure, if known; for 'coulomb'.
+    fixed : {name: value}, optional
+        Parameters that are not estimated, in SI; for 'lugre'.
+    inertia : kg
+        Mass between the load cell and the friction; for 'lugre'.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If a recording lacks a column or has no usable strokes.
+    """
+    from clutchid.recordings import read
+    from clutchid.rig import coulomb_friction, fit_lugre
+
+    outside, needed = Parameters().P_0 if ambient is None else ambient, ("time", "position", "force")
+    several = [logs] if isinstance(logs, Log | str | PathLike) else logs
+    recordings = [one if isinstance(one, Log) else read(one, ambient=outside, required=needed) for one in several]
+    if law == "lugre":
+        return [fit_lugre(one, fixed=fixed or {}, inertia=inertia) for one in recordings]
+    return coulomb_friction(recordings, ambient=outside, area=area)

@@ -1,0 +1,184 @@
+"""`track` and `fleet`: the verbs of the command line that read many recordings, in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Literal
+
+from clutchid import workflow
+from clutchid.errors import ParameterError
+from clutchid.fleets import tracking
+from clutchid.fleets.cluster import Place
+from clutchid.fleets.jobs import Fleet, fleet_of
+from clutchid.fleets.output import write_results
+from clutchid.fleets.reading import How
+from clutchid.fleets.run import Options, compile_first, run, tasks
+from clutchid.fleets.store import store
+from clutchid.fleets.tracking import Tracked
+from clutchid.fleets.vehicles import vehicles_of, write_vehicles
+from clutchid.names import as_text
+from clutchid.recordings.strokes.vented_rest import Zero
+from clutchid.wear.tables import read_table, read_wear_table
+
+Progress = Callable[[int, int], None]
+
+#: One worker on this machine.
+HERE = Place()
+
+
+@dataclass(frozen=True, slots=True)
+class FleetRun:
+    """A run over a fleet: recordings by status, the number of vehicles, of recordings read now, and its folder."""
+
+    statuses: Mapping[str, int]
+    vehicles: int
+    read: int
+    out: Path
+
+
+def track(
+    recordings: str | PathLike[str] | Sequence[str | PathLike[str]],
+    start: str | PathLike[str],
+    *,
+    table: str | PathLike[str] | None = None,
+    wear_table: str | PathLike[str] | None = None,
+    limit: float | None = None,
+    workers: int = 1,
+    ambient: float | None = None,
+    channels: str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    zero: Zero = "subtract",
+    results: Sequence[Path] = (),
+    progress: Progress | None = None,
+) -> Tracked:
+    """Follow the wear of one clutch through its recordings.
+
+    Parameters
+    ----------
+    recordings : path, or several
+        Files of one vehicle, or a folder with them.
+    start : path
+        Calibration (TOML) of its type.
+    table : path, optional
+        CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
+    wear_table : path, optional
+        CSV with wear [mm], half_load [mm] and load [N] of this type.
+    limit : m, optional
+        Shift of the half-load position that ends the life of the clutch; by default the last row of `wear_table`.
+    workers : int
+        Number of processes.
+    ambient : Pa, optional
+        Ambient pressure for gauge units; P_0 of the calibration by default.
+    channels, dbc : paths
+        Channel map (TOML), and DBC files of bus logs.
+    zero : 'subtract' or 'keep'
+        Whether a vented rest that has moved is subtracted from the position.
+    results : paths
+        Files that an earlier run may have left among the recordings.
+    progress : function(done, all), optional
+        Called after each recording.
+
+    Returns
+    -------
+    tracked : Tracked
+        ``tracked.wear`` is the `Wear`; `clutchid.fleets.tracking.write_tracked` writes its files.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If there are no recordings, they belong to several vehicles, or a file cannot be understood.
+    """
+    content = workflow.start_file(Path(start), None)
+    rows = read_table(Path(table)) if table else {}
+    ends = tracking.Limits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
+    several = [recordings] if isinstance(recordings, str | PathLike) else recordings
+    paths = tracking.recordings_of([Path(one) for one in several], results)
+    vehicle = tracking.vehicle_of(paths, rows, str(table))
+    outside = content.actuator.parameters.P_0 if ambient is None else ambient
+    how = How(Path(start), outside, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
+    return tracking.track(paths, how, rows, ends, workers, progress, vehicle=vehicle)
+
+
+def fleet(
+    source: str | PathLike[str],
+    start: str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    verb: Literal["fit", "observe", "track"] = "fit",
+    place: Place = HERE,
+    limit: float | None = None,
+    retry: bool = False,
+    ambient: float = float("nan"),
+    channels: str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    command: str = "clutchid.fleet(...) in Python",
+    progress: Progress | None = None,
+) -> FleetRun:
+    """Read the load of every recording of a fleet, and write its tables and pages; go on where an earlier run ended.
+
+    Parameters
+    ----------
+    source : path
+        A folder, in which each folder of recordings is a vehicle, or a table with recording, vehicle and type.
+    start : path
+        Calibration for all, or a folder with one for each type or vehicle.
+    out : path
+        Folder of the results, new or that of a run to go on with.
+    verb : 'fit', 'observe' or 'track'
+        What reads the load; with 'track' the wear of each vehicle is followed as well.
+    place : Place
+        Number of workers or a scheduler, and limits of time and memory, see `clutchid.fleets.cluster.Place`.
+    limit : m, optional
+        With 'track': shift of the half-load position that ends the life of a clutch.
+    retry : bool
+        Read recordings once more that ended their worker or took too long.
+    ambient : Pa
+        Ambient pressure for gauge units; NaN for P_0 of each calibration.
+    channels, dbc : paths
+        Channel map (TOML), and DBC files of bus logs.
+    command : text
+        What repeats the run, for the pages.
+    progress : function(done, all), optional
+        Called after each recording.
+
+    Returns
+    -------
+    found : FleetRun
+        Its tables are in ``out``, see docs/commands/fleet.md.
+
+    Raises
+    ------
+    DataError, ExportError, ParameterError, SolveError
+        If the fleet cannot be read, `out` cannot be written, or the workers cannot be used.
+    """
+    if limit is not None and verb != "track":
+        raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
+    folder, calibrations, origin = Path(out), Path(start), Path(source)
+    found = fleet_of(origin, calibrations)
+    if calibrations.is_file():
+        workflow.start_file(calibrations, None)  # a broken one is one sentence, not one a recording
+    options = Options(
+        "observe" if verb == "observe" else "fit", ambient, Path(channels) if channels else None, tuple(map(Path, dbc))
+    )
+    with store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as kept:
+        todo = tasks(found, options, kept, retry=retry)
+        if todo:
+            if not place.scheduler:
+                compile_first({task.how.start for task in todo})
+            run(place, todo, kept, progress or (lambda _done, _all: None))
+        statuses = write_results(found, kept, folder)
+        vehicles = vehicles_of(found, kept, _limits(found, calibrations, limit))
+        count = write_vehicles(vehicles, command, folder, trends=verb == "track")
+    return FleetRun(statuses, count, len(todo), folder)
+
+
+def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, tracking.Limits]:
+    """End of a life by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
+    tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}
+    return {
+        kind: tracking.Limits(shift, read_wear_table(path) if kind and path.is_file() else None)
+        for kind, path in tables.items()
+    }
