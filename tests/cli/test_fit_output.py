@@ -24,7 +24,6 @@ from clutchid.estimation.assess.states import States, states_of_wear
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.reports.next_step import Command
 from clutchid.truck import Truck, drive
-from clutchid.workflow import Outcome
 from fixtures.baselines import with_baseline
 
 pytestmark = pytest.mark.slow
@@ -65,7 +64,7 @@ def on_a_terminal(monkeypatch):
                 for name, value in {"COLUMNS": str(columns), **env}.items():
                     patched.setenv(name, value)
                 patched.setattr(sys, "stdout", terminal)
-                assert answer(Outcome(fitted), {}, COMMAND, verbose=False) == 0
+                assert answer(fitted, {}, COMMAND, verbose=False) == 0
             text = everything.result(timeout=60)
         os.close(parent)
         return text.replace("\r\n", "\n")
@@ -103,7 +102,7 @@ def drive_log(seed: int):
 
 def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None):
     """Exit code, and what is printed on standard output and standard error."""
-    code = answer(Outcome(fitted), writers or {}, command, verbose)
+    code = answer(fitted, writers or {}, command, verbose)
     return code, *capsys.readouterr()
 
 
@@ -170,7 +169,7 @@ def test_the_files_are_written_though_nobody_reads_what_is_printed(fitted, capsy
     with os.fdopen(writer, "w", encoding="utf-8") as closed:
         monkeypatch.setattr(sys, "stdout", closed)
         with pytest.raises(OutputLost):
-            answer(Outcome(fitted), {good: lambda path: path.write_text("done")}, COMMAND, verbose=False)
+            answer(fitted, {good: lambda path: path.write_text("done")}, COMMAND, verbose=False)
     assert good.read_text() == "done"
 
 
@@ -186,7 +185,7 @@ def test_a_file_that_cannot_be_written_does_not_cost_the_result(fitted, capsys, 
     assert f"written: {good}" in out
     assert err == "clutchid: the fit is complete, but F.toml: no space left?[31m\n"
     assert "next" not in out
-    assert answer_json(Outcome(fitted), writers) == 1
+    assert answer_json(fitted, writers) == 1
     found = json.loads(capsys.readouterr().out)
     assert found["status"] == "failed"
     assert found["message"].startswith("the fit is complete, but F.toml")

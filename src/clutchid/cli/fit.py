@@ -26,10 +26,10 @@ from clutchid.errors import ParameterError
 from clutchid.names import listed_names
 
 if TYPE_CHECKING:
+    from clutchid.estimation import Fit
     from clutchid.estimation.request import FitRequest
     from clutchid.log import Log
     from clutchid.model.actuator import Actuator
-    from clutchid.workflow import Outcome
 
 
 @Parameter(name="*")
@@ -206,7 +206,7 @@ def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, optio
     ambient = pressure(options.ambient, actuator.parameters.P_0)
     reading = workflow.Reading(ambient, options.map_, tuple(options.dbc or ()))
     read = workflow.read_recordings(logs, reading, actuator.equipment, measured=request.measure, verify=verify)
-    outcome = _fitted(read[: len(logs)], actuator, request, read[len(logs) :], options.force)
+    done = _fitted(read[: len(logs)], actuator, request, read[len(logs) :], options.force)
     kept = next((path for path in saves if path.suffix.lower() in ("", ".toml")), None)
     command = Command(
         tuple(sys.argv[1:]),
@@ -219,15 +219,13 @@ def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, optio
         tuple(path for path in saves if path != kept),
     )
     writers: Writers = {
-        **dict.fromkeys(saves, lambda path: workflow.save(outcome, path)),
-        options.report: lambda path: workflow.report(outcome, command.with_options(), path),
+        **dict.fromkeys(saves, lambda path: workflow.save(done, path)),
+        options.report: lambda path: workflow.report(done, command.with_options(), path),
     }
-    return answer_json(outcome, writers) if options.json else answer(outcome, writers, command, options.verbose)
+    return answer_json(done, writers) if options.json else answer(done, writers, command, options.verbose)
 
 
-def _fitted(
-    logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log], force: bool
-) -> Outcome:
+def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log], force: bool) -> Fit:
     with progress_bar("fit") as show:
 
         def shown(stage: str, count: int) -> None:

@@ -14,8 +14,8 @@ from clutchid.errors import ExportError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
+    from clutchid.estimation import Fit
     from clutchid.reports.next_step import Command
-    from clutchid.workflow import Outcome
 
 #: Most warnings of a summary.
 MOST_WARNINGS = 3
@@ -23,42 +23,42 @@ MOST_WARNINGS = 3
 Writers = Mapping[Path | None, Callable[[Path], None]]
 
 
-def answer_json(outcome: Outcome, writers: Writers) -> int:
+def answer_json(fit: Fit, writers: Writers) -> int:
     """Write the files, and print the JSON object; the exit code."""
     from clutchid.reports.fit_json import fit_json
 
     _, failures = _write(writers)
     lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
-    print_json({**EMPTY, **fit_json(outcome.fit), **lost})
+    print_json({**EMPTY, **fit_json(fit), **lost})
     return FAILED if failures else DONE
 
 
-def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) -> int:
+def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
     from clutchid.reports.next_step import next_step
     from clutchid.reports.summary import Row, other_warnings
 
     written, failures = _write(writers)
     _complain(failures)
-    _print_result(outcome, verbose)
-    warnings = other_warnings(outcome.fit)
+    _print_result(fit, verbose)
+    warnings = other_warnings(fit)
     _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
     print_written(*written)
     if failures:
         return FAILED
-    why, what = next_step(outcome.fit, command)
+    why, what = next_step(fit, command)
     print_rows([Row("next", f"{why}:")])
     put(printable(f"  {what}"))
     return DONE
 
 
-def _print_result(outcome: Outcome, verbose: bool) -> None:
+def _print_result(fit: Fit, verbose: bool) -> None:
     from clutchid.reports.fit_text import fit_text
     from clutchid.reports.summary import summary
 
-    print_rows(summary(outcome.fit, in_full=verbose))
+    print_rows(summary(fit, in_full=verbose))
     if verbose:
-        put(f"\n{printable_lines(fit_text(outcome.fit, WIDTH))}")
+        put(f"\n{printable_lines(fit_text(fit, WIDTH))}")
 
 
 def _complain(failures: Sequence[str]) -> None:

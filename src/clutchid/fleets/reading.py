@@ -120,7 +120,7 @@ def checksum_of(path: Path) -> str:
 def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     """The load as `clutchid estimate` reads it."""
     request = FitRequest(calibration=content.calibration, zero=zero)
-    fit = workflow.fit_recordings([log], content.actuator, request).fit
+    fit = workflow.fit_recordings([log], content.actuator, request)
     curve = fit.load_curve
     judged, compared = verdict(fit), comparison(fit)
     half, trust = compared.half_now if compared else UNKNOWN, judged.trust

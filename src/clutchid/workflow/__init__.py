@@ -32,13 +32,6 @@ class Reading:
     dbc: tuple[Path, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
-    """What a command has fitted."""
-
-    fit: Fit
-
-
 def read_recordings(
     paths: Sequence[Path],
     reading: Reading,
@@ -150,7 +143,7 @@ def fit_recordings(
     progress: Progress | None = None,
     *,
     force: bool = False,
-) -> Outcome:
+) -> Fit:
     """Inspect recordings, and fit them as requested.
 
     With `force` a recording that a check finds bad is fitted as well.
@@ -163,7 +156,7 @@ def fit_recordings(
     from clutchid.estimation.fit import fit_request
 
     checked = inspected([*logs, *verify], actuator, force=force, rest=request.counted_from, zero=request.zero)
-    return Outcome(fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised())
+    return fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
 
 
 def check_save(path: Path) -> None:
@@ -187,7 +180,7 @@ def check_save(path: Path) -> None:
         )
 
 
-def save(outcome: Outcome, path: Path) -> None:
+def save(fit: Fit, path: Path) -> None:
     """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat`` or ``.m``.
 
     Raises
@@ -201,12 +194,12 @@ def save(outcome: Outcome, path: Path) -> None:
 
     check_save(path)
     if path.suffix.lower() in MATLAB_SUFFIXES:
-        write_matlab(outcome.fit, path)
+        write_matlab(fit, path)
     else:
-        write_parameters(parameter_file(outcome.fit), path)
+        write_parameters(parameter_file(fit), path)
 
 
-def report(outcome: Outcome, command: str, path: Path) -> None:
+def report(fit: Fit, command: str, path: Path) -> None:
     """Write the page of the result, with the `command` that repeats it.
 
     Raises
@@ -216,4 +209,4 @@ def report(outcome: Outcome, command: str, path: Path) -> None:
     """
     from clutchid.reports.fit_page import fit_page
 
-    fit_page(outcome.fit, printable(command), path)
+    fit_page(fit, printable(command), path)
