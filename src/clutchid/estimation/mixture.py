@@ -23,7 +23,7 @@ ERRORS_REPEAT = 0.5
 LEAST_RATIO = 0.1
 
 
-class Band(NamedTuple):
+class IntervalSettings(NamedTuple):
     """How certain the load is taken to be. Provenance: `benchmarks/bands.py`, docs/derivations.md, "Intervals".
 
     `evidence` is the part of the logarithm of the evidence that counts: a likelihood of correlated residuals is too
@@ -36,7 +36,7 @@ class Band(NamedTuple):
 
 
 #: As shipped.
-BAND = Band()
+BAND = IntervalSettings()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ class Mixture:
 
 
 def mixture(
-    known: Explanations[SolutionT], calibration: Calibration, misfit: float = 1.0, band: Band = BAND
+    known: Explanations[SolutionT], calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
 ) -> Mixture:
     """Posterior over the hypotheses: mean over those `known`, covariance over all of them.
 
@@ -66,7 +66,7 @@ def mixture(
     misfit : 1
         See `Departure`: where the model misses more than in the calibration recordings, all covariances are as much
         larger.
-    band : Band
+    band : IntervalSettings
         How certain the load is taken to be.
     """
     probability = dict(zip(known, probabilities(known, calibration).tolist(), strict=True))

@@ -18,7 +18,7 @@ from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.plan import Plan
 
 
-class Solution(Protocol):
+class SearchSolution(Protocol):
     """Solution of a search: free parameters, status, and number of evaluations."""
 
     @property
@@ -34,7 +34,7 @@ class Solution(Protocol):
         """Number of evaluations."""
 
 
-SolutionT = TypeVar("SolutionT", bound=Solution)
+SolutionT = TypeVar("SolutionT", bound=SearchSolution)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 from clutchid.errors import ClutchidError
 from clutchid.fleets.cluster import Place, results
 from clutchid.fleets.jobs import Fleet, Job
-from clutchid.fleets.reading import How, Read, checksum_of, read_recording, without_result
-from clutchid.fleets.store import Kept, Store
+from clutchid.fleets.reading import How, RecordingResult, checksum_of, read_recording, without_result
+from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.version import version_and_source
 from clutchid.processes import Done, Lost, Pool
 from clutchid.recordings.files import digest
@@ -114,17 +114,17 @@ def _compiled(calibrations: Iterable[Path]) -> None:
     compile_ahead(models)
 
 
-def _work(task: Task) -> Read:
+def _work(task: Task) -> RecordingResult:
     assert task.job.path is not None
     return read_recording(task.how, task.job.path)
 
 
-def _result(done: Done[Task, Read]) -> Kept:
+def _result(done: Done[Task, RecordingResult]) -> StoredResult:
     task, read = done.item, done.result
     if isinstance(read, Lost):
         assert task.job.path is not None
         read = without_result(task.job.path, read)
-    return Kept(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)
+    return StoredResult(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)
 
 
 def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:

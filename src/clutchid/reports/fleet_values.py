@@ -48,7 +48,7 @@ class VehicleRow(NamedTuple):
     limit: float = float("nan")
 
 
-class Reason(NamedTuple):
+class ReasonCount(NamedTuple):
     """Why recordings have no result: their status, a sentence without names or numbers, how many, and one of them."""
 
     status: str

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.history import Dated
-from clutchid.wear.measurement import Leak, Reading
+from clutchid.wear.measurement import Leak, WearReading
 from clutchid.wear.rest import RestMove
 from clutchid.wear.settings import AGED, AS_NEW, DEPARTED, LEAKING, LEAKS
 from clutchid.wear.trend import Band, Step
@@ -35,7 +35,7 @@ class Alarm(NamedTuple):
 
 def alarms(
     dated: Sequence[Dated],
-    readings: Sequence[Reading],
+    readings: Sequence[WearReading],
     steps: Sequence[Step],
     then: dict[str, Band],
     rests: Sequence[RestMove],

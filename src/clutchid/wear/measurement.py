@@ -10,7 +10,7 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.recordings.strokes.vented_rest import RestShift
 
-__all__ = ["Leak", "Measurement", "Reading", "leak_of", "measured", "unmeasured"]
+__all__ = ["Leak", "Measurement", "WearReading", "leak_of", "measured", "unmeasured"]
 
 
 class Leak(NamedTuple):
@@ -24,7 +24,7 @@ class Leak(NamedTuple):
     probability: float
 
 
-class Reading(NamedTuple):
+class WearReading(NamedTuple):
     """What became of one recording: status and sentence as in every result, trust, and its measurement, if any.
 
     `leak` is that of chamber A, if one is probable; `departs` says that the truck is farther from its calibration than

@@ -12,7 +12,7 @@ from clutchid.estimation.assess.reason import Reason
 from clutchid.estimation.assess.reasons import WIDE
 from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
-from clutchid.observer.by_stroke import Curve, curve
+from clutchid.observer.by_stroke import ObservedLoad, curve
 from clutchid.observer.health import FLAGS
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.recording import ObservedRecording
@@ -71,7 +71,7 @@ class Indicators(NamedTuple):
     kept: float = 0.0
 
 
-def engaging_load(run: ObservedRecording) -> Curve:
+def engaging_load(run: ObservedRecording) -> ObservedLoad:
     """The load after a recording where the clutch engages, 5 to 8 mm."""
     return curve(run.observer, run.after, np.linspace(*ENGAGING, POINTS))
 
