@@ -74,7 +74,7 @@ def c99_source(
 
 
 def _values(system: System, plan: DifferentiatedProgram, parts: Parts, language: Language) -> dict[str, Any]:
-    """What the templates fill in; names of the interface come from `system`, those of the code from `plan`."""
+    """Values of the templates; names of the interface come from `system`, those of the code from `plan`."""
     inside, program = plan.system, parts.program
     in_held, stage = read(program.held), live(program.stage, plan.rates)
     defined = {str(symbol) for symbol, _ in inside.definitions}

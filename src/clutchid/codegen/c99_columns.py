@@ -1,4 +1,4 @@
-"""What a step in C needs to carry columns of derivatives: the entries of the Jacobian, and the sources of columns."""
+"""Columns of derivatives in a step in C: the entries of the Jacobian, and the sources of columns."""
 
 from __future__ import annotations
 

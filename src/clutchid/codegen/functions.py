@@ -126,7 +126,7 @@ def _jump(plan: DifferentiatedProgram, work: Work, name: str, stores: Sequence[t
 
 
 def _columns(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
-    """What moves the sensitivities through a step and through a jump."""
+    """Propagation of the sensitivities through a step and through a jump."""
     n, jacobian = len(plan.system.states), work.stages + work.jacobian
     sourced = {row for row, _ in plan.slots} | {entry.row for entry in plan.table_entries}
     jumped = Rows(n, plan.jump.jacobian, sourced, jacobian, work.stride)

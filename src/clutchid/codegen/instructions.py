@@ -19,7 +19,7 @@ _INTRINSIC = {"sqrt", "pow", "exp", "log", "sin", "cos"}
 
 @dataclass(frozen=True, slots=True)
 class ArrayElement:
-    """Where a number lies: element `index` of the array `array`."""
+    """Element `index` of the array `array`."""
 
     array: str
     index: int
@@ -53,7 +53,7 @@ class Writer:
         return name
 
     def address(self, place: ArrayElement) -> str:
-        """Where `place` is."""
+        """Address of `place`."""
         return self.new(f"getelementptr double, ptr {self.bases[place.array]}, i64 {place.index}")
 
     def load(self, place: ArrayElement) -> str:

@@ -1,4 +1,4 @@
-"""What every printer needs of a `System`: its program, differentiated and staged, and where derivatives are not 0."""
+"""Input of every printer: the program of a `System`, differentiated and staged, and its non-zero derivatives."""
 
 from __future__ import annotations
 

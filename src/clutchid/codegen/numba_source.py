@@ -63,7 +63,7 @@ def numba_source(system: System) -> str:
 
 
 def module_head(name: str) -> str:
-    """What a module begins with that has no system, only functions of `function_source` and `elementwise_source`."""
+    """Head of a module without a system, only functions of `function_source` and `elementwise_source`."""
     text: str = template("head.py.j2").render(name=name)
     return text
 

@@ -180,7 +180,7 @@ class _Step:
             writer.store(ArrayElement("x", i), f"%end.{i}")
 
     def _entered(self, last: str) -> list[str]:
-        """What every stage begins with: its number, the states there, the sum of the rates so far, the segment."""
+        """Head of every stage: its number, the states there, the sum of the rates so far, the segment."""
         lines = [f"  %number = phi i64 [ 0, %entry ], [ %next, %{last} ]"]
         if self.found:
             lines.append(f"  %seg = phi i64 [ %segment, %entry ], [ %reached, %{last} ]")

@@ -25,7 +25,7 @@ LOST = ("killed", "timed_out")
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How the recordings of a fleet are read: ambient pressure in Pa, or NaN for that of the calibration."""
+    """Options for reading the recordings of a fleet: ambient pressure in Pa, or NaN for that of the calibration."""
 
     verb: str = "fit"
     ambient: float = float("nan")
@@ -128,7 +128,7 @@ def _result(done: Done[Task, RecordingResult]) -> StoredResult:
 
 
 def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:
-    """What results depend on beside the recording, by calibration."""
+    """Inputs of results beside the recording, by calibration."""
     files = [path for path in (options.channel_map, *options.dbc) if path]
     common = [version_and_source(), options.verb, repr(options.ambient), [digest(path) for path in files]]
     starts = {job.start for job in fleet.jobs if job.start is not None}

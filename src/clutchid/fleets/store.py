@@ -1,4 +1,4 @@
-"""What a run over a fleet has done so far: an SQLite file, so that what was done before is whole however a run ends."""
+"""Results of a run over a fleet so far: an SQLite file, so that they are whole however a run ends."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ SUFFIXES = (".parquet", ".csv", ".mf4", ".dat", ".mat", ".blf", ".asc", ".h5")
 
 
 class Limits(NamedTuple):
-    """What ends a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
+    """Limits of a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
 
     shift: float | None = None
     table: WearTable | None = None

@@ -105,7 +105,7 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
 
 
 def _made(folder: Path) -> Mapping[str, str]:
-    """What the pages of an earlier run were made from."""
+    """Hashes of the content of an earlier run's pages."""
     try:
         found = json.loads((folder / MADE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -126,14 +126,14 @@ def _page_name(vehicle: str, taken: set[str]) -> str:
 
 
 def _same(name: str) -> str:
-    """What names of files have in common that are one on some systems: case, and how letters are composed."""
+    """Common form of file names that are one on some systems: they differ in case, or in composed letters."""
     return unicodedata.normalize("NFC", name).casefold()
 
 
 def _write_page(
     tracked: Tracked, table: object, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
-    """What the page of a vehicle is made from; made, unless it was made from the same."""
+    """Write the page of a vehicle, unless its content is that of before; hash of the content."""
     make_folder(out / PAGES)
     content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)  # type: ignore[attr-defined]
     digest = hashlib.sha256(content.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Follow a recording stroke by stroke: what is known of the load and the parameters at the end of each."""
+"""Follow a recording stroke by stroke: load and parameters as estimated at the end of each."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Known(NamedTuple):
 
 
 class StrokeRow(NamedTuple):
-    """What is known at the end of a stroke: time in s, number of the stroke, load, and every weight and parameter."""
+    """Estimates at the end of a stroke: time in s, number of the stroke, load, and every weight and parameter."""
 
     time: float
     number: int

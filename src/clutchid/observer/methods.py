@@ -29,7 +29,7 @@ def by_covariance(
 
 
 class ObserverMethod(NamedTuple):
-    """Which parameters adapt, and how.
+    """Parameters that adapt, and the rule of their correction.
 
     `modes` is how many modes of the load adapt in place of its weights, None for the weights; `refused` says in a
     sentence why a method does not take an actuator; `every` are samples from one correction to the next at 1 kHz;

@@ -39,7 +39,7 @@ _CAPTION = (
 
 
 def comparison_sections(fit: Fit) -> list[PageSection]:
-    """What has changed since the calibration; without one, that the truck of the paper is assumed.
+    """Changes since the calibration; without one, that the truck of the paper is assumed.
 
     Several recordings have a table of their readings one by one.
     """

@@ -30,7 +30,7 @@ def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
 
 
 def information_blocks(fit: Fit, found: Evidence) -> list[Block]:
-    """What the data determine, missing excitation, and the recommended recording."""
+    """Identifiability, missing excitation, and the recommended recording."""
     sentences = [*fit.notes, *found.missing]
     blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in sentences))] if sentences else []
     if not found.missing:

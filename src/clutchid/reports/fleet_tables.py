@@ -93,7 +93,7 @@ def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
 
 
 def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
-    """Why recordings do not count, the most frequent reason first."""
+    """Reasons why recordings do not count, the most frequent first."""
     columns = (
         Column("status", "status"), Column("recordings", "recordings", decimals=0), Column("reason", "reason"),
         Column("example", "for example"),
@@ -196,7 +196,7 @@ def _left_cells(one: VehicleRow, vehicles: Sequence[VehicleRow], spans: Spans) -
 
 
 def _note(spans: Spans) -> str:
-    """What signs mean, and lives as long as forecasts and shares of a life take them to be."""
+    """Meaning of the signs, and the lengths of life that forecasts and shares of a life assume."""
     lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
     return f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
 

@@ -138,7 +138,7 @@ def render(page: Page) -> str:
 
 
 def _policy(script: str) -> str:
-    """What a page may load and run: its own styles and pictures, and this script alone, by its hash."""
+    """Content policy of a page: its own styles and pictures, and this script alone, by its hash."""
     allowed = [
         "default-src 'none'",
         "img-src data:",

@@ -1,4 +1,4 @@
-"""What an observer found in a recording, in words."""
+"""Results of an observer in a recording, in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an observer knows at the moment, as a few lines of plain text: load curve, pressure, health."""
+"""Present estimates of an observer, as a few lines of plain text: load curve, pressure, health."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _load(run: LiveRun, inner: int) -> list[str]:
 
 
 def _half(run: LiveRun) -> str:
-    """What the characters mean, and the load at half stroke."""
+    """Legend of the characters, and the load at half stroke."""
     half = [0.5 * run.observer.actuator.parameters.y_max]
     now, before = curve(run.observer, run.after, half), curve(run.observer, start(run.observer), half)
     return (

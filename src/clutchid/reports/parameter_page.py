@@ -43,7 +43,7 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
 
 
 def meaning(fit: Fit, name: str) -> str:
-    """What a parameter, NAME or NAME@STEM, is."""
+    """Meaning of a parameter, NAME or NAME@STEM."""
     base, _, stem = name.partition("@")
     meaning = fit.actuator.row(base).meaning if base in fit.actuator.parameter_names else "weight of the load"
     return f"{meaning}, in {stem}" if stem else meaning

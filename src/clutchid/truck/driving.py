@@ -226,7 +226,7 @@ def _samples(span: tuple[float, float] | None) -> tuple[int, int]:
 
 
 def _fallen(truck: Vehicle, curve: LoadTable) -> float:
-    """How far in m the vented rest has moved since the clutch was new: below 0, for it falls with wear."""
+    """Shift of the vented rest in m since the clutch was new: below 0, for it falls with wear."""
     new = truck.replace({"wear": 0.0, "cycles": 0.0})
     return learned_zero(truck, curve) - learned_zero(new, family_of(new).load_curve(new))
 

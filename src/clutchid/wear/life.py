@@ -74,7 +74,7 @@ class Wear:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why each recording does not count in the trend, in a sentence; empty for one that does."""
+        """Reason why each recording does not count in the trend, in a sentence; empty for one that does."""
         measured = [k for k, one in enumerate(self.readings) if one.measurement is not None]
         return tuple(
             "" if counts else one.unmeasured or (_WAITS if k == measured[-1] else _ALONE)

@@ -55,7 +55,7 @@ FLAGGED: Mapping[str, Limit] = {
 
 
 class Indicators(NamedTuple):
-    """What is known of an observed load without its truth.
+    """Indicators of an observed load, without its truth.
 
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
     its peak, the NIS ratio (NaN: not known), the share of the time of each flag, whether the supply pressure of the

@@ -1,4 +1,4 @@
-"""What follows from a fit is computed once for each fit."""
+"""Functions of a fit that are computed once for each fit."""
 
 from __future__ import annotations
 

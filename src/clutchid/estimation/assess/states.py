@@ -24,7 +24,7 @@ _NUMBERS = {2: "two", 3: "three", 4: "four", 5: "five"}
 
 
 class ReadingDifference(NamedTuple):
-    """How far two readings differ, the second less the first, and by how much their errors allow.
+    """Difference of two readings, the second less the first, and how much of it their errors allow.
 
     `load` is the relative change of the mean load over 5 to 8 mm, `shift` that of the half-load position in m.
     """
@@ -82,7 +82,7 @@ def states_of_wear(fit: Fit) -> States | None:
 
 
 def _measurement(reading: Fit) -> Measurement | None:
-    """What a recording measures of the wear; None if its reading is not to be used."""
+    """Measurement of the wear by a recording; None if its reading is not to be used."""
     (recording,) = reading.recordings.values()
     return None if any(reason.grave for reason in reasons(reading)) else measured(reading, recording.measured)
 

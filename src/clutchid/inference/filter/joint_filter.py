@@ -202,7 +202,7 @@ class JointInputs(NamedTuple):
 
 
 class JointPass(NamedTuple):
-    """What the filter found in some samples: state after them, and by sample innovations and states of the model.
+    """Result of the filter over some samples: state after them, and by sample innovations and states of the model.
 
     `errors` (samples, sensors, 2) are innovations in SI with their variances, NaN where nothing was corrected; `states`
     (samples, n) are those after the correction, and `deviations` (samples, n) their standard deviations, NaN where no

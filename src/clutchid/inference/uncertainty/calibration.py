@@ -58,7 +58,7 @@ class PositionOnlyErrors:
 
 
 class Origin(NamedTuple):
-    """Where a calibration is from: name of its file, time of its creation (ISO 8601), SHA-256, and trust in it.
+    """Origin of a calibration: name of its file, time of its creation (ISO 8601), SHA-256, and trust in it.
 
     What an older file does not say is empty.
     """

@@ -168,7 +168,7 @@ def condition_warnings(logs: Sequence[Log], calibrated: RecordedConditions, give
 
 
 def assumed_conditions(logs: Sequence[Log], known: Collection[str], actuator: Actuator) -> tuple[Assumption, ...]:
-    """What is assumed of conditions that may have changed and are not known, for a load that is read from `logs`.
+    """Assumptions on unknown conditions that may have changed, for a load that is read from `logs`.
 
     `known` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
     """

@@ -193,6 +193,6 @@ def conditions(reading: InspectedRecording) -> list[Check]:
 
 
 def missing_conditions(reading: InspectedRecording) -> tuple[str, ...]:
-    """What is assumed of each condition that a recording of an actuator lacks, and what it would be worth."""
+    """Assumption on each condition that a recording of an actuator lacks, and the worth of recording it."""
     recorded = [name for name, values in reading.log.columns.items() if np.isfinite(values).any()]
     return tuple(text for column, text in _MISSING.items() if reading.driven and column not in recorded)

@@ -67,7 +67,7 @@ def sample_rate(reading: InspectedRecording) -> Check:
 
 
 def _implausible(reading: InspectedRecording, steps: int, *, slow: bool) -> str:
-    """Why the rate cannot be that of a recording of this actuator, if that is not for its being too `slow`."""
+    """Reason why the rate cannot be that of a recording of this actuator, other than being too `slow`."""
     if reading.update_interval < _FASTEST:
         return (
             "no sensor of a position is that fast: the stamps seem to be in s or ms and are read as smaller; correct "
