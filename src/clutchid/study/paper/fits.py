@@ -46,7 +46,7 @@ class PaperMethod:
 
         Examples
         --------
-        >>> Method("every", 8).label
+        >>> PaperMethod("every", 8).label
         'every 8 samples'
         """
         if self.reading == "parts":
