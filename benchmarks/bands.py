@@ -1,10 +1,10 @@
 """How certain a load from position alone may be called: ``python benchmarks/bands.py --family A --trucks 12``.
 
 Every truck is calibrated once with pressure; its worn clutch is read under the cases of `widening.py`, once, and its
-band is calculated with several settings of `clutchid.estimation.mixture.Band`. Score: mean logarithm of the density of
-the true load in the band, which is largest where bands are as wide as the errors are. Covered is the share of the
-points from 0.5 to 20 mm in the 95 % band, width the median of the band from low to high in % of the peak; the area
-under the curve is that of the expected error for loads more than 2 % off.
+band is calculated with several settings of `clutchid.estimation.mixture.IntervalSettings`. Score: mean logarithm of the
+density of the true load in the band, which is largest where bands are as wide as the errors are. Covered is the share
+of the points from 0.5 to 20 mm in the 95 % band, width the median of the band from low to high in % of the peak; the
+area under the curve is that of the expected error for loads more than 2 % off.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from widening import LATE, calibrated, worn_clutch
 from clutchid.estimation.departure import relative_misfit
 from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.hypotheses import explained
-from clutchid.estimation.mixture import BAND, Band, Mixture, mixture
+from clutchid.estimation.mixture import BAND, IntervalSettings, Mixture, mixture
 from clutchid.estimation.shooting.fit import SHOOTING
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.uncertainty.calibration import Calibration
@@ -38,12 +38,12 @@ CONDITIONS = ("temperature_ambient", "pressure_supply")
 SHIPPED = "and misfit, as shipped"
 
 #: What is compared: settings, and whether a misfit counts.
-BANDS: Mapping[str, tuple[Band, bool]] = {
-    "evidence as it is": (Band(1.0, 0.0), False),
-    "half of it": (Band(0.5, 0.0), False),
+BANDS: Mapping[str, tuple[IntervalSettings, bool]] = {
+    "evidence as it is": (IntervalSettings(1.0, 0.0), False),
+    "half of it": (IntervalSettings(0.5, 0.0), False),
     "and what other grease adds": (BAND, False),
     SHIPPED: (BAND, True),
-    "all evidence, the rest as shipped": (Band(1.0, BAND.missed), True),
+    "all evidence, the rest as shipped": (IntervalSettings(1.0, BAND.missed), True),
 }
 
 CASES = (
@@ -79,7 +79,7 @@ def one_truck(number: int, family: str) -> dict[str, list[Reading]]:
 
 def reader(
     logs: Sequence[Log], actuator: Actuator, calibration: Calibration
-) -> tuple[Callable[[Band, bool], Mixture], FitProblem]:
+) -> tuple[Callable[[IntervalSettings, bool], Mixture], FitProblem]:
     """A reading that takes the settings of its band and whether its misfit counts, and its problem."""
     hypotheses = SHOOTING.hypotheses
     assert hypotheses is not None

@@ -25,7 +25,7 @@ from clutchid.truck.fleet import truck
 from clutchid.truck.service import Visit, visits
 from clutchid.wear.history import Dated, History
 from clutchid.wear.life import Wear, wear_of
-from clutchid.wear.measurement import Measurement, Reading
+from clutchid.wear.measurement import Measurement, WearReading
 from clutchid.wear.settings import REFERENCE
 from clutchid.wear.trend import WearTable
 
@@ -66,7 +66,7 @@ def table_of(family: str, number: int) -> WearTable:
     return WearTable(wear, half - half[0], load / load[0] - 1.0)
 
 
-def drawn(service: Sequence[Visit], table: WearTable, random: np.random.Generator) -> list[Reading]:
+def drawn(service: Sequence[Visit], table: WearTable, random: np.random.Generator) -> list[WearReading]:
     """The readings of a vehicle; those of a file that was cut off are missing."""
     errors = MEASURED[service[0].family]
     fixed = [(e.constant * random.standard_normal(), e.warm * random.standard_normal()) for e in errors]
@@ -79,7 +79,7 @@ def drawn(service: Sequence[Visit], table: WearTable, random: np.random.Generato
             for value, e, (constant, warm) in zip(true, errors, fixed, strict=True)
         ]
         measured = Measurement(read[0], errors[0].std, read[1], errors[1].std, visit.temperature)
-        readings.append(Reading("ok", "", "good", None if visit.fault == "cut off" else measured))
+        readings.append(WearReading("ok", "", "good", None if visit.fault == "cut off" else measured))
     return readings
 
 
@@ -101,7 +101,9 @@ def life(service: Sequence[Visit], wear: Wear, table: WearTable) -> Life:
     return Life((band.value - true)[10:], inside[10:], len(replaced), len(found), len(false), len(service))
 
 
-def forecast(service: Sequence[Visit], readings: Sequence[Reading], table: WearTable, *, known: bool) -> bool | None:
+def forecast(
+    service: Sequence[Visit], readings: Sequence[WearReading], table: WearTable, *, known: bool
+) -> bool | None:
     """Whether the 90 % interval, given at half of the first clutch's life, covers what was left; None if it lived on.
 
     With `known` the table of wear is given, else the limit is a shift.

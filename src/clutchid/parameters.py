@@ -152,7 +152,7 @@ class Row:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """What a search with a prior may try: a magnitude is limited by its prior, and by 0."""
+        """Range of a search with a prior: a magnitude is limited by its prior, and by 0."""
         return (0, math.inf) if self.magnitude else (self.low, self.high)
 
     @property
@@ -168,7 +168,7 @@ class Row:
         return self.spread is not None and self.spread.share
 
     def size(self, value: float) -> float:
-        """What a standard deviation of the row counts at a value: the value for shares, else 1."""
+        """Size of a unit of the row's standard deviation at a value: the value for shares, else 1."""
         return abs(value) if self.in_shares else 1.0
 
 

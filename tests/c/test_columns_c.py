@@ -16,7 +16,7 @@ import sympy as sp
 from clutchid.codegen.c99 import c99_source
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.numba_source import numba_source
-from clutchid.codegen.system import System, Table
+from clutchid.codegen.system import System, TabulatedFunction
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels, system
 from clutchid.parameters import Parameters
@@ -35,7 +35,7 @@ def pendulum() -> System:
     phi, omega, m, g_l, d, f, drag = sp.symbols("phi omega m g_l d f drag", real=True)
     definitions = ((drag, d * sp.Abs(omega) * omega),)
     rates = (omega, m - g_l * sp.sin(phi) - drag - f)
-    return System("pendulum", (phi, omega), (m,), (g_l, d), definitions, rates, Table(f, phi))
+    return System("pendulum", (phi, omega), (m,), (g_l, d), definitions, rates, TabulatedFunction(f, phi))
 
 
 SYSTEMS = {"pendulum": pendulum, "isothermal": lambda: system("isothermal")}

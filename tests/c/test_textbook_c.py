@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 
 from clutchid.codegen.c99 import c99_source
-from clutchid.codegen.system import System, Table
+from clutchid.codegen.system import System, TabulatedFunction
 
 
 def _symbols(names):
@@ -56,7 +56,7 @@ def test_functions_branches_and_inputs_that_are_used_at_every_stage(build, real,
 
 def test_the_table_is_read_across_segments_in_both_directions(build):
     w, f, s = _symbols("w f s")
-    system = System("table", (w,), (s,), (), (), (s + f,), Table(f, w))
+    system = System("table", (w,), (s,), (), (), (s + f,), TabulatedFunction(f, w))
     #            below 0: constant 1    0 to 1: 1 + w       beyond: 2
     table = ([0.0, 1.0], [[1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]])
     built = build(system)
@@ -75,7 +75,7 @@ def test_the_table_is_read_across_segments_in_both_directions(build):
 
 def test_at_a_breakpoint_the_segment_to_the_right_counts(build):
     w, f = _symbols("w f")
-    built = build(System("jumping", (w,), (), (), (), (f,), Table(f, w)))
+    built = build(System("jumping", (w,), (), (), (), (f,), TabulatedFunction(f, w)))
     _, out, _ = built.run(
         [0.0], np.zeros((2, 0)), [], [0.25], table=([0.0], [[1.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]])
     )

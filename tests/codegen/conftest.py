@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.numba_source import numba_source
-from clutchid.codegen.system import Jump, System, Table
+from clutchid.codegen.system import Jump, System, TabulatedFunction
 
 FloatArray = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def assorted() -> System:
         parameters=(b, q),
         definitions=definitions,
         derivatives=(-drag, -outflow, sp.Max(s - m, 0), -f),
-        table=Table(f, w),
+        table=TabulatedFunction(f, w),
         measured=(level,),
         jumps=(Jump("replace", (a, level, m, w)), Jump("mix", (a * b, h * q + level, a * sp.sqrt(m), w))),
     )

@@ -6,7 +6,7 @@ import pytest
 import sympy as sp
 
 from clutchid.codegen.latex import expression_latex, latex_source, letters
-from clutchid.codegen.system import System, Table
+from clutchid.codegen.system import System, TabulatedFunction
 from clutchid.model.isothermal import isothermal
 
 
@@ -42,7 +42,7 @@ def test_positive_terms_come_first_and_conditions_become_cases():
 def test_a_system_is_one_aligned_block_with_definitions_then_derivatives():
     x, a, d, f = sp.symbols("x a d f", real=True)
     inner = sp.Piecewise((x, x > 0), (0, True))
-    text = latex_source(System("s", (x,), (), (a,), ((d, a * (inner + 1)),), (d - f,), Table(f, x)))
+    text = latex_source(System("s", (x,), (), (a,), ((d, a * (inner + 1)),), (d - f,), TabulatedFunction(f, x)))
     assert text == (
         "\\begin{aligned}\n"
         "d^{(1)} &= \\begin{cases} x, & x > 0 \\\\ 0, & \\text{otherwise} \\end{cases} \\\\\n"

@@ -10,7 +10,7 @@ import sympy as sp
 from numba.core.errors import TypingError
 
 from clutchid.codegen.cache import load_module
-from clutchid.codegen.instructions import Place
+from clutchid.codegen.instructions import ArrayElement
 from clutchid.codegen.language import FUNCTIONS
 from clutchid.codegen.llvm import Interface, function
 from clutchid.codegen.numba_source import elementwise_source, module_head
@@ -102,7 +102,7 @@ def _call_with(array):
 
     from clutchid.codegen.linked import linked
 
-    one = function("one", Interface(("out",)), lower(x, sp.Integer(1)), {}, [(Place("out", 0), x)])
+    one = function("one", Interface(("out",)), lower(x, sp.Integer(1)), {}, [(ArrayElement("out", 0), x)])
     write = linked(one.name, one.arguments, one.text)
 
     @numba.njit
@@ -114,7 +114,7 @@ def _call_with(array):
 
 def test_equal_texts_have_one_name_and_others_have_their_own():
     def name(value):
-        return function("f", Interface(("out",)), lower(x, value), {}, [(Place("out", 0), x)]).name
+        return function("f", Interface(("out",)), lower(x, value), {}, [(ArrayElement("out", 0), x)]).name
 
     assert name(sp.Integer(1)) == name(sp.Integer(1))
     assert name(sp.Integer(1)) != name(sp.Integer(2))

@@ -11,7 +11,7 @@ from clutchid.codegen.differentiation import differentiate
 from clutchid.codegen.numba_source import block
 from clutchid.codegen.program import Assign, Branch, Lookup, live, lower, reads, right_hand_side, targets
 from clutchid.codegen.staging import staged
-from clutchid.codegen.system import System, Table
+from clutchid.codegen.system import System, TabulatedFunction
 from clutchid.model.isothermal import isothermal
 from clutchid.parameters import Parameters
 
@@ -233,7 +233,7 @@ def test_the_staged_model_equals_the_unstaged_one(y_, v, p_A, p_B, z, u_vs, u_ve
 
 def test_definitions_are_computed_in_order_and_the_table_before_its_first_use():
     f, first, second = sp.symbols("f first second", real=True)
-    system = System("s", (x,), (), (a,), ((first, a * x), (second, first + f)), (second,), Table(f, x))
+    system = System("s", (x,), (), (a,), ((first, a * x), (second, first + f)), (second,), TabulatedFunction(f, x))
     statements, rates = right_hand_side(system)
     assert [str(t) for s in statements for t in targets(s)] == ["first", "f", "f_slope", "second", "d_x"]
     assert [str(rate) for rate in rates] == ["d_x"]

@@ -4,7 +4,7 @@ import pytest
 import sympy as sp
 
 from clutchid.codegen.numba_source import function_source
-from clutchid.codegen.system import Jump, System, Table
+from clutchid.codegen.system import Jump, System, TabulatedFunction
 
 x, y, a, b, d, f = sp.symbols("x y a b d f", real=True)
 
@@ -20,7 +20,7 @@ def test_a_name_must_not_stand_twice():
     with pytest.raises(ValueError, match="x named twice"):
         System("s", (x,), (x,), (), (), (x,))
     with pytest.raises(ValueError, match="a named twice"):
-        System("s", (x,), (), (a,), (), (x,), Table(a, x))
+        System("s", (x,), (), (a,), (), (x,), TabulatedFunction(a, x))
 
 
 def test_every_state_needs_a_derivative():

@@ -91,7 +91,7 @@ def test_every_check_of_a_recording_is_explained():
 
 def test_every_section_of_the_page_of_a_fit_is_explained():
     files = ("reports/fit_page.py", "reports/comparison_page.py")
-    headings = [heading for file in files for heading in first_arguments(file, "Section")]
+    headings = [heading for file in files for heading in first_arguments(file, "PageSection")]
     explained = section(PAGES["result"], "The page")
     assert len(headings) >= 6
     assert [heading for heading in headings if f"| {heading} |" not in explained] == []

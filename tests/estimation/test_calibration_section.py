@@ -14,7 +14,7 @@ from clutchid.estimation.parameter_file import (
     write_parameters,
 )
 from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
-from clutchid.inference.uncertainty.conditions import NOT_RECORDED, Conditions
+from clutchid.inference.uncertainty.conditions import NOT_RECORDED, RecordedConditions
 from clutchid.model import Actuator
 
 #: A calibration of one parameter and of the load, and its section in a file.
@@ -182,7 +182,7 @@ def test_what_is_no_text_in_the_origin_of_a_calibration_is_left_out(tmp_path):
 
 
 def test_the_conditions_of_a_calibration_are_read_as_they_were(tmp_path):
-    for conditions in (Conditions(281.5, 9.4e5, 9.2e5), Conditions(temperature=281.5), NOT_RECORDED):
+    for conditions in (RecordedConditions(281.5, 9.4e5, 9.2e5), RecordedConditions(temperature=281.5), NOT_RECORDED):
         kept = replace(KEPT, conditions=conditions)
         assert calibration_of(tmp_path / "CAL.toml", kept).conditions == conditions
     assert "conditions" not in calibration_section(KEPT), "as in an earlier version"

@@ -15,12 +15,12 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.inference.smoother.problem import prior_rows
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES
-from clutchid.inference.uncertainty.conditions import Conditions
+from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.inference.uncertainty.gaussian import gaussian_posterior
 
 Y = np.linspace(0.5e-3, 20e-3, 40)
-CALIBRATED = Conditions(293.0, 9.5e5)
+CALIBRATED = RecordedConditions(293.0, 9.5e5)
 COLD = ("temperature and grease",)
 
 

@@ -8,12 +8,12 @@ import pytest
 from clutchid.errors import ExportError
 from clutchid.fleets.jobs import Fleet, Job
 from clutchid.fleets.output import rows_of
-from clutchid.fleets.reading import How, Read, checksum_of, read_recording
+from clutchid.fleets.reading import How, RecordingResult, checksum_of, read_recording
 from clutchid.fleets.run import Options, tasks
-from clutchid.fleets.store import Kept, store
+from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import track
 from clutchid.recordings.files import write_frame
-from clutchid.wear.measurement import Reading
+from clutchid.wear.measurement import WearReading
 
 
 def statuses(tmp_path, status):
@@ -21,8 +21,8 @@ def statuses(tmp_path, status):
     jobs = tuple(Job(vehicle, "r", "", tmp_path, tmp_path) for vehicle in ("V1", "V2"))
     with store(tmp_path / status, {}) as one:
         for job in jobs:
-            read = Read(tmp_path, Reading(status, "its sentence", "none", None), sha256="same")
-            one.put(Kept(job.vehicle, job.recording, "", "", read, 0.0))
+            read = RecordingResult(tmp_path, WearReading(status, "its sentence", "none", None), sha256="same")
+            one.put(StoredResult(job.vehicle, job.recording, "", "", read, 0.0))
         return [row.read.reading[:2] for row in rows_of(Fleet(tmp_path, jobs, {}), one)]
 
 
@@ -41,7 +41,7 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
         read = read_recording(task.how, gone)
         assert read.reading.status == "bad_input"
         assert "gone.parquet: there is no such file" in read.reading.message
-        one.put(Kept("V1", "gone", task.inputs, task.file, read, 0.0))
+        one.put(StoredResult("V1", "gone", task.inputs, task.file, read, 0.0))
         assert not tasks(fleet, Options(), one)
         gone.touch()
         assert tasks(fleet, Options(), one), "it has come back"
@@ -59,8 +59,10 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
             """Whether the recording is read now; then it is done."""
             todo = tasks(fleet, options, one, **retry)
             for task in todo:
-                read = Read(recording, Reading("killed", "lost", "none", None), sha256=checksum_of(recording))
-                one.put(Kept("V1", "r", task.inputs, task.file, read, 0.0))
+                read = RecordingResult(
+                    recording, WearReading("killed", "lost", "none", None), sha256=checksum_of(recording)
+                )
+                one.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
             return bool(todo)
 
         assert is_read()
@@ -86,8 +88,10 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     with store(tmp_path / "out", {}) as one:
         (task,) = tasks(fleet, Options(), one)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
-            read = Read(recording, Reading("bad_input", "cannot be read.", "none", None), sha256=checksum)
-            one.put(Kept("V1", "r", task.inputs, task.file, read, 0.0))
+            read = RecordingResult(
+                recording, WearReading("bad_input", "cannot be read.", "none", None), sha256=checksum
+            )
+            one.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
             assert len(tasks(fleet, Options(), one)) == again
 
 

@@ -10,23 +10,23 @@ import pytest
 
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.half_load import HalfLoad
-from clutchid.fleets.reading import Read
-from clutchid.fleets.store import Kept, store
+from clutchid.fleets.reading import RecordingResult
+from clutchid.fleets.store import StoredResult, store
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import Measurement, Reading
+from clutchid.wear.measurement import Measurement, WearReading
 
 ABOUT = {"source": "/fleet", "verb": "fit"}
 
 
 def kept(name, vehicle="V1", status="ok"):
     y = np.linspace(0.0, 0.02, 5)
-    read = Read(
+    read = RecordingResult(
         Path(name),
-        Reading(status, "ü’s “sentence”", "good", Measurement(1e-4, 2e-5, 0.01, 0.005, float("nan"))),
+        WearReading(status, "ü’s “sentence”", "good", Measurement(1e-4, 2e-5, 0.01, 0.005, float("nan"))),
         "2026-01-02T03:04:05+00:00", "abc",
         Curve(y, y * 1e5, y, y * np.pi), HalfLoad(1e-3, 9e-4, float("nan")), ("a", "b"),
     )  # fmt: skip
-    return Kept(vehicle, name, "inputs", "12 34", read, 1.5)
+    return StoredResult(vehicle, name, "inputs", "12 34", read, 1.5)
 
 
 def test_a_result_comes_back_as_it_was(tmp_path):

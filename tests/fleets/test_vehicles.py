@@ -7,11 +7,11 @@ import pytest
 
 from clutchid.fleets.jobs import Fleet, Job, fleet_of
 from clutchid.fleets.output import write_results
-from clutchid.fleets.reading import How, Read, read_recording
-from clutchid.fleets.store import Kept, store
+from clutchid.fleets.reading import How, RecordingResult, read_recording
+from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import NO_LIMIT, track, write_tracked
 from clutchid.fleets.vehicles import vehicles_of, write_vehicles
-from clutchid.wear.measurement import Reading
+from clutchid.wear.measurement import WearReading
 
 pytestmark = pytest.mark.slow
 
@@ -20,7 +20,7 @@ def written(out, fleet, read):
     """The files of a run in which every recording was read by a function; vehicles with their pages."""
     with store(out, {}) as one:
         for job in fleet.jobs:
-            one.put(Kept(job.vehicle, job.recording, "", "", read(job), 0.0))
+            one.put(StoredResult(job.vehicle, job.recording, "", "", read(job), 0.0))
         write_results(fleet, one, out)
         write_vehicles(vehicles_of(fleet, one, {"": NO_LIMIT}), "clutchid fleet", out, trends=True)
     return pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list(), [
@@ -36,7 +36,7 @@ def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, k
     jobs = tuple(Job(vehicle, "r", "", tmp_path / "r.parquet", tmp_path) for vehicle in sorted(vehicles))
 
     def read(job):
-        return Read(job.path, Reading("bad_input", "its sentence.", "none", None))
+        return RecordingResult(job.path, WearReading("bad_input", "its sentence.", "none", None))
 
     rows, pages = written(tmp_path / "out", Fleet(tmp_path, jobs, {}), read)
     assert sorted(rows) == sorted(vehicles)

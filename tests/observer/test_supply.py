@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.conditions import ACCURACY, Conditions
+from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditions
 from clutchid.observer.following import observe
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import checked, gone_on, live_run
@@ -20,7 +20,7 @@ SHOWN = 1.08
 
 
 def calibration(supply, estimated):
-    return Calibration((), np.zeros((0, 0)), conditions=Conditions(supply=supply, supply_estimated=estimated))
+    return Calibration((), np.zeros((0, 0)), conditions=RecordedConditions(supply=supply, supply_estimated=estimated))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pytest
 
 from clutchid.reports.fleet_figures import distribution_figure, panels_of
 from clutchid.reports.fleet_odd import ODD_AT_LEAST, ODD_SCORE, odd_vehicles
-from clutchid.reports.fleet_page import Reason, VehicleRow, fleet_page, page_of
+from clutchid.reports.fleet_page import ReasonCount, VehicleRow, fleet_page, page_of
 from clutchid.reports.fleet_tables import ODD, all_table, reasons_table, worst_table
 from clutchid.reports.fleet_values import spans_of
 from clutchid.reports.html import render
@@ -85,7 +85,7 @@ def names(table):
 def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by_status(tmp_path):
     fleet_page(
         [vehicle("V1"), vehicle("V2"), unread("V3")],
-        [Reason("bad_input", "NAME has no position.", 12, "r7")],
+        [ReasonCount("bad_input", "NAME has no position.", 12, "r7")],
         "clutchid fleet <rows>",
         tmp_path / "index.html",
     )
@@ -120,7 +120,7 @@ def test_a_link_is_relative_whatever_the_name_of_the_file():
 def test_hostile_names_are_shown_and_never_run(tmp_path):
     bad = {"type": HOSTILE, "page": f"vehicles/{HOSTILE}.html", "alarms": (HOSTILE,)}
     rows = [vehicle(HOSTILE, **bad), vehicle("W", type="$x_$"), unread("\udcff\u202e")]
-    reasons = [Reason(HOSTILE, HOSTILE, 1, HOSTILE)]
+    reasons = [ReasonCount(HOSTILE, HOSTILE, 1, HOSTILE)]
     fleet_page(rows, reasons, HOSTILE, tmp_path / "x.html")
     html = (tmp_path / "x.html").read_text(encoding="utf-8")
     found = Parsed(html)
@@ -197,7 +197,7 @@ def test_infinite_and_unknown_values_are_a_sign_and_a_dash():
 
 
 def test_a_fleet_without_a_reading_has_no_figure_but_its_vehicles_and_reasons():
-    html = render(page_of([unread("V1"), unread("V2")], [Reason("bad_input", "s", 20, "e")], "c"))
+    html = render(page_of([unread("V1"), unread("V2")], [ReasonCount("bad_input", "s", 20, "e")], "c"))
     assert "No recording determines the wear of a vehicle." in html
     assert "data:image" not in html
     assert len(Parsed(html).tables["All vehicles"]) == 4
@@ -259,7 +259,7 @@ def test_long_lists_are_cut_and_say_what_is_left_out():
         len(parsed(rows).tables[f"Alarm, a clutch replaced, a sudden change, a leak, a departure: {ODD} of {ODD + 5}"])
         == ODD + 1
     )
-    table = reasons_table([Reason("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
+    table = reasons_table([ReasonCount("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
     assert table.column("recordings") == tuple(range(1000, 960, -1))
     assert table.note.startswith("5 rarer reasons, of 4,790 recordings")
 

@@ -4,16 +4,16 @@ import base64
 import hashlib
 import re
 
-from clutchid.reports.html import Bullets, Details, Notice, Page, Picture, Section, Sortable, Text, escape, render
+from clutchid.reports.html import Bullets, Details, Notice, Page, PageSection, Picture, Sortable, Text, escape, render
 from clutchid.reports.link import Link
-from clutchid.reports.tables import Column, Table
+from clutchid.reports.tables import Column, ReportTable
 
 HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
 PAGE = Page(
     f"title {HOSTILE}",
     f"subtitle {HOSTILE}",
     (
-        Section(
+        PageSection(
             f"heading {HOSTILE}",
             (
                 Text(f"<b>ours</b> {escape(HOSTILE)}"),
@@ -22,7 +22,7 @@ PAGE = Page(
                 Notice(HOSTILE, "warning", (HOSTILE,)),
                 Details(HOSTILE, (Notice(HOSTILE), Details(HOSTILE, (Text("inner"),)))),
                 Picture(b"\x89PNG", escape(HOSTILE), f'quote " {HOSTILE}'),
-                Table(HOSTILE, (Column("a", HOSTILE, group=HOSTILE),), ((HOSTILE,),), note=HOSTILE),
+                ReportTable(HOSTILE, (Column("a", HOSTILE, group=HOSTILE),), ((HOSTILE,),), note=HOSTILE),
             ),
         ),
     ),
@@ -74,16 +74,16 @@ def test_a_page_that_is_a_part_leads_to_the_whole():
 
 
 def test_only_a_page_with_a_sortable_table_has_its_script_and_a_box_to_filter():
-    table = Table("t", (Column("a", "a"),), (("x",), ("y",)))
-    assert "<script" not in render(Page("t", "s", (Section("h", (table,)),)))
-    html = render(Page("t", "s", (Section("h", (Sortable(table),)),)))
+    table = ReportTable("t", (Column("a", "a"),), (("x",), ("y",)))
+    assert "<script" not in render(Page("t", "s", (PageSection("h", (table,)),)))
+    html = render(Page("t", "s", (PageSection("h", (Sortable(table),)),)))
     assert html.count("<script>") == html.count('type="search"') == 1
     assert html.index("<script>") < html.index("<th scope=row>x</th>") < html.index("<th scope=row>y</th>")
 
 
 def test_a_page_runs_its_own_script_and_loads_nothing():
-    table = Sortable(Table("all", (Column("a", "text"),), (("x",),)))
-    scripted = render(Page("title", "", (Section("heading", (table,)),)))
+    table = Sortable(ReportTable("all", (Column("a", "text"),), (("x",),)))
+    scripted = render(Page("title", "", (PageSection("heading", (table,)),)))
     (script,) = re.findall(r"<script>(.*?)</script>", scripted, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     for html, allowed in ((scripted, f"; script-src 'sha256-{digest}'"), (render(PAGE), "")):
@@ -96,7 +96,7 @@ def test_a_page_runs_its_own_script_and_loads_nothing():
 def test_letters_that_cannot_be_shown_are_question_marks():
     hidden = "a\x1b[31m\x07\u202egpj.exe\u2066\ud800\x9b\u2028\r"
     html = render(
-        Page(hidden, "10\u00a0mm, 1\u2009000 \u00fc\n", (Section("heading", (Notice(hidden, items=(hidden,)),)),))
+        Page(hidden, "10\u00a0mm, 1\u2009000 \u00fc\n", (PageSection("heading", (Notice(hidden, items=(hidden,)),)),))
     )
     assert html.count("a?[31m??gpj.exe?????") == 4  # title twice, notice and item of its list
     assert "10\u00a0mm, 1\u2009000 \u00fc\n" in html

@@ -9,7 +9,7 @@ from clutchid.estimation import Estimate
 from clutchid.model import Load
 from clutchid.reports.html import Details
 from clutchid.reports.parameter_page import parameter_blocks, parameter_table
-from clutchid.reports.tables import Table
+from clutchid.reports.tables import ReportTable
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def test_the_papers_weights_stand_in_the_table(fitted):
 def test_a_load_on_b_splines_is_forces_and_its_weights_are_folded(on_b_splines):
     table, load, weights, _fixed = parameter_blocks(on_b_splines)
     assert table.column("name") == ("P_S@first", "F_C")
-    assert isinstance(load, Table)
+    assert isinstance(load, ReportTable)
     assert load.title == "Load over position"
     assert weights.summary == f"{len(on_b_splines.actuator.load.names)} load weights"
     assert weights.blocks[0].column("name") == on_b_splines.actuator.load.names

@@ -20,7 +20,7 @@ from clutchid.reports.html import render
 from clutchid.reports.observe_text import loads
 from clutchid.wear.history import arranged
 from clutchid.wear.life import Curve, wear_of
-from clutchid.wear.measurement import Measurement, Reading
+from clutchid.wear.measurement import Measurement, WearReading
 from fixtures.baselines import with_baseline
 from fixtures.figures import legends_on_the_engaging_range, smallest_text
 
@@ -40,7 +40,9 @@ def run(plant, recorded_by):
 
 @pytest.fixture(scope="module")
 def life():
-    readings = [Reading("ok", "", "good", Measurement(shift, 3e-5, 0.0, 0.01, np.nan)) for shift in (0, 0, 1e-3, 1e-3)]
+    readings = [
+        WearReading("ok", "", "good", Measurement(shift, 3e-5, 0.0, 0.01, np.nan)) for shift in (0, 0, 1e-3, 1e-3)
+    ]
     return wear_of("V", arranged(list("abcd"), [""] * 4, {}), readings, None, 1e-3)
 
 

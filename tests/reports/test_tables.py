@@ -6,7 +6,7 @@ from io import StringIO
 import pytest
 
 from clutchid.reports.link import Link
-from clutchid.reports.tables import Column, Table, scientific, to_csv, to_html, to_text
+from clutchid.reports.tables import Column, ReportTable, scientific, to_csv, to_html, to_text
 
 COLUMNS = (
     Column("method", "method"),
@@ -14,7 +14,7 @@ COLUMNS = (
     Column("position_sse [m2]", "Σe²\n[m²]", significant=3, group="position"),
     Column("pressure_a_rms [Pa]", "rms [bar]", 1e5, 2, group="pressure"),
 )
-TABLE = Table(
+TABLE = ReportTable(
     "Errors <of> two",
     COLUMNS,
     (("ballistic", 1 / 3000, 0.00123456, 25000.0), ("parts & co", 2e-3, float("nan"), None)),
@@ -108,7 +108,9 @@ def test_powers_of_ten_begin_where_plain_numbers_become_hard_to_read(value, digi
 
 
 def test_a_link_leads_somewhere_on_a_page_and_is_its_text_elsewhere():
-    table = Table("t", (Column("a", "a"), Column("b [1]", "b")), ((Link("x & y", "v/x y.html"), 1.0), (Link("z"), 2.0)))
+    table = ReportTable(
+        "t", (Column("a", "a"), Column("b [1]", "b")), ((Link("x & y", "v/x y.html"), 1.0), (Link("z"), 2.0))
+    )
     assert '<th scope=row><a href="v/x%20y.html">x &amp; y</a></th>' in to_html(table)
     assert "<th scope=row>z</th>" in to_html(table)
     assert to_csv(table).splitlines()[1:] == ["x & y,1.0", "z,2.0"]
@@ -116,5 +118,5 @@ def test_a_link_leads_somewhere_on_a_page_and_is_its_text_elsewhere():
 
 
 def test_only_a_date_stays_on_one_line_on_a_page():
-    table = Table("t", (Column("a", "a"), Column("b", "b", date=True)), (("2026-05-01", "2026-05-02"),))
+    table = ReportTable("t", (Column("a", "a"), Column("b", "b", date=True)), (("2026-05-01", "2026-05-02"),))
     assert '<th scope=row>2026-05-01</th><td class="date">2026-05-02</td>' in to_html(table)

@@ -9,16 +9,16 @@ from clutchid.reports.wear_page import page_of, recordings_table, wear_page
 from clutchid.reports.wear_text import wear_lines
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import wear_of
-from clutchid.wear.measurement import Measurement, Reading
+from clutchid.wear.measurement import Measurement, WearReading
 
 
 def life_of(shifts, name="r"):
     names = [f"{name}{k}" for k in range(len(shifts))]
     listed = {name: Listed(name, strokes=1e4 * k) for k, name in enumerate(names)}
     readings = [
-        Reading("failed", "the load is not determined.", "", None)
+        WearReading("failed", "the load is not determined.", "", None)
         if np.isnan(shift)
-        else Reading("ok", "", "good", Measurement(shift, 3e-5, 0.0, 0.01, np.nan))
+        else WearReading("ok", "", "good", Measurement(shift, 3e-5, 0.0, 0.01, np.nan))
         for shift in shifts
     ]
     return wear_of("V 1", arranged(names, [""] * len(names), listed), readings, None, 1e-3)
@@ -56,14 +56,14 @@ def test_only_a_life_with_an_alarm_says_what_its_red_line_means_and_notices_begi
 
 def test_a_recording_has_a_message_only_where_something_was_wrong_with_it():
     measurement = Measurement(0.0, 3e-5, 0.0, 0.01, np.nan)
-    fine, failed = Reading("ok", "it ok", "good", measurement), Reading("failed", "it failed", "none", None)
+    fine, failed = WearReading("ok", "it ok", "good", measurement), WearReading("failed", "it failed", "none", None)
     life = wear_of("V", arranged(["a", "b"], ["", ""], {}), [fine, failed], None, 1e-3)
     assert recordings_table(life).column("message") == ("", "it failed")
 
 
 def test_what_is_left_names_the_options_that_are_missing_for_it():
     listed = {name: Listed(name, strokes=1e4 * k) for k, name in enumerate("ab")}
-    readings = [Reading("ok", "", "good", Measurement(0.0, 3e-5, 0.0, 0.01, np.nan))] * 2
+    readings = [WearReading("ok", "", "good", Measurement(0.0, 3e-5, 0.0, 0.01, np.nan))] * 2
     last = wear_lines(wear_of("V", arranged(["a", "b"], ["", ""], listed), readings, None, None))[-1]
     assert last == "left        not known without a limit: --limit, or a table of wear"
 

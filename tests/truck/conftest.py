@@ -9,7 +9,7 @@ import pytest
 
 from clutchid.truck import Truck
 from clutchid.truck.compiled import loop
-from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.load_table import LoadTable
 from clutchid.truck.order import STATES
 from clutchid.truck.running import Course, run
 
@@ -66,7 +66,7 @@ def lab() -> SimpleNamespace:
         substeps: int = 1,
         ledger: bool = False,
         start: np.ndarray | None = None,
-        curve: LoadCurve | None = None,
+        curve: LoadTable | None = None,
     ) -> np.ndarray:
         nothing = np.zeros(len(duties))
         course = Course(nothing, duties, nothing)

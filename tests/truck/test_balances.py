@@ -11,7 +11,7 @@ from clutchid.truck.compiled import loop
 from clutchid.truck.first import at_rest
 from clutchid.truck.flow import flow_function, line_flow, orifice_flow, slit_flow, valve_flow
 from clutchid.truck.load import load_curve
-from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.load_table import LoadTable
 from clutchid.truck.motion import stop_force
 from clutchid.truck.order import LEDGER, STATES
 
@@ -144,7 +144,7 @@ def test_the_piston_stays_between_its_stops(lab):
 
 
 def test_friction_only_takes_energy(lab):
-    curve = LoadCurve(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
+    curve = LoadTable(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
     truck = closed(Truck(C_AB=0.0))
     start = lab.put(truck, at_rest(truck, curve), 6e-3, 4e5)
     states = lab.states(truck, np.zeros((600, 2)), 4, start=start, curve=curve)

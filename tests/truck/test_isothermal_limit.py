@@ -8,7 +8,7 @@ import pytest
 import clutchid
 from clutchid.truck import Truck
 from clutchid.truck.first import at_rest
-from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.load_table import LoadTable
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +22,7 @@ PAPER = clutchid.Parameters(
     R_0vs=0, R_0ve=0, R_1vs=1, R_1ve=1,
 )  # fmt: skip
 LOAD = clutchid.Load((9e5, -0.3e5, 0.5e5))
-CURVE = LoadCurve(LOAD.breakpoints, LOAD.combined(), 0.0, 0.0)
+CURVE = LoadTable(LOAD.breakpoints, LOAD.combined(), 0.0, 0.0)
 PLAIN = Truck(
     P_0=PAPER.P_0, T_0=PAPER.T_0, R=PAPER.R, dT_w=0, V_S=1e9, G_S=0, UA_S=0, dP_G=0, r_up=1, r_down=1,
     C_s=PAPER.C_vs, C_e=PAPER.C_ve, C_r=PAPER.C_r, b_s=B_0, b_e=B_0, b_r=B_0, m_s=0.5, m_e=0.5, m_r=0.5, r_lam=0.995,

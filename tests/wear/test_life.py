@@ -7,7 +7,7 @@ from clutchid.reports.wear_text import alarm_words
 from clutchid.wear.forecast import remaining
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import wear_of
-from clutchid.wear.measurement import Leak, Measurement, Reading
+from clutchid.wear.measurement import Leak, Measurement, WearReading
 from clutchid.wear.settings import FALSE_ALARMS, LEAKING, LEAKS
 from clutchid.wear.trend import WearTable
 
@@ -21,7 +21,7 @@ def life_of(shifts, table=None, limit=None, loads=None):
     listed = {name: Listed(name, strokes=1e4 * k) for k, name in enumerate(names)}
     loads = 0.0 * np.asarray(shifts) if loads is None else loads
     readings = [
-        Reading("ok", "", "good", None if np.isnan(shift) else Measurement(shift, 30e-6, load, 0.01, np.nan))
+        WearReading("ok", "", "good", None if np.isnan(shift) else Measurement(shift, 30e-6, load, 0.01, np.nan))
         for shift, load in zip(shifts, loads, strict=True)
     ]
     return wear_of("V1", arranged(names, [""] * len(names), listed), readings, table, limit)
@@ -49,7 +49,7 @@ def alarmed(leaks=(), departs=(), missing=(), leak=2e-11):
     """Alarms of 12 recordings: those that read a leak, depart from the calibration, or cannot be read."""
     names = [f"r{k:02d}" for k in range(12)]
     readings = [
-        Reading(
+        WearReading(
             "failed" if k in missing else "ok", "", "good", Measurement(0.0, 3e-5, 0.0, 0.01, np.nan),
             Leak(leak, 1e-12, 0.99) if k in leaks else None, k in departs,
         )

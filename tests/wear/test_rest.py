@@ -7,7 +7,7 @@ from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.reports.wear_text import alarm_words, left_words, wear_lines
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import wear_of
-from clutchid.wear.measurement import Measurement, Reading
+from clutchid.wear.measurement import Measurement, WearReading
 from clutchid.wear.rest import rest_moves
 from clutchid.wear.trend import WearTable
 
@@ -70,7 +70,7 @@ def life(shifts, rests, *, loads=None, table=None, limit=1e-3):
     listed = {name: Listed(name, strokes=WEEK * k) for k, name in enumerate(names)}
     loads = 20.0 * np.asarray(shifts) if loads is None else loads
     readings = [
-        Reading("ok", "", "good", Measurement(shift, 3e-5, load, 0.01, np.nan), rest=rest(r))
+        WearReading("ok", "", "good", Measurement(shift, 3e-5, load, 0.01, np.nan), rest=rest(r))
         for shift, load, r in zip(shifts, loads, rests, strict=True)
     ]
     return wear_of("V1", arranged(names, [""] * len(names), listed), readings, table, limit)

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from clutchid.codegen.c99_columns import Columns
+from clutchid.codegen.c99_columns import ColumnCode
 from clutchid.codegen.c99_lines import c_lines, unpacked
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT, Language
-from clutchid.codegen.layout import Layout, layout
+from clutchid.codegen.layout import DifferentiatedProgram, layout
 from clutchid.codegen.names import C_WORDS, apart
 from clutchid.codegen.parts import Parts, positions, read
 from clutchid.codegen.program import Lookup, live
@@ -66,15 +66,15 @@ def c99_source(
         raise ValueError(f"{system.name} has no parameter {', '.join(unknown)}, so no derivatives to it.")
     plan, language = layout(apart(system, C_WORDS)), _LANGUAGES[real]
     places = None if derivatives is None else [system.parameter_names().index(name) for name in derivatives]
-    columns = None if places is None else Columns.of(plan, places, language)
+    columns = None if places is None else ColumnCode.of(plan, places, language)
     parts = columns.parts if columns else Parts.of(plan.system, plan.plain, plan.rates)
     values = _values(system, plan, parts, language)
     values |= {"real": real, "notes": dict(notes or {}), "columns": columns, "free": list(derivatives or ())}
     return CSource(template("c99.h.j2").render(values), template("c99.c.j2").render(values))
 
 
-def _values(system: System, plan: Layout, parts: Parts, language: Language) -> dict[str, Any]:
-    """What the templates fill in; names of the interface come from `system`, those of the code from `plan`."""
+def _values(system: System, plan: DifferentiatedProgram, parts: Parts, language: Language) -> dict[str, Any]:
+    """Values of the templates; names of the interface come from `system`, those of the code from `plan`."""
     inside, program = plan.system, parts.program
     in_held, stage = read(program.held), live(program.stage, plan.rates)
     defined = {str(symbol) for symbol, _ in inside.definitions}

@@ -1,4 +1,4 @@
-"""What a step in C needs to carry columns of derivatives: the entries of the Jacobian, and the sources of columns."""
+"""Columns of derivatives in a step in C: the entries of the Jacobian, and the sources of columns."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 from clutchid.codegen.c99_lines import c_lines, unpacked
 from clutchid.codegen.language import Language
-from clutchid.codegen.layout import Entry, Layout
+from clutchid.codegen.layout import DifferentiatedProgram, Entry
 from clutchid.codegen.parts import Parts, read
 from clutchid.codegen.program import Lookup
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
+class ColumnCode:
     """The text around ``NAME_step_columns``.
 
     `jacobian`, `table` and `slots` are the results of a stage, as text. A slot is the derivative of the rate
@@ -33,7 +33,7 @@ class Columns:
     rows: tuple[str, ...]
 
     @classmethod
-    def of(cls, plan: Layout, places: Sequence[int], language: Language) -> Columns:
+    def of(cls, plan: DifferentiatedProgram, places: Sequence[int], language: Language) -> ColumnCode:
         """For the parameters at these places.
 
         Raises
@@ -62,7 +62,7 @@ class Columns:
         )
 
 
-def _row(plan: Layout, row: int, entries: Sequence[Entry], language: Language) -> str:
+def _row(plan: DifferentiatedProgram, row: int, entries: Sequence[Entry], language: Language) -> str:
     """The rate of a column: J z + source."""
     terms = []
     for entry in plan.jacobian:

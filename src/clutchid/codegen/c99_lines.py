@@ -63,7 +63,7 @@ def _branch(
 
 
 def unpacked(system: System, parts: Parts, needed: Collection[Expr]) -> dict[str, list[Any]]:
-    """What a stage reads of its arguments: states, parameters, constants, and what is held."""
+    """Arguments that a stage reads: states, parameters, constants, and held values."""
     return {
         "x": positions(system.states, needed),
         "p": positions(system.parameters, needed),

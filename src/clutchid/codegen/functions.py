@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from clutchid.codegen.instructions import Place
+from clutchid.codegen.instructions import ArrayElement
 from clutchid.codegen.lanes import Rows, map_columns, move_columns
-from clutchid.codegen.layout import JUMP, Entry, Layout
+from clutchid.codegen.layout import JUMP, DifferentiatedProgram, Entry
 from clutchid.codegen.llvm import Function, Interface, function
 from clutchid.codegen.parts import Parts, positions, read
 from clutchid.codegen.program import live
@@ -18,7 +18,7 @@ from clutchid.codegen.system import Expr
 from clutchid.codegen.work import Work
 
 
-def functions(plan: Layout) -> tuple[Work, dict[str, Function]]:
+def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
     """All functions of a system by the names that its kernels call them, and the work array that they share.
 
     ``constants_NAME(p, work)``, ``hold_NAME(u, u_at, p, work)`` and ``step_NAME(x, x_at, p, work, h)``, which ends with
@@ -49,7 +49,7 @@ def functions(plan: Layout) -> tuple[Work, dict[str, Function]]:
 class _Program:
     """One staged program: its parts, and how the results of one reach the next."""
 
-    plan: Layout
+    plan: DifferentiatedProgram
     work: Work
     name: str
     parts: Parts
@@ -91,14 +91,14 @@ class _Program:
             name, plan, self.work, self.parts.program.stage, (loads, stores), inline=self.name == "plain"
         )
 
-    def stored_constants(self) -> dict[Expr, Place]:
+    def stored_constants(self) -> dict[Expr, ArrayElement]:
         return _placed(self.work.constants, self.parts.constants)
 
-    def stored_held(self) -> dict[Expr, Place]:
+    def stored_held(self) -> dict[Expr, ArrayElement]:
         return _placed(self.work.held, (*self.parts.inputs, *self.parts.held))
 
 
-def _jumps(plan: Layout, work: Work) -> dict[str, Function]:
+def _jumps(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
     """New states into the places of the first stage's rates; their derivatives into those of its derivatives."""
     states = _stores(work.rates, plan.jump.states)
     after = [*_stores(work.jacobian, _values(plan.jump.jacobian)), *_stores(work.slots, plan.jump.slots)]
@@ -108,7 +108,7 @@ def _jumps(plan: Layout, work: Work) -> dict[str, Function]:
     }
 
 
-def _jump(plan: Layout, work: Work, name: str, stores: Sequence[tuple[Place, Expr]]) -> Function:
+def _jump(plan: DifferentiatedProgram, work: Work, name: str, stores: Sequence[tuple[ArrayElement, Expr]]) -> Function:
     results = {symbol for _, value in stores for symbol in sp.sympify(value).free_symbols}
     statements = live(plan.jump.statements, results)
     needed = read(statements) | results
@@ -121,12 +121,12 @@ def _jump(plan: Layout, work: Work, name: str, stores: Sequence[tuple[Place, Exp
         numbers=(("number", JUMP),),
         inline=name == "jump_plain",
     )
-    first = [(Place("work", work.stages + place.index), value) for place, value in stores]
+    first = [(ArrayElement("work", work.stages + place.index), value) for place, value in stores]
     return function(name, interface, statements, loads, first)
 
 
-def _columns(plan: Layout, work: Work) -> dict[str, Function]:
-    """What moves the sensitivities through a step and through a jump."""
+def _columns(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
+    """Propagation of the sensitivities through a step and through a jump."""
     n, jacobian = len(plan.system.states), work.stages + work.jacobian
     sourced = {row for row, _ in plan.slots} | {entry.row for entry in plan.table_entries}
     jumped = Rows(n, plan.jump.jacobian, sourced, jacobian, work.stride)
@@ -138,23 +138,23 @@ def _values(entries: Iterable[Entry]) -> list[Expr]:
     return [entry.value for entry in entries]
 
 
-def _from(array: str, symbols: Sequence[Expr], needed: Collection[Expr]) -> dict[Expr, Place]:
+def _from(array: str, symbols: Sequence[Expr], needed: Collection[Expr]) -> dict[Expr, ArrayElement]:
     """Places of those `symbols` that are needed, whose numbers stand in `array` one after the other."""
-    return {symbol: Place(array, position) for position, symbol in positions(symbols, needed)}
+    return {symbol: ArrayElement(array, position) for position, symbol in positions(symbols, needed)}
 
 
-def _placed(first: int, symbols: Iterable[Expr]) -> dict[Expr, Place]:
-    return {symbol: Place("work", first + position) for position, symbol in enumerate(symbols)}
+def _placed(first: int, symbols: Iterable[Expr]) -> dict[Expr, ArrayElement]:
+    return {symbol: ArrayElement("work", first + position) for position, symbol in enumerate(symbols)}
 
 
-def _only(places: Mapping[Expr, Place], needed: Collection[Expr]) -> dict[Expr, Place]:
+def _only(places: Mapping[Expr, ArrayElement], needed: Collection[Expr]) -> dict[Expr, ArrayElement]:
     return {symbol: place for symbol, place in places.items() if symbol in needed}
 
 
-def _stored(places: Mapping[Expr, Place]) -> list[tuple[Place, Expr]]:
+def _stored(places: Mapping[Expr, ArrayElement]) -> list[tuple[ArrayElement, Expr]]:
     return [(place, symbol) for symbol, place in places.items()]
 
 
-def _stores(first: int, values: Iterable[Expr]) -> list[tuple[Place, Expr]]:
+def _stores(first: int, values: Iterable[Expr]) -> list[tuple[ArrayElement, Expr]]:
     """Values one after the other from `first` on, among the results of a stage."""
-    return [(Place("stage", first + position), value) for position, value in enumerate(values)]
+    return [(ArrayElement("stage", first + position), value) for position, value in enumerate(values)]

@@ -18,8 +18,8 @@ _INTRINSIC = {"sqrt", "pow", "exp", "log", "sin", "cos"}
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where a number lies: element `index` of the array `array`."""
+class ArrayElement:
+    """Element `index` of the array `array`."""
 
     array: str
     index: int
@@ -33,7 +33,7 @@ class Writer:
     `known` are instructions whose result can be used again: those of the blocks around the one that is written.
     """
 
-    places: dict[Expr, Place] = field(default_factory=dict)
+    places: dict[Expr, ArrayElement] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
     values: dict[Expr, str] = field(default_factory=dict)
     bases: dict[str, str] = field(default_factory=dict)
@@ -52,15 +52,15 @@ class Writer:
         self.known[-1][instruction] = name
         return name
 
-    def address(self, place: Place) -> str:
-        """Where `place` is."""
+    def address(self, place: ArrayElement) -> str:
+        """Address of `place`."""
         return self.new(f"getelementptr double, ptr {self.bases[place.array]}, i64 {place.index}")
 
-    def load(self, place: Place) -> str:
+    def load(self, place: ArrayElement) -> str:
         """The number at `place`."""
         return self.new(f"load double, ptr {self.address(place)}")
 
-    def store(self, place: Place, value: str) -> None:
+    def store(self, place: ArrayElement, value: str) -> None:
         """Write a number to `place`."""
         self.lines.append(f"  store double {value}, ptr {self.address(place)}")
 

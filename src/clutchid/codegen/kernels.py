@@ -32,7 +32,7 @@ def generated(function: _Function) -> _Function:
 
 
 def inlined(function: _Function) -> _Function:
-    """What several generated kernels have in common; its statements are put into each of them."""
+    """Common part of several generated kernels; its statements are put into each of them."""
     import numba
 
     return cast(_Function, numba.njit(inline="always")(function))

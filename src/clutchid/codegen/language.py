@@ -19,7 +19,7 @@ _RELATIONS = {sp.Gt: ">", sp.Ge: ">=", sp.Lt: "<", sp.Le: "<=", sp.Eq: "==", sp.
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """How a programming language spells numbers, logic and functions."""
+    """Spelling of numbers, logic and functions in a programming language."""
 
     number: str
     both: str

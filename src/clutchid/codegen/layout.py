@@ -1,4 +1,4 @@
-"""What every printer needs of a `System`: its program, differentiated and staged, and where derivatives are not 0."""
+"""Input of every printer: the program of a `System`, differentiated and staged, and its non-zero derivatives."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class JumpProgram:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class DifferentiatedProgram:
     """The differentiated program of a system; `slots` are the non-zero (state, parameter) pairs of all derivatives."""
 
     system: System
@@ -52,7 +52,7 @@ class Layout:
     jump: JumpProgram
 
 
-def layout(system: System) -> Layout:
+def layout(system: System) -> DifferentiatedProgram:
     """Differentiate and stage `system` once, for all printers.
 
     Raises
@@ -76,7 +76,7 @@ def layout(system: System) -> Layout:
         return staged(live(extended, symbols), system.parameters, system.inputs)
 
     state_values = [*rates, *(e.value for e in jacobian), *(e.value for e in table_entries)]
-    return Layout(
+    return DifferentiatedProgram(
         system=system,
         plain=stage(rates),
         with_jacobian=stage(state_values),

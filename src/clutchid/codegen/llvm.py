@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from clutchid.codegen.instructions import Place, Writer, called
+from clutchid.codegen.instructions import ArrayElement, Writer, called
 from clutchid.codegen.language import FUNCTIONS
 from clutchid.codegen.program import Statement
 from clutchid.codegen.system import Expr
@@ -56,8 +56,8 @@ def function(
     name: str,
     interface: Interface,
     statements: Sequence[Statement],
-    loads: Mapping[Expr, Place],
-    stores: Sequence[tuple[Place, Expr]],
+    loads: Mapping[Expr, ArrayElement],
+    stores: Sequence[tuple[ArrayElement, Expr]],
 ) -> Function:
     """The function that reads `loads`, runs `statements` and writes `stores`.
 

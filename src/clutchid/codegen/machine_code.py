@@ -41,7 +41,7 @@ class MachineCode(FunctionCache):
         self._cache_file = _Sealed(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """What was compiled for a signature, or None: then Numba compiles it next."""
+        """Machine code of a signature, or None: then Numba compiles it next."""
         found = super().load_overload(signature, context)
         if found is None:
             announce()

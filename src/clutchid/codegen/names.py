@@ -10,7 +10,7 @@ from dataclasses import replace
 import sympy as sp
 
 from clutchid.codegen.language import FUNCTIONS
-from clutchid.codegen.system import Expr, System, Table
+from clutchid.codegen.system import Expr, System, TabulatedFunction
 
 _PYTHON = "math x u p"
 _C = """
@@ -81,7 +81,7 @@ def _renamed(system: System, renamed: dict[Expr, Expr]) -> System:
         parameters=each(system.parameters),
         definitions=tuple((new(symbol), new(value)) for symbol, value in system.definitions),
         derivatives=each(system.derivatives),
-        table=Table(new(system.table.value), new(system.table.argument)) if system.table else None,
+        table=TabulatedFunction(new(system.table.value), new(system.table.argument)) if system.table else None,
         measured=each(system.measured),
         jumps=tuple(replace(jump, states=each(jump.states)) for jump in system.jumps),
     )

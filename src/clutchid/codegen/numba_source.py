@@ -8,7 +8,7 @@ from typing import Any
 import sympy as sp
 
 from clutchid.codegen.functions import functions
-from clutchid.codegen.instructions import Place
+from clutchid.codegen.instructions import ArrayElement
 from clutchid.codegen.lanes import WIDTH
 from clutchid.codegen.language import PYTHON
 from clutchid.codegen.layout import layout
@@ -63,7 +63,7 @@ def numba_source(system: System) -> str:
 
 
 def module_head(name: str) -> str:
-    """What a module begins with that has no system, only functions of `function_source` and `elementwise_source`."""
+    """Head of a module without a system, only functions of `function_source` and `elementwise_source`."""
     text: str = template("head.py.j2").render(name=name)
     return text
 
@@ -98,7 +98,7 @@ def elementwise_source(name: str, columns: Sequence[Expr], numbers: Sequence[Exp
         Interface(("out",), moving=("out",), numbers=tuple(zip(arguments, (*columns, *numbers), strict=True))),
         lower(result, value),
         {},
-        [(Place("out", 0), result)],
+        [(ArrayElement("out", 0), result)],
     )
     rows = [f"{argument}[k]" for argument in arguments[: len(columns)]]
     text: str = template("elementwise.py.j2").render(

@@ -28,7 +28,7 @@ class Parts:
 
     @classmethod
     def of(cls, system: System, program: Staged, results: Iterable[Expr]) -> Parts:
-        """What of `program` the stage's `results` need; statements that lifting has made superfluous are left out."""
+        """Part of `program` that the stage's `results` need, without statements that lifting has made superfluous."""
         wanted = {symbol for value in results for symbol in sp.sympify(value).free_symbols}
         stage = live(program.stage, wanted)
         in_stage = read(stage) | wanted

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, System, Table
+from clutchid.codegen.system import Expr, System, TabulatedFunction
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,5 +196,5 @@ def right_hand_side(system: System) -> tuple[list[Statement], tuple[Expr, ...]]:
     return _merge_equal_branches(statements), rates
 
 
-def _lookup(table: Table) -> Lookup:
+def _lookup(table: TabulatedFunction) -> Lookup:
     return Lookup(table.value, sp.Symbol(f"{table.value}_slope", real=True), table.argument)

@@ -32,7 +32,7 @@ def staged(statements: Sequence[Statement], parameters: Iterable[Expr], inputs: 
 
 @dataclass(slots=True)
 class _Stager:
-    """What is known while statements are placed: how often each symbol changes (0, 1, 2), and what is stored."""
+    """State while statements are placed: how often each symbol changes (0, 1, 2), and stored variables."""
 
     level: dict[Expr, int]
     assigned: Counter[Expr]
@@ -67,7 +67,7 @@ class _Stager:
         return self.stored[own][value]
 
     def place(self, statement: Statement, movable: bool) -> list[Statement]:
-        """What remains of `statement` at every stage; the rest is put where it is computed less often."""
+        """Rest of `statement` at every stage; the other part is put where it is computed less often."""
         own = max(self.level_of(reads(statement)), 2 if isinstance(statement, Lookup) else 0)
         here = Counter(_assigned([statement]))
         if own < 2 and movable and all(self.assigned[target] == count for target, count in here.items()):

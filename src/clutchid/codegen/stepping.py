@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from clutchid.codegen.instructions import Place, Writer, constant
+from clutchid.codegen.instructions import ArrayElement, Writer, constant
 from clutchid.codegen.kernels import FAST
-from clutchid.codegen.layout import Layout
+from clutchid.codegen.layout import DifferentiatedProgram
 from clutchid.codegen.llvm import Function, Interface, finished
 from clutchid.codegen.program import Lookup, Statement
 from clutchid.codegen.system import Expr
@@ -85,10 +85,10 @@ found:
 
 def step_function(
     name: str,
-    plan: Layout,
+    plan: DifferentiatedProgram,
     work: Work,
     statements: Sequence[Statement],
-    places: tuple[Mapping[Expr, Place], Sequence[tuple[Place, Expr]]],
+    places: tuple[Mapping[Expr, ArrayElement], Sequence[tuple[ArrayElement, Expr]]],
     inline: bool,
 ) -> Function:
     """The function ``NAME(x, x_at, p, work, h)`` that moves the states x by h seconds.
@@ -118,7 +118,7 @@ class _Step:
     """The loop over the stages; with `keep` each leaves where it read the table."""
 
     writer: Writer
-    plan: Layout
+    plan: DifferentiatedProgram
     work: Work
     keep: bool
     start: list[str] = field(default_factory=list)
@@ -130,7 +130,7 @@ class _Step:
         writer, states = self.writer, self.plan.system.states
         writer.bases |= {"p": "%p", "work": "%work", "stage": "%stage"}
         writer.bases["x"] = writer.new("getelementptr double, ptr %x, i64 %x_at")
-        self.start = [writer.load(Place("x", i)) for i, _ in enumerate(states)]
+        self.start = [writer.load(ArrayElement("x", i)) for i, _ in enumerate(states)]
         writer.lines.append("  %last = load double, ptr %work")
         writer.lines += ["  %segment = fptosi double %last to i64", "  br label %stages", "stages:"]
         self.opened, writer.block = len(writer.lines), "stages"
@@ -146,8 +146,8 @@ class _Step:
         writer.values[lookup.slope] = writer.new(f"extractvalue {_FOUND} %found, 1")
         writer.lines.append(f"  %reached = extractvalue {_FOUND} %found, 2")
         if self.keep:
-            writer.store(Place("stage", self.work.segment), writer.new("sitofp i64 %reached to double"))
-            writer.store(Place("stage", self.work.offset), writer.new(f"extractvalue {_FOUND} %found, 3"))
+            writer.store(ArrayElement("stage", self.work.segment), writer.new("sitofp i64 %reached to double"))
+            writer.store(ArrayElement("stage", self.work.offset), writer.new(f"extractvalue {_FOUND} %found, 3"))
 
     def end(self) -> None:
         """Close the loop, and write the states."""
@@ -177,10 +177,10 @@ class _Step:
         for i, x in enumerate(self.start):
             writer.lines.append(f"  %all.{i} = fmul {FAST} double %sixth, %total.{i}")
             writer.lines.append(f"  %end.{i} = fadd {FAST} double {x}, %all.{i}")
-            writer.store(Place("x", i), f"%end.{i}")
+            writer.store(ArrayElement("x", i), f"%end.{i}")
 
     def _entered(self, last: str) -> list[str]:
-        """What every stage begins with: its number, the states there, the sum of the rates so far, the segment."""
+        """Head of every stage: its number, the states there, the sum of the rates so far, the segment."""
         lines = [f"  %number = phi i64 [ 0, %entry ], [ %next, %{last} ]"]
         if self.found:
             lines.append(f"  %seg = phi i64 [ %segment, %entry ], [ %reached, %{last} ]")

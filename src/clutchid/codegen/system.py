@@ -10,7 +10,7 @@ Expr: TypeAlias = Any
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class TabulatedFunction:
     r"""A function known only when the kernel runs: ``value = sum_i theta_i phi_i(argument)``.
 
     The phi_i are piecewise cubics, held as breakpoints and coefficients. In the equations `value` stands for the
@@ -49,7 +49,7 @@ class System:
     parameters: tuple[Expr, ...]
     definitions: tuple[tuple[Expr, Expr], ...]
     derivatives: tuple[Expr, ...]
-    table: Table | None = None
+    table: TabulatedFunction | None = None
     measured: tuple[Expr, ...] = ()
     jumps: tuple[Jump, ...] = ()
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from clutchid.codegen.lanes import WIDTH, block_size
-from clutchid.codegen.layout import Layout
+from clutchid.codegen.layout import DifferentiatedProgram
 from clutchid.codegen.parts import Parts
 
 
@@ -35,7 +35,7 @@ class Work:
     source: int
 
     @classmethod
-    def of(cls, plan: Layout, programs: Sequence[Parts]) -> Work:
+    def of(cls, plan: DifferentiatedProgram, programs: Sequence[Parts]) -> Work:
         """Room for the results of all `programs`, which use the array in turn."""
         n = len(plan.system.states)
         before, stages = _placed(

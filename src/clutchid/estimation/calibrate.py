@@ -26,7 +26,7 @@ from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import (
     CONDITIONS,
-    Conditions,
+    RecordedConditions,
     assumed_conditions,
     condition_warnings,
     conditions_of,
@@ -94,7 +94,7 @@ def _with_calibration(
     result: Fit,
     logs: Sequence[Log],
     actuator: Actuator,
-    conditions: Conditions,
+    conditions: RecordedConditions,
     progress: Progress | None,
 ) -> Fit:
     """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""

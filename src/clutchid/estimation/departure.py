@@ -1,4 +1,4 @@
-"""How far a recording departs from the calibration that its load is read with."""
+"""Departure of a recording from the calibration that its load is read with."""
 
 from __future__ import annotations
 

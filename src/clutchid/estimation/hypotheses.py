@@ -1,4 +1,4 @@
-"""What may have changed since a calibration, as hypotheses that are weighed by their evidence.
+"""Hypotheses about changes since a calibration, weighed by their evidence.
 
 The load is read from position alone under each hypothesis of `clutchid.inference.uncertainty.change_prior`. All are
 first judged by the linearisation of the most probable one so far; a search follows only for those that may matter.
@@ -145,7 +145,7 @@ def log_root(problem: FitProblem) -> float:
 
 
 def errors_in_x(coordinates: Sequence[Coordinate], hypothesis: Hypothesis, calibration: Calibration) -> FloatArray:
-    """What a fit to position alone errs in x under a hypothesis, shape (k,), as on the calibration recordings."""
+    """Error in x, shape (k,), of a fit to position alone under a hypothesis, as on the calibration recordings."""
     if calibration.position_only is None:
         return np.zeros(len(coordinates))
     shift: FloatArray = calibration.position_only.shift(hypothesis, [c.base for c in coordinates])

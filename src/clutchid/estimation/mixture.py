@@ -23,8 +23,8 @@ ERRORS_REPEAT = 0.5
 LEAST_RATIO = 0.1
 
 
-class Band(NamedTuple):
-    """How certain the load is taken to be. Provenance: `benchmarks/bands.py`, docs/derivations.md, "Intervals".
+class IntervalSettings(NamedTuple):
+    """Settings of the interval of the load. Provenance: `benchmarks/bands.py`, docs/derivations.md, "Intervals".
 
     `evidence` is the part of the logarithm of the evidence that counts: a likelihood of correlated residuals is too
     sure of the best hypothesis; `missed` the standard deviation of what the model misses of the load, as a share of it,
@@ -36,7 +36,7 @@ class Band(NamedTuple):
 
 
 #: As shipped.
-BAND = Band()
+BAND = IntervalSettings()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ class Mixture:
 
 
 def mixture(
-    known: Explanations[SolutionT], calibration: Calibration, misfit: float = 1.0, band: Band = BAND
+    known: Explanations[SolutionT], calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
 ) -> Mixture:
     """Posterior over the hypotheses: mean over those `known`, covariance over all of them.
 
@@ -66,8 +66,8 @@ def mixture(
     misfit : 1
         See `Departure`: where the model misses more than in the calibration recordings, all covariances are as much
         larger.
-    band : Band
-        How certain the load is taken to be.
+    band : IntervalSettings
+        Settings of the interval of the load.
     """
     probability = dict(zip(known, probabilities(known, calibration).tolist(), strict=True))
     best = known[max(probability, key=probability.__getitem__)]
@@ -91,7 +91,7 @@ def mixture(
 
 
 def _log_friction(problem: FitProblem, x: FloatArray) -> float:
-    """How far the viscous friction is from the calibrated one, as a logarithm, rms over the recordings."""
+    """Logarithm of the viscous friction over the calibrated one, rms over the recordings."""
     calibrated = problem.actuator.value("D_v")
     found = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
     logarithms = [np.log(max(value / calibrated, LEAST_RATIO)) for value in found if calibrated > 0.0]
@@ -106,7 +106,7 @@ def _scale_of_load(problem: FitProblem, x: FloatArray) -> FloatArray:
 
 
 def changes(problem: FitProblem, found: Mixture) -> tuple[Change, ...]:
-    """What has changed, or may have, in which recording.
+    """Changes, certain or suspected, by recording.
 
     A group is listed if the data at least double the odds of its change; of its parameters those that have
     moved by more than their standard deviation, but at least the one that has moved most.

@@ -41,7 +41,7 @@ LARGEST_STEP = 2.0
 
 
 def phase_finder(actuator: Actuator, free: FreeParameters, calibration: Calibration | None) -> FindPhase:
-    """How the phase of the carrier is estimated for a fit: with a calibration by `filtered_phase`."""
+    """Estimator of the phase of the carrier for a fit: with a calibration `filtered_phase`."""
     if calibration is None or not free.reads_load(actuator):
         return find_phase
     return partial(filtered_phase, calibration=calibration)

@@ -95,7 +95,7 @@ def _at_bounds(problem: FitProblem, x: FloatArray) -> list[str]:
 
 
 def search_state(search_result: SearchResult[SolutionT], solution: SolutionT) -> SearchState:
-    """How the search ended, with the priors of its free parameters."""
+    """End of the search, with the priors of its free parameters."""
     coordinates = search_result.problem.coordinates
     priors = {c.name: Prior(c.mean, c.width * c.mean if c.positive else c.width) for c in coordinates}
     return SearchState(solution.status, solution.evaluations, tuple(priors), priors)

@@ -74,7 +74,7 @@ def with_hypothesis(problem: FitProblem, hypothesis: Hypothesis) -> FitProblem:
 
 
 def start_point(problem: FitProblem, free: FreeParameters) -> FloatArray:
-    """Where a search starts in x, shape (k,): at the means of the priors, or where an earlier one ended.
+    """Start of a search in x, shape (k,): the means of the priors, or the end of an earlier search.
 
     Otherwise it is at the means: bounded steps cannot return from a start far outside a narrow prior.
     """

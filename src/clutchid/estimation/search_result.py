@@ -18,7 +18,7 @@ from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.plan import Plan
 
 
-class Solution(Protocol):
+class SearchSolution(Protocol):
     """Solution of a search: free parameters, status, and number of evaluations."""
 
     @property
@@ -27,14 +27,14 @@ class Solution(Protocol):
 
     @property
     def status(self) -> Literal["converged", "stalled", "limit"]:
-        """How the search ended."""
+        """End of the search."""
 
     @property
     def evaluations(self) -> int:
         """Number of evaluations."""
 
 
-SolutionT = TypeVar("SolutionT", bound=Solution)
+SolutionT = TypeVar("SolutionT", bound=SearchSolution)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,7 @@ class SearchResult(Generic[SolutionT]):
 
 @dataclass(frozen=True, slots=True)
 class Hypotheses(Generic[SolutionT]):
-    """How a method of search weighs hypotheses about what has changed.
+    """Functions with which a method of search weighs hypotheses about changes.
 
     `cost` is that of a solution. `refine` goes on from a result with another prior, from x; `data_factor` is the
     triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of

@@ -1,4 +1,4 @@
-"""How a search ended, in the same words everywhere, and what a later search needs to continue it."""
+"""End of a search, in the same words everywhere, and what a later search needs to continue it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SearchStatus = Literal["converged", "stalled", "limit"]
 
 @dataclass(frozen=True, slots=True)
 class SearchState:
-    """How a search with priors ended, the parameters that were requested free, and the priors of all free ones in SI.
+    """End of a search with priors, the parameters that were requested free, and the priors of all free ones in SI.
 
     `priors` has more names than `free` if the method freed parameters of its own, such as the phase of the carrier.
     """
@@ -43,7 +43,7 @@ class Continuation:
 
 
 def ended(status: SearchStatus, evaluations: int) -> str:
-    """How a search ended, for messages.
+    """End of a search, for messages.
 
     Examples
     --------

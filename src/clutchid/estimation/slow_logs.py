@@ -1,4 +1,4 @@
-"""What a slow recording lacks, in the interval of a load that is read from it."""
+"""Widening of the interval of a load that is read from a slow recording."""
 
 from __future__ import annotations
 

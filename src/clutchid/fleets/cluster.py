@@ -1,4 +1,4 @@
-"""Where work on many items is done: by worker processes of this machine, or of others, through Dask.
+"""Work on many items, by worker processes of this machine, or of others through Dask.
 
 Dask only spreads the items: each of its workers has a worker process of clutchid that does the work, so that what an
 item does to its process is the same everywhere.
@@ -48,7 +48,7 @@ _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_i
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where work is done: processes on this machine, or the workers of the scheduler at an address.
+    """Worker processes: on this machine, or those of the scheduler at an address.
 
     `memory` is that of one item in bytes; 0 for this machine's by the number of its processors, or for what the workers
     of the scheduler have. `seconds` is what one item may take; 0 for no limit. `tls` has the files of certificates of a
@@ -212,7 +212,7 @@ def _outcomes(
 
 
 def _lost(client: Client, future: Future[Any], scheduler: str) -> Lost | None:
-    """How the result of a future was lost; None with its worker."""
+    """Loss of the result of a future; None if its worker was lost."""
     from distributed import KilledWorker
 
     error = future.exception() if future.status == "error" else None

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid.fleets.jobs import Fleet, Job
-from clutchid.fleets.reading import Read, counted_as, without_file
-from clutchid.fleets.store import Kept, Store
+from clutchid.fleets.reading import RecordingResult, counted_as, without_file
+from clutchid.fleets.store import Store, StoredResult
 from clutchid.recordings.files import make_folder, write_frame
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import Reading
+from clutchid.wear.measurement import WearReading
 
 if TYPE_CHECKING:
     import polars as pl
@@ -27,36 +27,36 @@ RESULTS, TIMINGS, CURVES = "results.parquet", "timings.parquet", "curves"
 PART = 1000
 
 
-class Row(NamedTuple):
+class RecordingRow(NamedTuple):
     """A recording of a fleet with its result."""
 
     job: Job
-    read: Read
+    read: RecordingResult
     seconds: float
 
 
-def rows_of(fleet: Fleet, kept: Store) -> Iterator[Row]:
+def rows_of(fleet: Fleet, kept: Store) -> Iterator[RecordingRow]:
     """Every recording of a fleet in the order of vehicle and name; one that was sent twice counts once."""
     done, first = _merged(fleet.jobs, kept.results()), dict[str, Job]()
     for job, result in done:
         if result is None:
-            yield Row(job, _without_result(job), float("nan"))
+            yield RecordingRow(job, _without_result(job), float("nan"))
             continue
         read = result.read
         other = first.setdefault(read.sha256, job) if read.sha256 and read.reading.has_result else job
         if other is not job:
             read = counted_as(read, f"{other.recording} of {other.vehicle}")
-        yield Row(job, read, result.seconds)
+        yield RecordingRow(job, read, result.seconds)
 
 
-def _without_result(job: Job) -> Read:
+def _without_result(job: Job) -> RecordingResult:
     if job.path is None:
         return without_file(job.recording)
     message = job.problem or "was not read; run the same command again to go on."
-    return Read(job.path, Reading("bad_input" if job.problem else "failed", message, "none", None))
+    return RecordingResult(job.path, WearReading("bad_input" if job.problem else "failed", message, "none", None))
 
 
-def _merged(jobs: Iterable[Job], results: Iterator[Kept]) -> Iterator[tuple[Job, Kept | None]]:
+def _merged(jobs: Iterable[Job], results: Iterator[StoredResult]) -> Iterator[tuple[Job, StoredResult | None]]:
     """Jobs with their results, both in the same order; results of recordings that are gone are passed over."""
     following = next(results, None)
     for job in jobs:
@@ -101,7 +101,7 @@ def write_results(fleet: Fleet, kept: Store, out: Path) -> Counter[str]:
 _TEXT = ("changes", "sha256", "message", "reason")
 
 
-def _result(row: Row) -> Mapping[str, object]:
+def _result(row: RecordingRow) -> Mapping[str, object]:
     read, nothing = row.read, (float("nan"),) * 3
     peak = _peak(read.curve) if read.curve else nothing
     half = tuple(1e3 * value for value in read.half_load)
@@ -127,7 +127,7 @@ def _peak(curve: Curve) -> tuple[float, float, float]:
     return float(curve.force[at]), float(curve.low[at]), float(curve.high[at])
 
 
-def _curves(rows: Iterable[Row]) -> pl.DataFrame:
+def _curves(rows: Iterable[RecordingRow]) -> pl.DataFrame:
     import polars as pl
 
     known = [(row.job, row.read.curve) for row in rows if row.read.curve is not None]

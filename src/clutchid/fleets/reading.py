@@ -21,7 +21,7 @@ from clutchid.processes import Lost
 from clutchid.recordings.files import digest
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import Reading, leak_of, measured, unmeasured
+from clutchid.wear.measurement import WearReading, leak_of, measured, unmeasured
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -52,11 +52,11 @@ class How(NamedTuple):
     zero: Zero = "subtract"
 
 
-class Read(NamedTuple):
+class RecordingResult(NamedTuple):
     """A recording that was read: what came of it, the start time in its file, its checksum, its load, and changes."""
 
     path: Path
-    reading: Reading
+    reading: WearReading
     clock: str = ""
     sha256: str = ""
     curve: Curve | None = None
@@ -64,14 +64,14 @@ class Read(NamedTuple):
     changes: tuple[str, ...] = ()
 
 
-def read_recording(how: How, path: Path) -> Read:
+def read_recording(how: How, path: Path) -> RecordingResult:
     """Read the load of a recording from position alone; a fault is a status with its sentence."""
     read = _read(how, path)
     reading = read.reading  # its sentences name the file
     return read._replace(reading=reading._replace(message=as_text(reading.message), reason=as_text(reading.reason)))
 
 
-def _read(how: How, path: Path) -> Read:
+def _read(how: How, path: Path) -> RecordingResult:
     clock = checksum = ""
     try:
         checksum = digest(path)
@@ -84,24 +84,24 @@ def _read(how: How, path: Path) -> Read:
         read = (_observed if how.verb == "observe" else _fitted)(log, content, path, how.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
-        return Read(path, Reading(status, str(error), "none", None), clock, checksum)
+        return RecordingResult(path, WearReading(status, str(error), "none", None), clock, checksum)
     except Exception as error:  # a fleet goes on
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
-        return Read(path, Reading("failed", sentence, "none", None), clock, checksum)
+        return RecordingResult(path, WearReading("failed", sentence, "none", None), clock, checksum)
     return read._replace(clock=clock, sha256=checksum)
 
 
-def without_result(path: Path, lost: Lost) -> Read:
+def without_result(path: Path, lost: Lost) -> RecordingResult:
     """A recording whose process was lost."""
-    return Read(path, Reading(lost.status, lost.message, "none", None), "", checksum_of(path))
+    return RecordingResult(path, WearReading(lost.status, lost.message, "none", None), "", checksum_of(path))
 
 
-def without_file(recording: str) -> Read:
+def without_file(recording: str) -> RecordingResult:
     """A row of a table whose file is not there."""
-    return Read(Path(recording), Reading("bad_input", ABSENT, "none", None))
+    return RecordingResult(Path(recording), WearReading("bad_input", ABSENT, "none", None))
 
 
-def counted_as(read: Read, other: str) -> Read:
+def counted_as(read: RecordingResult, other: str) -> RecordingResult:
     """A recording that is the same as another one, and gives no measurement of its own."""
     sentence = f"the same recording as {other}; it counts once."
     return read._replace(
@@ -117,7 +117,7 @@ def checksum_of(path: Path) -> str:
         return ""
 
 
-def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
+def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid estimate` reads it."""
     request = FitRequest(calibration=content.calibration, zero=zero)
     fit = workflow.fit_recordings([log], content.actuator, request)
@@ -132,11 +132,11 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     curves = Curve(curve.position, curve.force, curve.low, curve.high)
     rest = next((one.rest for one in fit.recordings.values()), None)
-    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
-    return Read(path, reading, curve=curves, half_load=half, changes=changes)
+    reading = WearReading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
+    return RecordingResult(path, reading, curve=curves, half_load=half, changes=changes)
 
 
-def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
+def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
     from clutchid.estimation.assess.observed import indicators, observed_verdict
     from clutchid.observer.observer import observer
@@ -153,8 +153,8 @@ def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
     half = half_load_band(LoadCurve(*after), float(np.nanmax(checked["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"
     trust, shift = observed_verdict(indicators(run)).trust, from_rest(log, rest, zero).shift
-    reading = Reading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
-    return Read(path, reading, curve=Curve(*after), half_load=half)
+    reading = WearReading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
+    return RecordingResult(path, reading, curve=Curve(*after), half_load=half)
 
 
 @lru_cache(maxsize=64)

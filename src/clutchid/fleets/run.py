@@ -13,8 +13,8 @@ from typing import NamedTuple
 from clutchid.errors import ClutchidError
 from clutchid.fleets.cluster import Place, results
 from clutchid.fleets.jobs import Fleet, Job
-from clutchid.fleets.reading import How, Read, checksum_of, read_recording, without_result
-from clutchid.fleets.store import Kept, Store
+from clutchid.fleets.reading import How, RecordingResult, checksum_of, read_recording, without_result
+from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.version import version_and_source
 from clutchid.processes import Done, Lost, Pool
 from clutchid.recordings.files import digest
@@ -25,7 +25,7 @@ LOST = ("killed", "timed_out")
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How the recordings of a fleet are read: ambient pressure in Pa, or NaN for that of the calibration."""
+    """Options for reading the recordings of a fleet: ambient pressure in Pa, or NaN for that of the calibration."""
 
     verb: str = "fit"
     ambient: float = float("nan")
@@ -114,21 +114,21 @@ def _compiled(calibrations: Iterable[Path]) -> None:
     compile_ahead(models)
 
 
-def _work(task: Task) -> Read:
+def _work(task: Task) -> RecordingResult:
     assert task.job.path is not None
     return read_recording(task.how, task.job.path)
 
 
-def _result(done: Done[Task, Read]) -> Kept:
+def _result(done: Done[Task, RecordingResult]) -> StoredResult:
     task, read = done.item, done.result
     if isinstance(read, Lost):
         assert task.job.path is not None
         read = without_result(task.job.path, read)
-    return Kept(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)
+    return StoredResult(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)
 
 
 def _inputs(fleet: Fleet, options: Options) -> Mapping[Path, str]:
-    """What results depend on beside the recording, by calibration."""
+    """Inputs of results beside the recording, by calibration."""
     files = [path for path in (options.channel_map, *options.dbc) if path]
     common = [version_and_source(), options.verb, repr(options.ambient), [digest(path) for path in files]]
     starts = {job.start for job in fleet.jobs if job.start is not None}

@@ -25,7 +25,7 @@ class Tls(NamedTuple):
 
 
 def security_of(address: str, tls: Tls | None) -> Security:
-    """How the connection to a scheduler is secured: by certificates, of Dask's own configuration where none are given.
+    """Security of the connection to a scheduler: certificates, of Dask's configuration where none are given.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a run over a fleet has done so far: an SQLite file, so that what was done before is whole however a run ends."""
+"""Results of a run over a fleet so far: an SQLite file, so that they are whole however a run ends."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ import numpy as np
 
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.half_load import HalfLoad
-from clutchid.fleets.reading import Read
+from clutchid.fleets.reading import RecordingResult
 from clutchid.recordings.files import atomic_write, make_folder
 from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import Leak, Measurement, Reading
+from clutchid.wear.measurement import Leak, Measurement, WearReading
 
 #: The file in the folder of a run.
 STORE = "run.sqlite"
@@ -62,14 +62,14 @@ _CHECKSUM = "checksum"
 _Row = tuple[str | float | bytes | None, ...]
 
 
-class Kept(NamedTuple):
+class StoredResult(NamedTuple):
     """A result: `inputs` are version and calibration that it came from, `file` size and time of its recording."""
 
     vehicle: str
     recording: str
     inputs: str
     file: str
-    read: Read
+    read: RecordingResult
     seconds: float
 
 
@@ -87,7 +87,7 @@ class Store:
         """Inputs, file, checksum and status of what is done, by vehicle and recording."""
         return {(row[0], row[1]): (row[2], row[3], row[6], row[4]) for row in self._rows()}
 
-    def results(self) -> Iterator[Kept]:
+    def results(self) -> Iterator[StoredResult]:
         """All results, in the order of vehicle and recording."""
         return map(_kept, self._rows())
 
@@ -96,7 +96,7 @@ class Store:
         with _room(self.path):
             yield from filter(_is_whole, self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"))
 
-    def put(self, kept: Kept) -> None:
+    def put(self, kept: StoredResult) -> None:
         """Keep a result; it is on the disk after `saved`."""
         with _room(self.path):
             _insert(self.base, [_row(kept)])
@@ -280,7 +280,7 @@ def _insert(base: sqlite3.Connection, rows: Iterable[_Row]) -> None:
     base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(_COLUMNS))})", rows)
 
 
-def _row(kept: Kept) -> _Row:
+def _row(kept: StoredResult) -> _Row:
     read = kept.read
     row = (
         kept.vehicle, kept.recording, kept.inputs, kept.file, read.reading.status, read.reading.message,
@@ -289,13 +289,13 @@ def _row(kept: Kept) -> _Row:
     return (*row, _checksum(row))
 
 
-def _kept(row: tuple[Any, ...]) -> Kept:
+def _kept(row: tuple[Any, ...]) -> StoredResult:
     vehicle, recording, inputs, file, status, message, sha256, content, curve, seconds, _ = row
     read = _read(recording, status, message, sha256, json.loads(content), curve)
-    return Kept(vehicle, recording, inputs, file, read, seconds)
+    return StoredResult(vehicle, recording, inputs, file, read, seconds)
 
 
-def _content(read: Read) -> dict[str, object]:
+def _content(read: RecordingResult) -> dict[str, object]:
     one = read.reading
     return {
         "trust": one.trust, "measurement": one.measurement and list(one.measurement), "clock": read.clock,
@@ -306,15 +306,15 @@ def _content(read: Read) -> dict[str, object]:
 
 def _read(
     recording: str, status: str, message: str, sha256: str, content: dict[str, list[float]], curve: bytes | None
-) -> Read:
+) -> RecordingResult:
     measured, leak, rest = content["measurement"], content.get("leak"), content.get("rest")
-    reading = Reading(
+    reading = WearReading(
         status, message, str(content["trust"]), Measurement(*measured) if measured else None,
         Leak(*leak) if leak else None, bool(content.get("departs")), RestShift(*rest) if rest else None,
         str(content.get("reason", "")),
     )  # fmt: skip
     half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
-    return Read(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)
+    return RecordingResult(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)
 
 
 def _packed(curve: Curve | None) -> bytes | None:

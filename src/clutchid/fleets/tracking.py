@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.fleets.reading import How, Read, counted_as, read_recording, without_file, without_result
+from clutchid.fleets.reading import How, RecordingResult, counted_as, read_recording, without_file, without_result
 from clutchid.fleets.store import STORE
 from clutchid.names import as_text
 from clutchid.processes import Lost, check_workers, results
@@ -28,7 +28,7 @@ SUFFIXES = (".parquet", ".csv", ".mf4", ".dat", ".mat", ".blf", ".asc", ".h5")
 
 
 class Limits(NamedTuple):
-    """What ends a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
+    """Limits of a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
 
     shift: float | None = None
     table: WearTable | None = None
@@ -42,7 +42,7 @@ class Tracked:
     """The wear of a clutch, and its recordings as they were read, in the order of its life."""
 
     wear: Wear
-    reads: tuple[Read, ...]
+    reads: tuple[RecordingResult, ...]
 
     @property
     def curves(self) -> list[tuple[str, Curve]]:
@@ -157,7 +157,7 @@ def track(
         If there is no worker.
     """
     check_workers(workers)
-    found: dict[Path, Read] = {}
+    found: dict[Path, RecordingResult] = {}
     for done in results(partial(read_recording, how), paths, workers):
         read = done.result
         found[done.item] = without_result(done.item, read) if isinstance(read, Lost) else read
@@ -185,7 +185,7 @@ def _with_folders(history: History, paths: Sequence[Path], table: Mapping[str, L
     return replace(history, warnings=(warning, *history.warnings))
 
 
-def _once(reads: Sequence[Read]) -> list[Read]:
+def _once(reads: Sequence[RecordingResult]) -> list[RecordingResult]:
     """A recording that was sent twice counts once: the second is a warning without a measurement."""
     first: dict[str, Path] = {}
     found = []

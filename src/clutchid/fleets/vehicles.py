@@ -19,7 +19,7 @@ from clutchid.fleets.tracking import Limits, Tracked, table_of
 from clutchid.fleets.version import version_and_source
 from clutchid.recordings.files import atomic_write, make_folder, write_frame
 from clutchid.reports.fleet_page import fleet_page
-from clutchid.reports.fleet_values import Reason, VehicleRow
+from clutchid.reports.fleet_values import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page
 from clutchid.reports.wear_text import alarm_words
 from clutchid.wear.history import arranged
@@ -41,14 +41,14 @@ _LONGEST_NAME = 120
 _LONGEST = 160
 
 
-class Vehicle(NamedTuple):
+class FleetVehicle(NamedTuple):
     """A vehicle of a fleet: its type, and its wear."""
 
     type: str
     tracked: Tracked
 
 
-def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, Limits]) -> Iterator[Vehicle]:
+def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, Limits]) -> Iterator[FleetVehicle]:
     """The wear of every vehicle of a fleet, from its results.
 
     Parameters
@@ -63,10 +63,10 @@ def vehicles_of(fleet: Fleet, kept: Store, limits: Mapping[str, Limits]) -> Iter
         history = arranged([row.job.recording for row in rows], [read.clock for read in reads], table)
         kind = rows[0].job.type
         wear = wear_of(vehicle, history, [read.reading for read in reads], limits[kind].table, limits[kind].shift)
-        yield Vehicle(kind, Tracked(wear, tuple(reads[i] for i in history.order)))
+        yield FleetVehicle(kind, Tracked(wear, tuple(reads[i] for i in history.order)))
 
 
-def write_vehicles(vehicles: Iterable[Vehicle], command: str, out: Path, *, trends: bool) -> int:
+def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *, trends: bool) -> int:
     """Write the page of the fleet, and with `trends` the tables and pages of its vehicles; the number of vehicles.
 
     A vehicle's page is only made anew if something of it has changed.
@@ -105,7 +105,7 @@ def write_vehicles(vehicles: Iterable[Vehicle], command: str, out: Path, *, tren
 
 
 def _made(folder: Path) -> Mapping[str, str]:
-    """What the pages of an earlier run were made from."""
+    """Hashes of the content of an earlier run's pages."""
     try:
         found = json.loads((folder / MADE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -126,14 +126,14 @@ def _page_name(vehicle: str, taken: set[str]) -> str:
 
 
 def _same(name: str) -> str:
-    """What names of files have in common that are one on some systems: case, and how letters are composed."""
+    """Common form of file names that are one on some systems: they differ in case, or in composed letters."""
     return unicodedata.normalize("NFC", name).casefold()
 
 
 def _write_page(
     tracked: Tracked, table: object, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
-    """What the page of a vehicle is made from; made, unless it was made from the same."""
+    """Write the page of a vehicle, unless its content is that of before; hash of the content."""
     make_folder(out / PAGES)
     content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)  # type: ignore[attr-defined]
     digest = hashlib.sha256(content.encode()).hexdigest()
@@ -142,7 +142,7 @@ def _write_page(
     return digest
 
 
-def _row(one: Vehicle, page: str) -> VehicleRow:
+def _row(one: FleetVehicle, page: str) -> VehicleRow:
     """The state of a vehicle at its last recording."""
     wear = one.tracked.wear
     counted = sum(wear.counted)
@@ -184,7 +184,7 @@ def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) ->
             reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(dated.name)
 
 
-def _reasons(reasons: Mapping[tuple[str, str], Sequence[str]]) -> list[Reason]:
+def _reasons(reasons: Mapping[tuple[str, str], Sequence[str]]) -> list[ReasonCount]:
     """The most frequent first."""
-    found = [Reason(status, sentence, len(names), names[0]) for (status, sentence), names in reasons.items()]
+    found = [ReasonCount(status, sentence, len(names), names[0]) for (status, sentence), names in reasons.items()]
     return sorted(found, key=lambda one: -one.recordings)

@@ -1,4 +1,4 @@
-"""Which clutchid made a result: its version, and a hash of its sources, on which results depend."""
+"""Version of the clutchid that made a result, and a hash of its sources, on which results depend."""
 
 from __future__ import annotations
 

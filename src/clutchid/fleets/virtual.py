@@ -149,7 +149,7 @@ def _recorded(out: Path, seconds: float, visit: Visit) -> Row:
 
 
 def _truth(visit: Visit, vehicle: Vehicle) -> Row:
-    """What is true of a recording; `limit [mm]` is the shift of the half-load position at the end of the facing."""
+    """True values of a recording; `limit [mm]` is the shift of the half-load position at the end of the facing."""
     new = truck(visit.number, visit.family)
     at_rest, load = half_load(POSITIONS, true_load(new)), true_load(vehicle)
     end = aged(new, new.w_max, new.w_max * STROKES_A_METRE)

@@ -166,7 +166,7 @@ def name_and_unit(column: str) -> tuple[str, str]:
 
 
 def _wrong_edges(name: str, samples: Samples, has_column: bool) -> str:
-    """Why the edges of a column are refused, else nothing."""
+    """Reason to refuse the edges of a column, else nothing."""
     stamps, values = samples
     if not has_column or name not in INPUTS:
         return f"edges of '{name}': only the columns {' and '.join(INPUTS)} have them, and this log must have it."

@@ -1,4 +1,4 @@
-"""What the model variants share: symbols, named definitions, flows through the valves, and forces on the piston."""
+"""Common parts of the model variants: symbols, named definitions, flows through valves, forces on the piston."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def prepare(model: Model) -> Any:
 
 @cache
 def functions() -> ModuleType:
-    """What is made of the equations for all variants.
+    """Compiled functions of the equations of all variants.
 
     ``paper_table`` is the table of the load's basis, ``opening`` and ``passed_pulses`` those of the valves for arrays.
     """

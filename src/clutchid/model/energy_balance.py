@@ -6,7 +6,7 @@ from functools import cache
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, System, Table
+from clutchid.codegen.system import Expr, System, TabulatedFunction
 from clutchid.model.assembly import INPUTS, Book, friction_and_stops, gated, openings, spool_openings
 from clutchid.model.chambers import (
     heat_flow,
@@ -91,7 +91,7 @@ def energy_balance(stribeck: bool = False, proportional: bool = False) -> System
         parameters=b.all(*Parameters.names()),
         definitions=tuple(b.rows),
         derivatives=rates,
-        table=Table(b["f_l"], b["y"]),
+        table=TabulatedFunction(b["f_l"], b["y"]),
         measured=b.all("y_measured", "p_A_measured"),
         jumps=resets(b, states),
     )

@@ -1,4 +1,4 @@
-"""What an actuator consists of: chamber B, a supply valve, an exhaust valve, or one 3/2 valve in place of both."""
+"""Parts of an actuator: chamber B, a supply valve, an exhaust valve, or one 3/2 valve in place of both."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Equipment:
         return values | ({"C_ve": 0.0} if self.valves == "supply" else {})
 
     def missing(self, name: str) -> str:
-        """Why the parameter `name` means nothing here, in words; empty where it means something."""
+        """Reason why the parameter `name` has no meaning here, in words; empty where it has one."""
         rows = Parameters.rows()
         part = rows[name].part if name in rows else ""
         if not self.chamber_b and part == "chamber B":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from clutchid.codegen.system import Jump, System, Table
+from clutchid.codegen.system import Jump, System, TabulatedFunction
 from clutchid.model.assembly import Book, friction_and_stops, gated, openings
 from clutchid.model.chambers import pressure_rate, volume_a, volume_b
 from clutchid.model.motion import acceleration
@@ -63,7 +63,7 @@ def isothermal(stribeck: bool = False) -> System:
         parameters=b.all(*Parameters.names()),
         definitions=tuple(b.rows),
         derivatives=rates,
-        table=Table(b["f_l"], b["y"]),
+        table=TabulatedFunction(b["f_l"], b["y"]),
         measured=b.all("y_measured", "p_A_measured"),
         jumps=resets(b, STATES),
     )

@@ -1,4 +1,4 @@
-"""How a duty cycle opens a valve: averaged as in Section 2.4, and through the spool of a proportional valve."""
+"""Opening of a valve by a duty cycle: averaged as in Section 2.4, and through the spool of a proportional valve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the pulses of a carrier open an on/off valve, and how a sample averages them."""
+"""Opening of an on/off valve by the pulses of a carrier, and their average over a sample."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def pulse_share(u: Expr, R_0: Expr, R_1: Expr, a_0: Expr, e: Expr) -> Expr:
 
 
 def fall(u: Expr, a_0: Expr, e: Expr) -> Expr:
-    r"""How far an armature has fallen when the next pulse begins.
+    r"""Fall of an armature at the beginning of the next pulse.
 
     .. math:: h = \mathrm{sat}_{[0,1]} \frac{1 - a_0 - u}{e}
 

@@ -35,7 +35,7 @@ def _names(prefix: str, first: int, count: int) -> tuple[str, ...]:
 
 
 def in_metres(knots: Sequence[float], stroke: float = 0.0) -> str:
-    """What was probably meant by knots that are far beyond the stroke, because they are in mm.
+    """Hint for knots that are far beyond the stroke, probably because they are in mm.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Follow a recording stroke by stroke: what is known of the load and the parameters at the end of each."""
+"""Follow a recording stroke by stroke: load and parameters as estimated at the end of each."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from clutchid.observer.strokes import count_strokes
 STEP = 0.5e-3
 
 
-class Curve(NamedTuple):
+class ObservedLoad(NamedTuple):
     """The load in N at positions in m with its pointwise 95 % band, each (positions,)."""
 
     position: FloatArray
@@ -38,11 +38,11 @@ class Known(NamedTuple):
 
 
 class StrokeRow(NamedTuple):
-    """What is known at the end of a stroke: time in s, number of the stroke, load, and every weight and parameter."""
+    """Estimates at the end of a stroke: time in s, number of the stroke, load, and every weight and parameter."""
 
     time: float
     number: int
-    curve: Curve
+    curve: ObservedLoad
     known: dict[str, Known]
 
 
@@ -52,11 +52,11 @@ def positions(observer: Observer) -> FloatArray:
     return grid
 
 
-def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> Curve:
+def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> ObservedLoad:
     """The load as it is known in a state, at positions in m."""
     at = np.asarray(position, dtype=np.float64)
     force, half = observer.load(state).force(at), QUANTILE * observer.load_deviation(state, at)
-    return Curve(at, force, force - half, force + half)
+    return ObservedLoad(at, force, force - half, force + half)
 
 
 def known(observer: Observer, state: ObserverState) -> dict[str, Known]:

@@ -31,7 +31,7 @@ ROUNDING = 1e-9
 
 
 class Observed(NamedTuple):
-    """What an observer found in a block, by sample.
+    """Results of an observer in a block, by sample.
 
     `states` (n, states) in SI, NaN where no sample could be used; `deviations` (n, states) their standard deviations,
     NaN between corrections; `innovations` (n, 2) with their variances, NaN where nothing was corrected; `used` (n,)
@@ -89,7 +89,7 @@ def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[Obser
 
 
 def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
-    """What is subtracted from the recorded position in m, for shifts of the vented rest in m."""
+    """Value in m subtracted from the recorded position, for shifts of the vented rest in m."""
     return rest if observer.zero == "subtract" else np.zeros_like(rest)
 
 
@@ -101,7 +101,7 @@ def _rests(
     stretches: Sequence[tuple[int, int]],
     found: FloatArray,
 ) -> tuple[RestWatch, list[int]]:
-    """What is known of the vented rest after a block, and the samples at which its shift changes; fills `found`."""
+    """State of the vented rest after a block, and the samples at which its shift changes; fills `found`."""
     watch, moves = state.rest, list[int]()
     before = observer.calibration.rest if observer.calibration else None
     pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
@@ -126,7 +126,7 @@ def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverS
 
 
 def _nothing(observer: Observer, time: FloatArray) -> Observed:
-    """What is found in samples of which none can be used, to be filled."""
+    """Results of samples of which none can be used, to be filled."""
     n = time.size
     states = np.full((n, len(observer.actuator.states)), np.nan)
     flags = np.zeros((2, n), dtype=bool)

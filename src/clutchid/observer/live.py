@@ -99,7 +99,7 @@ def gone_on(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[Live
 
 
 def due(time: FloatArray, latest: float, every: float) -> NDArray[np.bool_]:
-    """Which samples of a block are published: the first in each interval of `every` seconds; all of them with 0.
+    """Mask of the samples that are published: the first in each interval of `every` seconds; all of them with 0.
 
     It depends on the stamps only, not on how a recording is cut into blocks.
 

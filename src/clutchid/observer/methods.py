@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from clutchid.errors import ParameterError
-from clutchid.inference.filter.rules import KALMAN, AdaptiveGains, Rule, adaptive_rule, balance_rule
+from clutchid.inference.filter.rules import KALMAN, AdaptiveGains, CorrectionRule, adaptive_rule, balance_rule
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -21,13 +21,15 @@ MODES = 12
 EVERY = 10
 
 
-def by_covariance(_actuator: Actuator, _free: Sequence[Coordinate], _root: FloatArray, _spacing: float) -> Rule:
+def by_covariance(
+    _actuator: Actuator, _free: Sequence[Coordinate], _root: FloatArray, _spacing: float
+) -> CorrectionRule:
     """The rule of the joint filter."""
     return KALMAN
 
 
-class Method(NamedTuple):
-    """Which parameters adapt, and how.
+class ObserverMethod(NamedTuple):
+    """Parameters that adapt, and the rule of their correction.
 
     `modes` is how many modes of the load adapt in place of its weights, None for the weights; `refused` says in a
     sentence why a method does not take an actuator; `every` are samples from one correction to the next at 1 kHz;
@@ -39,7 +41,7 @@ class Method(NamedTuple):
     modes: int | None = None
     refused: Callable[[Actuator], str | None] = lambda _: None
     every: int = EVERY
-    rule: Callable[[Actuator, Sequence[Coordinate], FloatArray, float], Rule] = by_covariance
+    rule: Callable[[Actuator, Sequence[Coordinate], FloatArray, float], CorrectionRule] = by_covariance
 
     @property
     def corrects_supply(self) -> bool:
@@ -68,7 +70,7 @@ def load(actuator: Actuator) -> tuple[str, ...]:
     return actuator.load.names
 
 
-def adaptive(actuator: Actuator, free: Sequence[Coordinate], root: FloatArray, spacing: float) -> Rule:
+def adaptive(actuator: Actuator, free: Sequence[Coordinate], root: FloatArray, spacing: float) -> CorrectionRule:
     """The rule of the adaptive observer."""
     return adaptive_rule(actuator, free, root, spacing, AdaptiveGains())
 
@@ -83,20 +85,20 @@ def _not_of_the_paper(actuator: Actuator) -> str | None:
     )
 
 
-def rls(actuator: Actuator, free: Sequence[Coordinate], _root: FloatArray, spacing: float) -> Rule:
+def rls(actuator: Actuator, free: Sequence[Coordinate], _root: FloatArray, spacing: float) -> CorrectionRule:
     """The rule of least squares on the balance of forces."""
     return balance_rule(actuator, len(free), spacing)
 
 
 #: Methods by name.
-METHODS: Mapping[str, Method] = MappingProxyType({
-    "joint": Method(joint), "joint-reduced": Method(joint, MODES), "states": Method(states),
-    "paper": Method(load, refused=_not_of_the_paper), "rls": Method(load, rule=rls),
-    "adaptive": Method(load, every=1, rule=adaptive),
+METHODS: Mapping[str, ObserverMethod] = MappingProxyType({
+    "joint": ObserverMethod(joint), "joint-reduced": ObserverMethod(joint, MODES), "states": ObserverMethod(states),
+    "paper": ObserverMethod(load, refused=_not_of_the_paper), "rls": ObserverMethod(load, rule=rls),
+    "adaptive": ObserverMethod(load, every=1, rule=adaptive),
 })  # fmt: skip
 
 
-def method_for(name: str, actuator: Actuator) -> Method:
+def method_for(name: str, actuator: Actuator) -> ObserverMethod:
     """The method of a name.
 
     Raises

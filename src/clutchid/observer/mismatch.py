@@ -1,4 +1,4 @@
-"""How much larger the innovations are than in the calibration recordings: whether a calibration still holds.
+"""Ratio of the innovations to those of the calibration recordings: whether a calibration still holds.
 
 The normalised innovation squared (NIS) of a filter that takes ten times the variance of its sensor is far below 1, and
 differs from truck to truck, so it is compared with that of the calibration recordings. It says that the model does not

@@ -1,4 +1,4 @@
-"""What the parameters of an observer are known to be before its first sample."""
+"""Prior of the parameters of an observer, before its first sample."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ def spacing(log: Log) -> float:
 
 
 def too_slow(log: Log, actuator: Actuator) -> str:
-    """Why a recording is too slow for an observer of a calibrated actuator, in a sentence; else nothing."""
+    """Reason why a recording is too slow for an observer of a calibrated actuator, in a sentence; else nothing."""
     if duties_in(log, actuator) is Duties.RECORDED:
         return ""
     return (
@@ -181,7 +181,7 @@ def usable(log: Log) -> bool:
 
 
 def no_sample(name: str) -> str:
-    """What is wrong with a recording that is not `usable`, in a sentence."""
+    """Fault of a recording that is not `usable`, in a sentence."""
     return f"{name}: no sample has a position and both duty cycles, all finite; there is nothing to observe."
 
 

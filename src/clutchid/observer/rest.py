@@ -113,7 +113,7 @@ def _believed(shift: float, before: VentedRest, now: VentedRest) -> float:
 
 
 def new_stretch(watch: RestWatch) -> RestWatch:
-    """What stays known after a hole, in which a sensor may have been exchanged: the shift, until a rest says else."""
+    """State after a hole, in which a sensor may have been exchanged: the shift stays until the next rest."""
     return RestWatch(shift=watch.shift)
 
 

@@ -1,4 +1,4 @@
-"""What an observer knows between two samples."""
+"""State of an observer between two samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from clutchid.observer.tail import Tail
 
 
 class RestWatch(NamedTuple):
-    """What is known of the vented rest between two samples.
+    """State of the vented rest between two samples.
 
     `shift` is how far in m it is taken to have moved since the calibration. `lowest` and `returned` are the levels in m
     of the stretch: the lowest, NaN before there is one, and the last ones after a stroke. `window` are the positions
@@ -37,7 +37,7 @@ NOTHING = RestWatch()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObserverState:
-    """What an observer knows between two samples.
+    """State of an observer between two samples.
 
     `theta` (k,) and `T` (k, k), a root of their covariance, are what is known of the parameters that adapt; `filter` is
     None before the first sample of a stretch. `deviations` (states,) are those of the last correction, NaN before it.

@@ -200,7 +200,7 @@ def _flag(section: Mapping[str, Any], name: str) -> bool:
 
 
 def _problems(observer: Observer, state: ObserverState) -> Iterator[str]:
-    """What no observer writes: values that are not finite, lengths that differ, values outside of their ranges."""
+    """Faults of a state: values that are not finite, lengths that differ, values outside of their ranges."""
     tail, rest, m = state.tail, state.rest, state.tail.time.size
     finite: dict[str, Any] = {
         "parameters": (state.theta, state.T),

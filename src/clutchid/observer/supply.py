@@ -35,7 +35,7 @@ def load_deviation(share: float, actuator: Actuator, load: Load, position: Float
 
 
 def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:
-    """How a calibration relates the supply pressure to a recorded one; None if it does not."""
+    """Ratio of the supply pressure to a recorded one by the calibration; None if it has none."""
     found = calibration.conditions if calibration else NOT_RECORDED
     if found.supply is None or found.supply_estimated is None or "p_S" not in actuator.states:
         return None
@@ -43,7 +43,7 @@ def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | N
 
 
 def unused_supply(log: Log, actuator: Actuator, calibration: Calibration | None) -> str:
-    """Why the supply pressure that a recording has is not used, in a sentence; else nothing."""
+    """Reason why the supply pressure of a recording is not used, in a sentence; else nothing."""
     recorded = log.columns.get("pressure_supply", np.zeros(0))
     if not np.isfinite(recorded).any() or "p_S" not in actuator.states or supply_of(actuator, calibration):
         return ""

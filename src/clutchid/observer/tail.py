@@ -65,7 +65,7 @@ def usable_positions(position: FloatArray) -> Mask:
 
 
 def measured_values(samples: Tail, usable: Mask, supply: float | None) -> FloatArray:
-    """What the filter compares with, NaN for none: the position, and the supply pressure if a ratio of it is given.
+    """Measured values of the filter, NaN for none: the position, and the supply pressure if a ratio of it is given.
 
     It counts while no valve is open, when it is the same in the vehicle's reservoir and before the valve.
 

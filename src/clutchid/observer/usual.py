@@ -1,4 +1,4 @@
-"""What is usual in the calibration recordings, to compare others with."""
+"""Usual values of the calibration recordings, to compare others with."""
 
 from __future__ import annotations
 

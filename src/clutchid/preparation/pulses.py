@@ -51,7 +51,7 @@ FindPhase = Callable[[Log, Actuator], float]
 
 
 class Duties(Enum):
-    """What a recording has of the duty cycles: every change, those of periods, those at samples, or too few."""
+    """Duty cycles in a recording: every change, those of periods, those at samples, or too few."""
 
     RECORDED, LATCHED, INTERPOLATED, UNKNOWN = range(4)
 
@@ -106,7 +106,7 @@ def find_phase(log: Log, actuator: Actuator) -> float:
 
 
 def duties_in(log: Log, actuator: Actuator) -> Duties:
-    """What a recording has of the duty cycles of a calibrated `actuator`.
+    """Duty cycles of a calibrated `actuator` in a recording.
 
     Raises
     ------

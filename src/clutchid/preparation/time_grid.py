@@ -187,7 +187,7 @@ def _starts(time: FloatArray, period: float, first: float) -> FloatArray:
 
 
 def _apart(breaks: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
-    """Which `breaks` lie within `time` and no closer to its stamps than `SHORTEST_STEP`, nor in a hole."""
+    """Mask of the `breaks` within `time`, no closer to its stamps than `SHORTEST_STEP`, nor in a hole."""
     after = np.searchsorted(time, breaks).clip(1, time.size - 1)
     inside = (breaks - time[after - 1] > SHORTEST_STEP) & (time[after] - breaks > SHORTEST_STEP)
     gaps = np.diff(time)

@@ -1,4 +1,4 @@
-"""How a worker and the process that started it talk: messages of parts, each part so many bytes.
+"""Messages between a worker and the process that started it: parts, each of so many bytes.
 
 What the bytes mean is up to who asks and who answers. Nothing is copied on the way but into the pipe and out of it.
 """

@@ -194,7 +194,7 @@ def _result(kind: str, found: Any) -> Any:
 
 
 def _lost(ended: Ended, limits: Limits) -> Lost:
-    """How work was lost, for people."""
+    """Loss of work, in words."""
     if ended.why == "time":
         return Lost("timed_out", f"took longer than {limits.seconds:g} s; allow more with --timeout.")
     if ended.why == "memory":

@@ -1,4 +1,4 @@
-"""What runs in a worker process: a service that answers the questions of the process that started it."""
+"""Worker process: a service that answers the questions of the process that started it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _nothing() -> None:
 
 
 class Service(NamedTuple):
-    """What a worker does: `answer` a question, and what it does after each answer, while nobody waits."""
+    """Service of a worker: `answer` a question, and work after each answer, while nobody waits."""
 
     answer: Callable[[Parts], Parts]
     afterwards: Callable[[], None] = _nothing

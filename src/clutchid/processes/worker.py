@@ -35,7 +35,7 @@ _START = (
 
 
 class Limits(NamedTuple):
-    """What one answer may take: time in s, and memory of the process in bytes; 0 for no limit."""
+    """Limits of one answer: time in s, and memory of the process in bytes; 0 for no limit."""
 
     seconds: float = 0.0
     memory: int = 0
@@ -191,7 +191,7 @@ def _collect(stream: IO[bytes], answers: queue.Queue[list[bytearray] | None]) ->
 
 
 def _ending(code: int) -> str:
-    """How a process ended, in words."""
+    """End of a process, in words."""
     if code >= 0 or os.name != "posix":
         return f"exit code {code}"
     try:

@@ -35,7 +35,7 @@ def since_calibration(fit: Fit) -> list[str]:
 
 
 def assumed_sentences(fit: Fit) -> list[str]:
-    """What is assumed of the conditions of the recordings, and what the supply pressure is worth."""
+    """Assumptions on the conditions of the recordings, and the worth of the supply pressure."""
     return [_assumed(one, supply_worth(fit), len(fit.recordings)) for one in fit.assumed]
 
 

@@ -17,11 +17,11 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray
 from clutchid.reports.changes import assumed_sentences, since_calibration
 from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, svg
-from clutchid.reports.html import Block, Bullets, Notice, Picture, Section, Text, escape
+from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text, escape
 from clutchid.reports.load_tables import STEP
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.reports.summary import POSITIONS, of_the_paper
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,14 +38,14 @@ _CAPTION = (
 )
 
 
-def comparison_sections(fit: Fit) -> list[Section]:
-    """What has changed since the calibration; without one, that the truck of the paper is assumed.
+def comparison_sections(fit: Fit) -> list[PageSection]:
+    """Changes since the calibration; without one, that the truck of the paper is assumed.
 
     Several recordings have a table of their readings one by one.
     """
     if fit.baseline is None:
         assumed = fit.status != "failed" and fit.calibration is None and of_the_paper(fit)
-        return [Section("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
+        return [PageSection("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
     found = comparison(fit)
     sentences = since_calibration(fit) or ["Besides the load no change was found."]
     sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
@@ -59,7 +59,7 @@ def comparison_sections(fit: Fit) -> list[Section]:
         blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
     if fit.readings:
         blocks.append(readings_table(fit.readings))
-    return [Section("New against worn", tuple(blocks) if found is not None else (*blocks, changed))]
+    return [PageSection("New against worn", tuple(blocks) if found is not None else (*blocks, changed))]
 
 
 def _baseline(baseline: Calibration) -> str:
@@ -125,7 +125,7 @@ def _band(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: 
     axis.fill_between(x, low, high, where=known.tolist(), color=colour, alpha=0.2, linewidth=0)
 
 
-def change_table(found: Comparison) -> Table:
+def change_table(found: Comparison) -> ReportTable:
     """Both loads and their difference in N and % at every millimetre within the reach."""
     columns = (
         Column("position [m]", "position [mm]", MM, 0), Column("calibrated [N]", "calibrated [N]", 1.0, 0),
@@ -137,10 +137,10 @@ def change_table(found: Comparison) -> Table:
     for position in np.arange(STEP, found.reach + 1e-9, STEP):
         both = (float(np.interp(position, curve.position, curve.force)) for curve in (found.calibrated, found.present))
         rows.append((float(position), *both, *found.at(float(position))))
-    return Table("Load at the calibration and now", columns, tuple(rows), note="Intervals at 95 %.")
+    return ReportTable("Load at the calibration and now", columns, tuple(rows), note="Intervals at 95 %.")
 
 
-def readings_table(readings: Mapping[str, Fit]) -> Table:
+def readings_table(readings: Mapping[str, Fit]) -> ReportTable:
     """Each recording read alone: half-load position, change of the load, other changes, and trust."""
     group = "change of the load"
     columns = (
@@ -159,4 +159,4 @@ def readings_table(readings: Mapping[str, Fit]) -> Table:
             share = found.at(6 * MM).share if found.reach >= 6 * MM else None
             rows.append((name, verdict(one).trust, *halves, *changes, share, others))
     note = "Each recording alone against the calibration; the result above has one load for all of them."
-    return Table("The recordings one by one", columns, tuple(rows), note=note)
+    return ReportTable("The recordings one by one", columns, tuple(rows), note=note)

@@ -13,7 +13,7 @@ from clutchid.estimation.assess.verdict import Verdict
 from clutchid.reports.diagnosis_figures import SHOWN, colour_figure, region_figure
 from clutchid.reports.figures import png
 from clutchid.reports.html import Block, Bullets, Details, Notice, Picture, Text, escape
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 
 _BOX: Mapping[str, Literal["ok", "warning", "failed"]] = {"good": "ok", "with care": "warning", "none": "failed"}
 
@@ -30,7 +30,7 @@ def verdict_blocks(judged: Verdict, names: Collection[str] = ()) -> list[Block]:
 
 
 def information_blocks(fit: Fit, found: Evidence) -> list[Block]:
-    """What the data determine, missing excitation, and the recommended recording."""
+    """Identifiability, missing excitation, and the recommended recording."""
     sentences = [*fit.notes, *found.missing]
     blocks: list[Block] = [Bullets(tuple(escape(_capital(sentence)) for sentence in sentences))] if sentences else []
     if not found.missing:
@@ -53,7 +53,7 @@ def _proposal(fit: Fit) -> str:
         return ""
 
 
-def diagnosis_table(found: Evidence) -> Table:
+def diagnosis_table(found: Evidence) -> ReportTable:
     """Fit in %, errors and number of independent samples of every recording."""
     columns = (
         Column("recording", "recording"), Column("column", "of"), Column("fit_percent [1]", "fit [%]", 1.0, 1),
@@ -76,7 +76,7 @@ def diagnosis_table(found: Evidence) -> Table:
         "The fit is 100 % for an exact simulation and 0 % for one that is as good as the mean. Over 1 s: simulated for "
         "a second at a time from the measured position."
     )
-    return Table("Residuals, measured less simulated", columns, tuple(rows), note=note)
+    return ReportTable("Residuals, measured less simulated", columns, tuple(rows), note=note)
 
 
 def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:

@@ -26,13 +26,13 @@ from clutchid.reports.diagnosis_page import (
 )
 from clutchid.reports.figures import png, svg
 from clutchid.reports.fit_figures import load_figure, recording_figure
-from clutchid.reports.html import Block, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, escape, render
 from clutchid.reports.parameter_page import parameter_blocks
 from clutchid.reports.pressure_span import reliable
 from clutchid.reports.provenance import provenance
 from clutchid.reports.style import BAR, MM
 from clutchid.reports.summary import other_warnings
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 
 #: Greatest number of fitted, and of verified, recordings with figures; the others are in the tables.
 MAX_DRAWN = 3
@@ -72,12 +72,12 @@ def page_of(fit: Fit, command: str) -> Page:
     logs = [r.measured for r in (*fit.recordings.values(), *fit.verification.values())]
     names = ", ".join(fit.recordings) or "no recording"
     found = evidence(fit)
-    sections = [Section("Result", _result(fit)), *comparison_sections(fit)]
+    sections = [PageSection("Result", _result(fit)), *comparison_sections(fit)]
     if found.diagnoses:
-        sections.append(Section("What the data determine", tuple(information_blocks(fit, found))))
-    sections.append(Section("Parameters", parameter_blocks(fit)))
+        sections.append(PageSection("What the data determine", tuple(information_blocks(fit, found))))
+    sections.append(PageSection("Parameters", parameter_blocks(fit)))
     if fit.recordings:
-        sections.append(Section("Errors", _errors(fit, found)))
+        sections.append(PageSection("Errors", _errors(fit, found)))
         sections += _drawn(fit, found, fit.recordings, "fitted")
     sections += _drawn(fit, found, fit.verification, "verified, not fitted")
     return Page(f"Clutch load from {names}", _subtitle(fit), tuple(sections), provenance(logs, command))
@@ -150,7 +150,7 @@ def _half_sentence(fit: Fit) -> str:
     return f" It passes half of that at {at.position / MM:.2f} mm{interval}."
 
 
-def error_table(fit: Fit) -> Table:
+def error_table(fit: Fit) -> ReportTable:
     """Rms errors and sums of squares of each recording, fitted and verified."""
     columns = (
         Column("recording", "recording"), Column("use", "use"),
@@ -169,7 +169,7 @@ def error_table(fit: Fit) -> Table:
         which = "those within windows of 0.1 s" if fit.method == "shooting" else "one-sample prediction errors"
         how = "multiple shooting" if fit.method == "shooting" else "prediction error"
         note += f" For {how} they are {which}; a verified recording is simulated as a whole."
-    return Table("Simulation against measurement", columns, tuple(rows), (rule,), note)
+    return ReportTable("Simulation against measurement", columns, tuple(rows), (rule,), note)
 
 
 def _cells(errors: Errors) -> tuple[Cell, ...]:
@@ -186,7 +186,7 @@ def _errors(fit: Fit, found: Evidence) -> tuple[Block, ...]:
     return (error_table(fit), *([diagnosis_table(found)] if found.diagnoses else []), divided)
 
 
-def _drawn(fit: Fit, found: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Section]:
+def _drawn(fit: Fit, found: Evidence, recordings: Mapping[str, Recording], use: str) -> list[PageSection]:
     """A section for each recording; of many, only those with the poorest fit."""
     names = list(recordings)
     if len(names) > MAX_DRAWN:
@@ -196,11 +196,11 @@ def _drawn(fit: Fit, found: Evidence, recordings: Mapping[str, Recording], use: 
     if len(names) < len(recordings):
         rest = f"{len(recordings) - len(names)} more ({use})"
         words = f"The {len(names)} recordings with the poorest fit are drawn; the others are in the table of errors."
-        sections.append(Section(rest, (Text(words),)))
+        sections.append(PageSection(rest, (Text(words),)))
     return sections
 
 
-def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidence) -> Section:
+def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidence) -> PageSection:
     e = recording.errors
     rms = e.pressure_a_rms
     fitted = use == "fitted"
@@ -223,7 +223,7 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, found: Evidenc
     start = Text(f"Simulated from position and pressure at the start: {starts}{more}.")
     residuals = residual_blocks(fit, found.diagnoses[name]) if fitted and name in found.diagnoses else ()
     pictures = [Picture(png(recording_figure(as_measured, span)), caption, alt), *_detail(as_measured, span, alt)]
-    return Section(f"{name} ({use})", (*pictures, start, *residuals))
+    return PageSection(f"{name} ({use})", (*pictures, start, *residuals))
 
 
 def _detail(recording: Recording, span: NDArray[np.bool_] | None, alt: str) -> list[Picture]:

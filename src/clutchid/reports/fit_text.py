@@ -24,13 +24,13 @@ def errors_text(errors: Errors) -> str:
 
 
 def errors_words(fit: Fit) -> str:
-    """What the errors of a fit are, to follow them: simulated as a whole, in windows, or one sample ahead."""
+    """Kind of the errors of a fit, to follow them: simulated as a whole, in windows, or one sample ahead."""
     words = {"shooting": " over windows of 0.1 s", "prediction-error": ", predicted one sample ahead"}
     return words.get(fit.method, ", simulated")
 
 
 def fit_text(fit: Fit, columns: int = 80) -> str:
-    """What a summary leaves out: how the search ended, all parameters, errors of all recordings, and notes.
+    """Details that a summary leaves out: end of the search, all parameters, errors of all recordings, and notes.
 
     Sentences are wrapped at a width in columns.
     """

@@ -93,7 +93,7 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 
 def _outside(values: FloatArray, low: float, high: float) -> str:
-    """How many vehicles are not drawn, in words."""
+    """Number of vehicles that are not drawn, in words."""
     below, above = int(np.sum(values < low)), int(np.sum((values > high) & np.isfinite(values)))
     endless, unknown = int(np.sum(np.isposinf(values))), int(np.sum(np.isnan(values)))
     counts = {"below": below, "above": above, "with no end in sight": endless, "unknown": unknown}

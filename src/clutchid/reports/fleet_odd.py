@@ -36,7 +36,7 @@ MARKS = {
 }
 
 
-class Odd(NamedTuple):
+class OddVehicle(NamedTuple):
     """A vehicle that stands out by one of MARKS, why, and how much, to sort them by."""
 
     vehicle: VehicleRow
@@ -45,20 +45,20 @@ class Odd(NamedTuple):
     score: float
 
 
-def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Odd]:
+def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
     """By mark, the oddest first; a vehicle has a row for each mark.
 
     A rate is odd where its robust z score among the vehicles of its type is beyond ODD_SCORE: from their median and
     median absolute deviation, which the odd ones hardly change.
     """
-    alarmed = [Odd(one, "alarm", " ".join(map(_sentence, one.alarms)), len(one.alarms)) for one in vehicles]
-    few = [Odd(one, "few readings", _few(one), one.recordings - one.counted) for one in vehicles if _misses(one)]
+    alarmed = [OddVehicle(one, "alarm", " ".join(map(_sentence, one.alarms)), len(one.alarms)) for one in vehicles]
+    few = [OddVehicle(one, "few readings", _few(one), one.recordings - one.counted) for one in vehicles if _misses(one)]
     found = [*(odd for odd in alarmed if odd.score), *_odd_rates(vehicles, spans), *few]
     marks = list(MARKS)
     return sorted(found, key=lambda odd: (marks.index(odd.mark), -abs(odd.score)))
 
 
-def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Odd]:
+def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
     groups: dict[tuple[str, str, bool], list[VehicleRow]] = defaultdict(list)
     for one in vehicles:
         if np.isfinite(one.rate):
@@ -78,7 +78,7 @@ def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Odd]:
                     f"{rate / MM:.3f} mm per {spans.rate_words}; the median {others} is {median / MM:.3f} mm; robust "
                     f"z score {'+' if score > 0 else '−'}{abs(score):.1f}."
                 )
-                found.append(Odd(one, "fast" if score > 0 else "slow", reason, float(score)))
+                found.append(OddVehicle(one, "fast" if score > 0 else "slow", reason, float(score)))
     return found
 
 

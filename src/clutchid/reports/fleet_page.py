@@ -11,10 +11,10 @@ import numpy as np
 from clutchid.recordings.files import write_text
 from clutchid.reports.figures import svg
 from clutchid.reports.fleet_figures import distribution_figure
-from clutchid.reports.fleet_odd import MARKS, ODD_AT_LEAST, ODD_SCORE, Odd, odd_vehicles
+from clutchid.reports.fleet_odd import MARKS, ODD_AT_LEAST, ODD_SCORE, OddVehicle, odd_vehicles
 from clutchid.reports.fleet_tables import all_table, odd_tables, reasons_table, types_table, worst_table
 from clutchid.reports.fleet_values import (
-    Reason,
+    ReasonCount,
     Spans,
     VehicleRow,
     has_reading,
@@ -22,18 +22,18 @@ from clutchid.reports.fleet_values import (
     quantity_of,
     spans_of,
 )
-from clutchid.reports.html import Block, Notice, Page, Picture, Section, Sortable, Text, escape, render
+from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Sortable, Text, escape, render
 from clutchid.reports.provenance import provenance
 from clutchid.reports.style import MM
 
 #: Vehicles below which the range of all is said in place of that of nine in ten.
 FEW = 20
 
-__all__ = ["Reason", "VehicleRow", "fleet_page", "page_of"]
+__all__ = ["ReasonCount", "VehicleRow", "fleet_page", "page_of"]
 
 
 def fleet_page(
-    vehicles: Sequence[VehicleRow], reasons: Sequence[Reason], command: str, path: str | PathLike[str]
+    vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str, path: str | PathLike[str]
 ) -> None:
     """Write the page of a fleet as one self-contained HTML file, which leads to the pages of its vehicles.
 
@@ -50,20 +50,20 @@ def fleet_page(
     write_text(render(page_of(vehicles, reasons, command)), path)
 
 
-def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[Reason], command: str) -> Page:
+def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str) -> Page:
     """The page before it is rendered."""
     spans = spans_of(vehicles)
     odd = odd_vehicles(vehicles, spans)
     known = any(map(has_reading, vehicles))
-    sections = [Section("Wear", _wear(vehicles, spans))]
+    sections = [PageSection("Wear", _wear(vehicles, spans))]
     if known:
         limited = any(not np.isnan(one.left) for one in vehicles)
         heading = "Soonest at their limit" if limited else "Most worn"
-        sections.append(Section(heading, (worst_table(vehicles, spans),)))
-    sections.append(Section("Odd vehicles", _odd(odd)))
-    sections.append(Section("Recordings that do not count", _failures(reasons)))
+        sections.append(PageSection(heading, (worst_table(vehicles, spans),)))
+    sections.append(PageSection("Odd vehicles", _odd(odd)))
+    sections.append(PageSection("Recordings that do not count", _failures(reasons)))
     if vehicles:
-        sections.append(Section("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
+        sections.append(PageSection("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
     return Page("Wear of a fleet", _subtitle(vehicles), tuple(sections), provenance([], command))
 
 
@@ -104,7 +104,7 @@ def _spread(known: Sequence[VehicleRow]) -> str:
     return f"The median {name} is {median} mm; {'all' if few else 'nine of ten'} are between {low} and {high} mm."
 
 
-def _odd(odd: Sequence[Odd]) -> tuple[Block, ...]:
+def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
     if not odd:
         return (Notice("No vehicle stands out.", "ok"),)
     counts = Counter(one.mark for one in odd)
@@ -118,7 +118,7 @@ def _odd(odd: Sequence[Odd]) -> tuple[Block, ...]:
     return Text(f"All of them, in the table of all vehicles: {links}. {rule}"), *odd_tables(odd)
 
 
-def _failures(reasons: Sequence[Reason]) -> tuple[Block, ...]:
+def _failures(reasons: Sequence[ReasonCount]) -> tuple[Block, ...]:
     return (reasons_table(reasons),) if reasons else (Notice("Every recording counts.", "ok"),)
 
 

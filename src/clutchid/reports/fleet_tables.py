@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from clutchid.names import printable
-from clutchid.reports.fleet_odd import MARKS, Odd
+from clutchid.reports.fleet_odd import MARKS, OddVehicle
 from clutchid.reports.fleet_values import (
-    Reason,
+    ReasonCount,
     Spans,
     VehicleRow,
     has_reading,
@@ -22,14 +22,14 @@ from clutchid.reports.fleet_values import (
 )
 from clutchid.reports.link import Link
 from clutchid.reports.style import MM
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 from clutchid.wear.settings import LIFE
 
 #: Rows of the tables of the worst, of one kind of the odd, of types and of reasons, at most.
 WORST, ODD, TYPES, REASONS = 20, 12, 30, 40
 
 
-def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
+def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     """The vehicles with the least left, then the most worn ones; first what is left, by which they are sorted."""
     known = sorted(filter(has_reading, vehicles), key=_worst)[:WORST]
     quantities = _quantities(known)
@@ -45,12 +45,12 @@ def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
         )
         for one in known
     ]  # fmt: skip
-    return Table(
+    return ReportTable(
         f"The worst {len(known)} of {len(vehicles):,} vehicles", tuple(columns), tuple(rows), note=_note(spans)
     )
 
 
-def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[Odd], spans: Spans) -> Table:
+def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: Spans) -> ReportTable:
     """Every vehicle, by name."""
     marks: dict[int, list[str]] = defaultdict(list)
     for each in odd:
@@ -76,10 +76,10 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[Odd], spans: Spans) 
         )
         for one in ordered
     ]  # fmt: skip
-    return Table("All vehicles", tuple(columns), tuple(rows), note=_note(spans))
+    return ReportTable("All vehicles", tuple(columns), tuple(rows), note=_note(spans))
 
 
-def odd_tables(odd: Sequence[Odd]) -> list[Table]:
+def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
     """The oddest vehicles and why, a table a mark."""
     columns = (Column("vehicle", "vehicle"), Column("type", "type"), Column("reason", "why"))
     found = []
@@ -88,12 +88,12 @@ def odd_tables(odd: Sequence[Odd]) -> list[Table]:
         rows = tuple((_link(one.vehicle), printable(one.vehicle.type), one.reason) for one in members[:ODD])
         number = f"{len(rows)} of {len(members):,}" if len(members) > ODD else f"{len(rows)}"
         if rows:
-            found.append(Table(f"{mark[:1].upper()}{mark[1:]}, {meaning}: {number}", columns, rows))
+            found.append(ReportTable(f"{mark[:1].upper()}{mark[1:]}, {meaning}: {number}", columns, rows))
     return found
 
 
-def reasons_table(reasons: Sequence[Reason]) -> Table:
-    """Why recordings do not count, the most frequent reason first."""
+def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
+    """Reasons why recordings do not count, the most frequent first."""
     columns = (
         Column("status", "status"), Column("recordings", "recordings", decimals=0), Column("reason", "reason"),
         Column("example", "for example"),
@@ -103,10 +103,10 @@ def reasons_table(reasons: Sequence[Reason]) -> Table:
     rest = ordered[REASONS:]
     more = f"{len(rest):,} rarer reasons, of {sum(one.recordings for one in rest):,} recordings, are left out here."
     total = sum(reason.recordings for reason in reasons)
-    return Table(f"{total:,} recordings by reason", columns, tuple(rows), note=more if rest else "")
+    return ReportTable(f"{total:,} recordings by reason", columns, tuple(rows), note=more if rest else "")
 
 
-def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
+def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     """A row a type of vehicle: how many, and how wear, its rate and what is left are distributed."""
     name = quantity_of(vehicles)
     groups: dict[str, list[VehicleRow]] = defaultdict(list)
@@ -132,7 +132,7 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> Table:
         for type_, members in largest[:TYPES]
     ]  # fmt: skip
     more = f"{len(largest) - TYPES:,} smaller types are left out here." if len(largest) > TYPES else ""
-    return Table("By type, with quantiles over its vehicles", columns, tuple(rows), note=more)
+    return ReportTable("By type, with quantiles over its vehicles", columns, tuple(rows), note=more)
 
 
 def _worst(one: VehicleRow) -> tuple[float, float, float, float]:
@@ -196,7 +196,7 @@ def _left_cells(one: VehicleRow, vehicles: Sequence[VehicleRow], spans: Spans) -
 
 
 def _note(spans: Spans) -> str:
-    """What signs mean, and lives as long as forecasts and shares of a life take them to be."""
+    """Meaning of the signs, and the lengths of life that forecasts and shares of a life assume."""
     lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
     return f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
 

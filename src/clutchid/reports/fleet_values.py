@@ -1,4 +1,4 @@
-"""What the page of a fleet is made from: a row a vehicle, and why recordings have no result."""
+"""Values of the page of a fleet: a row a vehicle, and reasons why recordings have no result."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class VehicleRow(NamedTuple):
     limit: float = float("nan")
 
 
-class Reason(NamedTuple):
-    """Why recordings have no result: their status, a sentence without names or numbers, how many, and one of them."""
+class ReasonCount(NamedTuple):
+    """Recordings without result: status, reason as a sentence without names or numbers, how many, one of them."""
 
     status: str
     sentence: str
@@ -58,7 +58,7 @@ class Reason(NamedTuple):
 
 
 class Spans(NamedTuple):
-    """What rates and what is left are given in: by axis how many strokes, km and so on, and in words."""
+    """Units of rates and of what is left: by axis how many strokes, km and so on, and in words."""
 
     rate: Mapping[str, float]
     rate_words: str
@@ -90,7 +90,7 @@ def rate_shown(one: VehicleRow, spans: Spans) -> float:
 
 
 def left_shown(one: VehicleRow, spans: Spans) -> tuple[float, float, float]:
-    """What is left in the unit of the page: 5 %, 50 %, 95 %."""
+    """Remaining life in the unit of the page: 5 %, 50 %, 95 %."""
     span = spans.left.get(one.axis, np.nan)
     return one.left_low / span, one.left / span, one.left_high / span
 
@@ -102,7 +102,7 @@ def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | 
 
 
 def quantity_of(vehicles: Sequence[VehicleRow]) -> str:
-    """What ends the life: wear where that of a vehicle is known, else shift."""
+    """Quantity that ends the life: wear where that of a vehicle is known, else shift."""
     return "wear" if any(np.isfinite(one.wear) for one in vehicles) else "shift"
 
 

@@ -11,7 +11,7 @@ from html import escape
 from typing import Literal
 
 from clutchid.reports.link import Link
-from clutchid.reports.tables import Table, to_html
+from clutchid.reports.tables import ReportTable, to_html
 
 __all__ = [
     "Block",
@@ -19,8 +19,8 @@ __all__ = [
     "Details",
     "Notice",
     "Page",
+    "PageSection",
     "Picture",
-    "Section",
     "Sortable",
     "Text",
     "escape",
@@ -87,14 +87,20 @@ class Sortable:
     All rows are in the page, so it can be read, searched and printed where no script runs.
     """
 
-    table: Table
+    table: ReportTable
 
 
-Block = Text | Bullets | Notice | Picture | Table | Sortable | Details
+Block = Text | Bullets | Notice | Picture | ReportTable | Sortable | Details
+
+#: Blocks as the template calls them.
+_KINDS: dict[type[Block], str] = {
+    Text: "text", Bullets: "bullets", Notice: "notice", Picture: "picture", ReportTable: "table", Sortable: "sortable",
+    Details: "details",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class PageSection:
     """A heading in plain text and its content."""
 
     heading: str
@@ -107,7 +113,7 @@ class Page:
 
     title: str
     subtitle: str
-    sections: tuple[Section, ...]
+    sections: tuple[PageSection, ...]
     provenance: Mapping[str, str] = field(default_factory=dict)
     home: Link | None = None
 
@@ -132,7 +138,7 @@ def render(page: Page) -> str:
 
 
 def _policy(script: str) -> str:
-    """What a page may load and run: its own styles and pictures, and this script alone, by its hash."""
+    """Content policy of a page: its own styles and pictures, and this script alone, by its hash."""
     allowed = [
         "default-src 'none'",
         "img-src data:",
@@ -147,4 +153,4 @@ def _policy(script: str) -> str:
 
 
 def _kind(block: Block) -> str:
-    return type(block).__name__.lower()
+    return _KINDS[type(block)]

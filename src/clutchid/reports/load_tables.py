@@ -6,13 +6,13 @@ import numpy as np
 
 from clutchid.estimation import LoadCurve
 from clutchid.reports.style import MM
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 
 #: Step of the positions in a table of the load in m.
 STEP = 1e-3
 
 
-def load_table(curve: LoadCurve, reach: float) -> Table:
+def load_table(curve: LoadCurve, reach: float) -> ReportTable:
     """The load and its band on a grid of positions up to the reach in m."""
     columns = (
         Column("position [m]", "position [mm]", MM, 0), Column("force [N]", "load [N]", 1.0, 0),
@@ -24,4 +24,4 @@ def load_table(curve: LoadCurve, reach: float) -> Table:
     for position in np.arange(0.0, last + 1e-9, STEP):
         values = (np.interp(position, curve.position, y) for y in (curve.force, curve.low, curve.high))
         rows.append((float(position), *(float(value) for value in values)))
-    return Table("Load over position", columns, tuple(rows), note="Up to the reach of the recordings.")
+    return ReportTable("Load over position", columns, tuple(rows), note="Up to the reach of the recordings.")

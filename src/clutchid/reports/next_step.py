@@ -1,4 +1,4 @@
-"""What to do after a fit, as a command that can be pasted."""
+"""Next step after a fit, as a command that can be pasted."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Command:
 
 
 def next_step(fit: Fit, command: Command) -> tuple[str, str]:
-    """Why, and the command: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
+    """Reason and command: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
 
     Parameters
     ----------

@@ -74,23 +74,23 @@ def _displayed(figure: Figure) -> Figure:
 
 
 def log_html(log: Log) -> str:
-    """What a log is, and its figure."""
+    """Summary of a log, and its figure."""
     return _html(repr(log), log_figure(log))
 
 
 def simulation_html(simulation: Simulation) -> str:
-    """What a simulation is, and its figure."""
+    """Summary of a simulation, and its figure."""
     return _html(repr(simulation), log_figure(simulation.log))
 
 
 def fit_html(fit: Fit) -> str:
-    """What a fit found, and its load; a failed fit has no load."""
+    """Summary of a fit, and its load; a failed fit has no load."""
     drawn = fit.status != "failed" and np.isfinite(fit.load_curve.force).any()
     return _html(printed_fit(fit), fit_figure(fit) if drawn else None)
 
 
 def printed_fit(fit: Fit) -> str:
-    """What `repr` has, with the verdict behind its first line."""
+    """Text of `repr`, with the verdict behind its first line."""
     from clutchid.estimation.assess.verdict import verdict
 
     first, *rest = repr(fit).splitlines()

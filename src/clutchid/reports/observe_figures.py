@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.estimation.assess.engaging import ENGAGING
 from clutchid.log import HOLE, FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import Curve, curve, positions
+from clutchid.observer.by_stroke import ObservedLoad, curve, positions
 from clutchid.observer.recording import ObservedRecording
 from clutchid.reports.figures import BINS, draw, fill, label, legend, mark_span, new_figure
 from clutchid.reports.observe_text import Loads
@@ -70,12 +70,12 @@ def strokes_figure(run: ObservedRecording) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
     grid = positions(run.observer)
-    curves: list[Curve] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
+    curves: list[ObservedLoad] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
     number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
     places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
     figure, axes = new_figure([1.25] * len(places))
     for axis, at in zip(axes, places, strict=True):
-        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in Curve._fields[1:])
+        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in ObservedLoad._fields[1:])
         fill(axis, number, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
         draw(axis, number, force, Line(STYLE.blue, "load", 1.6))
         axis.plot(number, force, "o", color=STYLE.blue, markersize=2.8)

@@ -13,11 +13,11 @@ from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
 from clutchid.reports.figures import png, svg
-from clutchid.reports.html import Block, Details, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, escape, render
 from clutchid.reports.observe_figures import loads_figure, samples_figure, strokes_figure
 from clutchid.reports.observe_text import load_sentence, loads
 from clutchid.reports.provenance import provenance
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 
 _AFTER = "after the recording"
 _MEANINGS = {**FLAGS, **LIVE_FLAGS}
@@ -62,11 +62,11 @@ def page_of(run: ObservedRecording, origin: Origin, command: str) -> Page:
     """The page before it is rendered."""
     name = escape(run.log.name)
     sections = [
-        Section("Load before and after", _result(run)),
-        Section("Load by stroke", _by_stroke(run)),
-        Section("Samples", (Picture(png(samples_figure(run)), f"{name}. {_SAMPLES}", "Samples over time"),)),
-        Section("Parameters", _parameters(run)),
-        Section("Flags", (health_table(run),)),
+        PageSection("Load before and after", _result(run)),
+        PageSection("Load by stroke", _by_stroke(run)),
+        PageSection("Samples", (Picture(png(samples_figure(run)), f"{name}. {_SAMPLES}", "Samples over time"),)),
+        PageSection("Parameters", _parameters(run)),
+        PageSection("Flags", (health_table(run),)),
     ]
     subtitle = (
         f"Model {run.observer.actuator.model}; method {run.observer.method}; started from "
@@ -112,7 +112,7 @@ def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
     return (*others, Details("Load weights", (table,)))
 
 
-def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) -> Table:
+def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) -> ReportTable:
     """Some parameters, with their meaning, or load weights, before and after the recording."""
     actuator = run.observer.actuator
     before, after = (known(run.observer, state) for state in (run.before, run.after))
@@ -131,7 +131,7 @@ def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) ->
         )
         for name in names
     ]  # fmt: skip
-    return Table(title, columns, tuple(rows))
+    return ReportTable(title, columns, tuple(rows))
 
 
 def _rounded(one: Known) -> float:
@@ -139,10 +139,10 @@ def _rounded(one: Known) -> float:
     return one.value if abs(one.value) > 1e-6 * one.std else 0.0
 
 
-def health_table(run: ObservedRecording) -> Table:
+def health_table(run: ObservedRecording) -> ReportTable:
     """Seconds of each flag."""
     columns = (
         Column("flag", "flag"), Column("meaning", "meaning"), Column("seconds [s]", "seconds", 1.0, 3),
     )  # fmt: skip
     rows = tuple((name, _MEANINGS[name], seconds) for name, seconds in run.health.items())
-    return Table("Seconds of each flag", columns, rows)
+    return ReportTable("Seconds of each flag", columns, rows)

@@ -1,4 +1,4 @@
-"""What an observer found in a recording, in words."""
+"""Results of an observer in a recording, in words."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.estimation.assess.observed import indicators, observed_verdict
-from clutchid.observer.by_stroke import Curve, curve
+from clutchid.observer.by_stroke import ObservedLoad, curve
 from clutchid.observer.observer import start
 from clutchid.observer.recording import ObservedRecording
 from clutchid.reports.style import MM
@@ -23,9 +23,9 @@ class Loads(NamedTuple):
     Each at 101 points from 0 to the full stroke.
     """
 
-    calibrated: Curve
-    before: Curve
-    after: Curve
+    calibrated: ObservedLoad
+    before: ObservedLoad
+    after: ObservedLoad
 
 
 def loads(run: ObservedRecording) -> Loads:

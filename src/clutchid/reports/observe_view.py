@@ -1,11 +1,11 @@
-"""What an observer knows at the moment, as a few lines of plain text: load curve, pressure, health."""
+"""Present estimates of an observer, as a few lines of plain text: load curve, pressure, health."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import Curve, curve
+from clutchid.observer.by_stroke import ObservedLoad, curve
 from clutchid.observer.live import LiveRun
 from clutchid.observer.observer import start
 from clutchid.observer.recording import ObservedRecording
@@ -66,7 +66,7 @@ def _load(run: LiveRun, inner: int) -> list[str]:
 
 
 def _half(run: LiveRun) -> str:
-    """What the characters mean, and the load at half stroke."""
+    """Legend of the characters, and the load at half stroke."""
     half = [0.5 * run.observer.actuator.parameters.y_max]
     now, before = curve(run.observer, run.after, half), curve(run.observer, start(run.observer), half)
     return (
@@ -75,7 +75,7 @@ def _half(run: LiveRun) -> str:
     )
 
 
-def _picture(now: Curve, before: Curve, top: float) -> list[list[str]]:
+def _picture(now: ObservedLoad, before: ObservedLoad, top: float) -> list[list[str]]:
     """Characters by row, from the top, and column; the load covers what else is there."""
     picture = [[" "] * now.position.size for _ in range(ROWS)]
 

@@ -8,7 +8,7 @@ from clutchid.estimation import Fit
 from clutchid.estimation.assess.evidence import reach
 from clutchid.reports.html import Block, Details, Text, escape
 from clutchid.reports.load_tables import load_table
-from clutchid.reports.tables import Cell, Column, Table, scientific
+from clutchid.reports.tables import Cell, Column, ReportTable, scientific
 
 
 def parameter_blocks(fit: Fit) -> tuple[Block, ...]:
@@ -28,7 +28,7 @@ def parameter_blocks(fit: Fit) -> tuple[Block, ...]:
     return (*blocks, Details("Fixed parameters", (Text(_fixed(fit)),)))
 
 
-def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "Estimated parameters") -> Table:
+def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "Estimated parameters") -> ReportTable:
     """The estimates with unit, standard error, 95 % interval and meaning."""
     columns = (
         Column("name", "parameter"), Column("unit", "unit"), Column("value", "value", significant=5),
@@ -39,11 +39,11 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
     for name in fit.parameters if names is None else names:
         e = fit.parameters[name]
         rows.append((name, e.unit, e.value, e.std, e.low, e.high, meaning(fit, name)))
-    return Table(title, columns, tuple(rows))
+    return ReportTable(title, columns, tuple(rows))
 
 
 def meaning(fit: Fit, name: str) -> str:
-    """What a parameter, NAME or NAME@STEM, is."""
+    """Meaning of a parameter, NAME or NAME@STEM."""
     base, _, stem = name.partition("@")
     meaning = fit.actuator.row(base).meaning if base in fit.actuator.parameter_names else "weight of the load"
     return f"{meaning}, in {stem}" if stem else meaning

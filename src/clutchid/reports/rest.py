@@ -18,7 +18,7 @@ def rest_sentences(fit: Fit) -> list[str]:
 
 
 def rest_words(one: MovedRest) -> str:
-    """How far a rest has moved, why, and what was done about it."""
+    """Shift of a rest, its cause, and its correction."""
     done = "subtracted, so that the load is over the travel from the rest" if one.subtracted else "kept"
     return f"the vented rest has moved by {one.shift} since the calibration ({_CAUSE[one.cause]}); {done}"
 

@@ -37,7 +37,7 @@ STYLE = Style()
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """How a curve is drawn; without `label` it is not in the legend, a higher `layer` is drawn on top."""
+    """Style of a curve; without `label` it is not in the legend, a higher `layer` is drawn on top."""
 
     colour: str
     label: str = ""

@@ -131,7 +131,7 @@ def with_interval(value: float, half: float, sign: str = "") -> str:
 
 
 def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Row]:
-    """What has changed since the calibration, or which values are assumed without one."""
+    """Changes since the calibration, or the values that are assumed without one."""
     if fit.baseline is None:
         if fit.calibration is not None:
             return []

@@ -1,4 +1,4 @@
-"""`Table`: rows in SI and columns with display formats, as HTML, CSV or text."""
+"""`ReportTable`: rows in SI and columns with display formats, as HTML, CSV or text."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ReportTable:
     """A table; `rules` are the rows with a line above, `note` is the text below."""
 
     title: str
@@ -99,7 +99,7 @@ def scientific(value: float, digits: int) -> str:
     return f"{mantissa}·10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−")
 
 
-def to_csv(table: Table) -> str:
+def to_csv(table: ReportTable) -> str:
     """The table as CSV in SI with all digits; an empty cell for a missing value."""
     out = StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -117,7 +117,7 @@ def _plain(cell: Cell) -> str:
     return cell if isinstance(cell, str) else repr(cell) if isinstance(cell, int) else repr(float(cell))
 
 
-def to_text(table: Table, width: int) -> str:
+def to_text(table: ReportTable, width: int) -> str:
     """The table as aligned text; columns that exceed the width follow below, after the leading columns of text.
 
     Columns of a group stay together, under its name.
@@ -135,7 +135,7 @@ def to_text(table: Table, width: int) -> str:
     return "\n".join([table.title, "\n\n".join("\n".join(filter(None, lines)) for lines in parts)])
 
 
-def _text_columns(table: Table, members: list[int]) -> list[str]:
+def _text_columns(table: ReportTable, members: list[int]) -> list[str]:
     """The lines of a column, or of the columns of a group below its name, all of one length."""
     columns = [_text_column(table, i) for i in members]
     lines = ["  ".join(cells) for cells in zip(*columns, strict=True)]
@@ -146,7 +146,7 @@ def _text_columns(table: Table, members: list[int]) -> list[str]:
     return [group.center(width), *(line.rjust(width) for line in lines)]
 
 
-def _text_column(table: Table, i: int) -> list[str]:
+def _text_column(table: ReportTable, i: int) -> list[str]:
     """The lines of a column: its heading, as high as the highest one, a rule, and the cells."""
     heads = [column.heading.split("\n") for column in table.columns]
     cells = [table.columns[i].shown(row[i]) for row in table.rows]
@@ -156,7 +156,7 @@ def _text_column(table: Table, i: int) -> list[str]:
     return [line.rjust(width) for line in lines] if _is_numeric(table, i) else [line.ljust(width) for line in lines]
 
 
-def to_html(table: Table) -> str:
+def to_html(table: ReportTable) -> str:
     """The table as an HTML fragment; all text is escaped."""
     numeric = [_is_numeric(table, i) for i in range(len(table.columns))]
     first = _group_starts(table)
@@ -181,7 +181,7 @@ def _content(column: Column, cell: Cell) -> str:
     return f'<a href="{escape(cell.address)}">{text}</a>' if isinstance(cell, Link) and cell.path else text
 
 
-def _heads(table: Table, numeric: list[bool], first: set[int]) -> str:
+def _heads(table: ReportTable, numeric: list[bool], first: set[int]) -> str:
     words = [escape(column.heading).replace("\n", "<br>") for column in table.columns]
     lower = "".join(f"<th scope=col{_classes(numeric[i], i in first)}>{text}</th>" for i, text in enumerate(words))
     if not any(column.group for column in table.columns):
@@ -196,7 +196,7 @@ def _heads(table: Table, numeric: list[bool], first: set[int]) -> str:
     return f"<tr>{''.join(upper)}</tr><tr>{lower}</tr>"
 
 
-def _group_starts(table: Table) -> set[int]:
+def _group_starts(table: ReportTable) -> set[int]:
     groups = [column.group for column in table.columns]
     return {i for i in range(1, len(groups)) if groups[i] != groups[i - 1]}
 
@@ -206,7 +206,7 @@ def _classes(numeric: bool, first: bool, date: bool = False) -> str:
     return f' class="{names}"' if names else ""
 
 
-def _is_numeric(table: Table, column: int) -> bool:
+def _is_numeric(table: ReportTable, column: int) -> bool:
     cells = [row[column] for row in table.rows]
     return any(isinstance(cell, (int, float)) for cell in cells) and not any(
         isinstance(cell, (str, Link)) for cell in cells

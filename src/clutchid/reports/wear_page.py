@@ -7,11 +7,11 @@ from os import PathLike
 
 from clutchid.recordings.files import write_text
 from clutchid.reports.figures import svg
-from clutchid.reports.html import Block, Notice, Page, Picture, Section, Text, escape, render
+from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, escape, render
 from clutchid.reports.link import Link
 from clutchid.reports.provenance import provenance
 from clutchid.reports.style import MM
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 from clutchid.reports.wear_figures import loads_figure, trend_figure
 from clutchid.reports.wear_text import alarm_words, change_words, left_words, recordings_words
 from clutchid.wear.life import Curve, Wear
@@ -53,10 +53,10 @@ def wear_page(
 
 def page_of(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, home: str = "") -> Page:
     """The page before it is rendered."""
-    sections = [Section("Wear", _result(wear))]
+    sections = [PageSection("Wear", _result(wear))]
     if curves:
-        sections.append(Section("Load from new to now", (Picture(svg(loads_figure(curves)), _LOADS, "Loads"),)))
-    sections.append(Section("Recordings", (recordings_table(wear),)))
+        sections.append(PageSection("Load from new to now", (Picture(svg(loads_figure(curves)), _LOADS, "Loads"),)))
+    sections.append(PageSection("Recordings", (recordings_table(wear),)))
     title = f"Wear of the clutch of {wear.vehicle}" if wear.vehicle else "Wear of a clutch"
     fleet = Link("Back to the fleet", home) if home else None
     return Page(title, f"Recordings: {recordings_words(wear)}", tuple(sections), provenance([], command), fleet)
@@ -80,7 +80,7 @@ def _capital(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}"
 
 
-def recordings_table(wear: Wear) -> Table:
+def recordings_table(wear: Wear) -> ReportTable:
     """A row a recording, with why it does not count, or a message where it is not only that the fit converged."""
     columns = (
         Column("recording", "recording"), Column("begin", "begin", date=True),
@@ -94,4 +94,4 @@ def recordings_table(wear: Wear) -> Table:
         shift, load = (one.measurement.shift, one.measurement.load) if one.measurement else (None, None)
         message = reason or ("" if one.status == "ok" else one.message)
         rows.append((dated.name, begin, dated.strokes, shift, load, one.trust, outcome, message))
-    return Table("Recordings in the order of the life", columns, tuple(rows))
+    return ReportTable("Recordings in the order of the life", columns, tuple(rows))

@@ -36,7 +36,7 @@ def wear_lines(wear: Wear) -> list[str]:
 
 
 def recordings_words(wear: Wear) -> str:
-    """How many recordings there are, over what, and what became of them."""
+    """Number of recordings, their span, and their outcomes."""
     counts = Counter(wear.outcomes)
     used = counts["used"] + counts["jump"]
     words = [f"{used} of {len(wear.outcomes)} count"]
@@ -90,7 +90,7 @@ def _lost(conductance: float) -> float:
 
 
 def left_words(wear: Wear) -> str:
-    """What is left until the limit; nothing without one."""
+    """Remaining life until the limit; nothing without one."""
     if wear.limit is not None and wear.sudden:
         return f"unknown after the load changed suddenly before {wear.sudden.before}: find the cause"
     if wear.left is None or wear.limit is None:

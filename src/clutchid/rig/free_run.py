@@ -17,7 +17,7 @@ _FEWEST = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Segment:
+class FreeRunSegment:
     """Samples `start` to `stop` (exclusive) without a hole: velocity in m/s, and intervals in s."""
 
     start: int
@@ -29,7 +29,7 @@ class Segment:
         return self.stop - self.start
 
 
-def segments(log: Log, window: float) -> list[Segment]:
+def segments(log: Log, window: float) -> list[FreeRunSegment]:
     """Divide a recording into segments; a hole in time or a missing position ends a segment.
 
     Parameters
@@ -53,12 +53,12 @@ def segments(log: Log, window: float) -> list[Segment]:
     return found
 
 
-def _segment(log: Log, ends: tuple[int, int], window: float) -> Segment:
+def _segment(log: Log, ends: tuple[int, int], window: float) -> FreeRunSegment:
     time, position = log.time[slice(*ends)], log["position"][slice(*ends)]
-    return Segment(*ends, velocity(time, position, window), np.diff(time))
+    return FreeRunSegment(*ends, velocity(time, position, window), np.diff(time))
 
 
-def free_run(segment: Segment, values: Sequence[float], z_start: float) -> tuple[FloatArray, FloatArray]:
+def free_run(segment: FreeRunSegment, values: Sequence[float], z_start: float) -> tuple[FloatArray, FloatArray]:
     """Friction force in N over a segment, and its derivatives with respect to `NAMES` and to the initial deflection.
 
     Parameters

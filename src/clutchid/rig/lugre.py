@@ -19,7 +19,7 @@ from clutchid.numerics.least_squares import Solution, minimise
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.residual_colour import effective_samples
 from clutchid.rig.compiled import NAMES
-from clutchid.rig.free_run import Segment, free_run, segments
+from clutchid.rig.free_run import FreeRunSegment, free_run, segments
 from clutchid.rig.lugre_problem import (
     FREE,
     LugreProblem,
@@ -145,7 +145,9 @@ def _shift_by_noise(problem: LugreProblem, best: Solution, window: float, inerti
     return _searched(noisy, best.x).x - best.x
 
 
-def _simulated(log: Log, parts: Sequence[Segment], values: Mapping[str, float], starts: Sequence[float]) -> FloatArray:
+def _simulated(
+    log: Log, parts: Sequence[FreeRunSegment], values: Mapping[str, float], starts: Sequence[float]
+) -> FloatArray:
     force, friction = np.full(len(log), np.nan), [values[name] for name in NAMES]
     for segment, z_start in zip(parts, starts, strict=True):
         force[segment.start : segment.stop] = values["force_zero"] + free_run(segment, friction, z_start)[0]

@@ -13,7 +13,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.numerics.least_squares import Linearisation, compress
 from clutchid.recordings.signals.sampled import velocity
 from clutchid.rig.compiled import NAMES
-from clutchid.rig.free_run import Segment, free_run, segments
+from clutchid.rig.free_run import FreeRunSegment, free_run, segments
 
 #: Parameters that a fit estimates or keeps fixed: the friction, and the zero of the load cell.
 FREE = (*NAMES, "force_zero")
@@ -47,7 +47,7 @@ class LugreProblem:
 
     log: Log
     inertial: FloatArray
-    parts: Sequence[Segment]
+    parts: Sequence[FreeRunSegment]
     unit: FloatArray
     low: FloatArray
     high: FloatArray
@@ -115,7 +115,7 @@ def lugre_problem(log: Log, fixed: Mapping[str, float], window: float, inertia: 
     return LugreProblem(log, inertial, parts, unit, low / unit, high / unit, free, base / unit)
 
 
-def inertial_force(log: Log, parts: Sequence[Segment], window: float, inertia: float) -> FloatArray:
+def inertial_force(log: Log, parts: Sequence[FreeRunSegment], window: float, inertia: float) -> FloatArray:
     """Mass times acceleration; the acceleration is the difference of mean velocities, as the velocity of positions."""
     force = np.full(len(log), np.nan)
     for part in parts:

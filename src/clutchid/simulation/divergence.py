@@ -1,4 +1,4 @@
-"""What a simulation that diverges says: time, state, and the term of the equations that makes it diverge."""
+"""Message of a simulation that diverges: time, state, and the term of the equations that makes it diverge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a simulation needs of a recording, fixed once: segments, steps, resets and starts."""
+"""Plan of a simulation of a recording, fixed once: segments, steps, resets and starts."""
 
 from __future__ import annotations
 

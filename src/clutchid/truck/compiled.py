@@ -17,7 +17,7 @@ _HERE = Path(__file__).parent
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """What a family's loop is made of: its equations, the functions of its discrete-time parts, and its template.
+    """Parts of a family's loop: its equations, the functions of its discrete-time parts, and its template.
 
     `plant` gives the system, with or without a ledger, and is called only where nothing is cached. `laws` are functions
     and constants by the module of `clutchid.truck` that has them; `files` all sources, relative to this folder.

@@ -16,7 +16,7 @@ from clutchid.truck.ageing import aged
 from clutchid.truck.families import changed, family_of
 from clutchid.truck.fleet import truck as numbered
 from clutchid.truck.law import SAMPLE
-from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.load_table import LoadTable
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
 from clutchid.truck.running import Course, Run, learned_zero, run
 from clutchid.truck.truth import Truth, truth_of, write_truth
@@ -230,8 +230,8 @@ def _samples(span: tuple[float, float] | None) -> tuple[int, int]:
     return (-1, -1) if span is None else (round(span[0] / SAMPLE), round(span[1] / SAMPLE))
 
 
-def _fallen(truck: Vehicle, curve: LoadCurve) -> float:
-    """How far in m the vented rest has moved since the clutch was new: below 0, for it falls with wear."""
+def _fallen(truck: Vehicle, curve: LoadTable) -> float:
+    """Shift of the vented rest in m since the clutch was new: below 0, for it falls with wear."""
     new = truck.replace({"wear": 0.0, "cycles": 0.0})
     return learned_zero(truck, curve) - learned_zero(new, family_of(new).load_curve(new))
 

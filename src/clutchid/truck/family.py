@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.load_table import LoadTable
 from clutchid.truck.vehicle import Vehicle
 
 
@@ -31,13 +31,13 @@ class Family:
     ranges: Path
     prepared: Callable[[dict[str, Any]], dict[str, Any]]
     finished: Callable[[dict[str, Any]], dict[str, Any]]
-    load_curve: Callable[[Any], LoadCurve]
+    load_curve: Callable[[Any], LoadTable]
     states: tuple[str, ...]
     loop: Callable[[bool], ModuleType]
-    at_rest: Callable[[Any, LoadCurve], FloatArray]
+    at_rest: Callable[[Any, LoadTable], FloatArray]
     plant_parameters: Callable[[Any], FloatArray]
     settings: Callable[[Any, float, bool], FloatArray]
-    start: Callable[[Any, LoadCurve, np.random.Generator], tuple[FloatArray, bool]]
+    start: Callable[[Any, LoadTable, np.random.Generator], tuple[FloatArray, bool]]
     position_noise: Callable[[Any, int, np.random.Generator], FloatArray]
     measured_pressure: Callable[[Any, FloatArray, np.random.Generator], FloatArray]
     true_states: Callable[[Any, Mapping[str, FloatArray]], dict[str, FloatArray]]

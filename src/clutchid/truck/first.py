@@ -17,7 +17,7 @@ from clutchid.truck.compiled import loop
 from clutchid.truck.family import Family
 from clutchid.truck.law import SAMPLE, TICK
 from clutchid.truck.load import load_curve
-from clutchid.truck.load_table import LoadCurve, rest_position
+from clutchid.truck.load_table import LoadTable, rest_position
 from clutchid.truck.order import PARAMETERS, SETTINGS, STATES
 from clutchid.truck.parameters import Truck
 
@@ -45,7 +45,7 @@ def tuning(T_pwm: float, drive: str) -> dict[str, float]:
     return {"T_pwm": T_pwm, "L_p": 3e-3 + 0.2 * T_pwm, "t_lead": 0.007 + 0.6 * T_pwm, "e_in": 0.15e-3, "e_out": 0.3e-3}
 
 
-def at_rest(truck: Truck, curve: LoadCurve, p_G: float | None = None) -> FloatArray:
+def at_rest(truck: Truck, curve: LoadTable, p_G: float | None = None) -> FloatArray:
     """States of a vented truck whose piston rests at the engaged end; `p_G` is the governor's pressure, default P_S."""
     t, y = truck, rest_position(truck, curve)
     supply = t.P_S if p_G is None else p_G
@@ -59,7 +59,7 @@ def _air(t: Truck, p: float, V: float, T: float) -> tuple[float, float]:
     return p * V / (t.R * T), p * V / (t.gamma - 1)
 
 
-def start(truck: Truck, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
+def start(truck: Truck, curve: LoadTable, rng: np.random.Generator) -> tuple[FloatArray, bool]:
     """Initial states, at a random phase of the governor's saw-tooth, and whether the compressor runs."""
     p_G = truck.P_S + truck.dP_G * rng.uniform(-0.95, 0.95)
     return at_rest(truck, curve, p_G), bool(rng.uniform() < truck.r_down / (truck.r_up + truck.r_down))

@@ -9,7 +9,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck.ageing import worn_parameters
-from clutchid.truck.load_table import LoadCurve, load_table, travels
+from clutchid.truck.load_table import LoadTable, load_table, travels
 from clutchid.truck.parameters import Truck
 from clutchid.truck.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
 
@@ -20,7 +20,7 @@ TOUCH = 0.15
 
 
 @lru_cache(maxsize=64)
-def load_curve(truck: Truck) -> LoadCurve:
+def load_curve(truck: Truck) -> LoadTable:
     r"""Load curve of `truck` at its age.
 
     .. math:: y = y_r + i_l \left(s + \frac{F}{K_c}\right), \quad F = P_1(l_0 - w + s) - F_{cushion}(c_0 - s), \quad

@@ -1,4 +1,4 @@
-"""`LoadCurve`: the load over the position as a piecewise cubic table, and where the vented piston rests in it."""
+"""`LoadTable`: the load over the position as a piecewise cubic table, and where the vented piston rests in it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PITCH, BEYOND = 0.1e-3, 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LoadCurve:
+class LoadTable:
     """Load over the mechanical position of the piston, which is 0 at the engaged rest of the new clutch.
 
     `breakpoints` [m] and `coefficients` [N/m^k], shape (s + 1, 4), in powers of the distance to the breakpoint on the
@@ -43,7 +43,7 @@ def travels(truck: Vehicle, rest: float) -> FloatArray:
     return np.arange(0.0, truck.y_max - rest + BEYOND, PITCH)
 
 
-def load_table(truck: Vehicle, rest: float, force: FloatArray, touch: float, preload: float) -> LoadCurve:
+def load_table(truck: Vehicle, rest: float, force: FloatArray, touch: float, preload: float) -> LoadTable:
     """Table of the clutch's `force` [N] over `travels`, with the return spring in parallel.
 
     Parameters
@@ -75,10 +75,10 @@ def load_table(truck: Vehicle, rest: float, force: FloatArray, touch: float, pre
     breakpoints, coefficients = rest + travel[:-1], np.concatenate([engaged, clutch])
     for array in (breakpoints, coefficients):
         array.flags.writeable = False
-    return LoadCurve(breakpoints, coefficients, rest, rest + touch)
+    return LoadTable(breakpoints, coefficients, rest, rest + touch)
 
 
-def rest_position(truck: Vehicle, curve: LoadCurve) -> float:
+def rest_position(truck: Vehicle, curve: LoadTable) -> float:
     """Mechanical position in m of the vented piston, pressed into the stop by the return spring."""
     depth = 0.0
     for _ in range(8):  # contracts by k_r / (stiffness of the stop), 1 in 1000

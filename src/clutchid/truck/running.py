@@ -11,7 +11,7 @@ from clutchid.errors import SolveError
 from clutchid.log import FloatArray
 from clutchid.truck.families import family_of
 from clutchid.truck.law import SAMPLE
-from clutchid.truck.load_table import LoadCurve, rest_position
+from clutchid.truck.load_table import LoadTable, rest_position
 from clutchid.truck.order import LEDGER
 from clutchid.truck.vehicle import Vehicle
 
@@ -64,7 +64,7 @@ def run(
     truck: Vehicle,
     course: Course,
     *,
-    curve: LoadCurve | None = None,
+    curve: LoadTable | None = None,
     start: FloatArray | None = None,
     working: bool = True,
     substeps: int = 1,
@@ -74,7 +74,7 @@ def run(
 
     Parameters
     ----------
-    curve : LoadCurve, optional
+    curve : LoadTable, optional
         Load instead of that of the truck.
     start : states, optional
         In the order of the family's states, see `clutchid.truck.order.STATES`.
@@ -112,6 +112,6 @@ def run(
     return Run(states, measured, pressure, duties, zero, course.shift, names)
 
 
-def learned_zero(truck: Vehicle, curve: LoadCurve) -> float:
+def learned_zero(truck: Vehicle, curve: LoadTable) -> float:
     """Mechanical position in m at which a sensor reads 0 that has learned its zero at the vented rest of `truck`."""
     return rest_position(truck, curve) - truck.e_y

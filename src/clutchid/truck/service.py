@@ -160,7 +160,7 @@ def _gone_on(now: Visit, strokes: float, km: float, wear_a_stroke: float, weeks:
 
 
 def _with_event(now: Visit, weeks: float, limit: float, random: np.random.Generator) -> Visit:
-    """What happens to a vehicle, at most one event at a time, and the drift of its supply."""
+    """Events of a vehicle, at most one at a time, and the drift of its supply."""
     years, drawn = weeks * 7.0 / 365.25, random.uniform(size=3)
     drift, gain = SUPPLY_DRIFT * np.sqrt(years) * random.standard_normal(), GAIN * random.standard_normal()
     now = replace(now, supply=float(np.clip(now.supply + drift, 0.9, 1.05)))
@@ -174,7 +174,7 @@ def _with_event(now: Visit, weeks: float, limit: float, random: np.random.Genera
 
 
 def _fault(random: np.random.Generator) -> str:
-    """What is wrong with a file."""
+    """Fault of a file."""
     drawn, edge = float(random.uniform()), 0.0
     for fault, probability in (("cut off", CUT_OFF), ("clock", CLOCK), ("twice", TWICE)):
         edge += probability

@@ -13,7 +13,7 @@ import numpy as np
 from clutchid.log import COLUMNS, FloatArray, Log
 from clutchid.recordings.files import write_text
 from clutchid.truck.families import family_of
-from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.load_table import LoadTable
 from clutchid.truck.running import Run
 from clutchid.truck.vehicle import Vehicle
 
@@ -32,7 +32,7 @@ class Truth:
     """
 
     truck: Vehicle
-    curve: LoadCurve
+    curve: LoadTable
     zero: float
     shift: float
     time: FloatArray
@@ -62,7 +62,7 @@ class Truth:
         return Log(self.time, columns, "truth")
 
 
-def truth_of(truck: Vehicle, curve: LoadCurve, run: Run) -> Truth:
+def truth_of(truck: Vehicle, curve: LoadTable, run: Run) -> Truth:
     """The truth of a run."""
     x = run.columns
     states = {"position": x["y"] - run.zero, "velocity": x["v"], **family_of(truck).true_states(truck, x)}

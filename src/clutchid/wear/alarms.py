@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.history import Dated
-from clutchid.wear.measurement import Leak, Reading
+from clutchid.wear.measurement import Leak, WearReading
 from clutchid.wear.rest import RestMove
 from clutchid.wear.settings import AGED, AS_NEW, DEPARTED, LEAKING, LEAKS
 from clutchid.wear.trend import Band, Step
 
 
 class Alarm(NamedTuple):
-    """What happened between two recordings, and by how much shift [m] and relative load changed there.
+    """Event between two recordings, and the change of shift [m] and relative load there.
 
     `after` is empty where it happened before the first one.
     `kind` is "replaced" where the load jumped and the clutch is like new, "sudden" where it jumped else; "leak" where
@@ -35,7 +35,7 @@ class Alarm(NamedTuple):
 
 def alarms(
     dated: Sequence[Dated],
-    readings: Sequence[Reading],
+    readings: Sequence[WearReading],
     steps: Sequence[Step],
     then: dict[str, Band],
     rests: Sequence[RestMove],
@@ -83,7 +83,7 @@ def _jump(dated: Sequence[Dated], steps: Sequence[Step], then: dict[str, Band], 
 
 
 def _begins(flags: Sequence[bool], read: Sequence[bool], least: int) -> list[int]:
-    """Where `least` recordings in a row that were read have the flag, after as many without it or from the start."""
+    """Starts of `least` successive read recordings with the flag, after as many without it or from the first."""
     found, candidate, count, active = [], 0, 0, False
     for k, flag in enumerate(flags):
         if not read[k]:

@@ -1,4 +1,4 @@
-"""What is left until a limit: distribution of the time at which the trend first reaches it."""
+"""Remaining life until a limit: distribution of the time at which the trend first reaches it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HORIZON = 5.0
 
 
 class Remaining(NamedTuple):
-    """What is left until a limit, in strokes, km or days: median and 90 % interval; infinite beyond five lives."""
+    """Remaining life until a limit, in strokes, km or days: median and 90 % interval; infinite beyond five lives."""
 
     low: float
     median: float
@@ -26,7 +26,7 @@ class Remaining(NamedTuple):
 
 
 def remaining(name: str, mean: FloatArray, covariance: FloatArray, limit: float, life: float) -> Remaining:
-    """What is left until a quantity reaches `limit`, from its value and rate now.
+    """Remaining life until a quantity reaches `limit`, from its value and rate now.
 
     The probability to have reached it by then is that the trend is beyond it, which must not decrease.
 
@@ -51,7 +51,7 @@ def remaining(name: str, mean: FloatArray, covariance: FloatArray, limit: float,
 
 
 def _first(reached: FloatArray, ahead: FloatArray, quantile: float) -> float:
-    """Where the probability first reaches a quantile."""
+    """Distance ahead at which the probability first reaches a quantile."""
     if reached[0] >= quantile:
         return 0.0
     if reached[-1] < quantile:

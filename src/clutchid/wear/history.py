@@ -134,7 +134,7 @@ def _place(one: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
 
 
 def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray]:
-    """What all recordings have and what does not go back: strokes, km or days; else their number."""
+    """Axis that all recordings have and that does not go back: strokes, km or days; else their number."""
     columns: list[tuple[Axis, str, Callable[[Dated], float]]] = [
         ("strokes", "strokes", lambda one: one.strokes),
         ("km", "odometer_km", lambda one: one.odometer),

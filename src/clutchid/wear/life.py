@@ -13,7 +13,7 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.alarms import Alarm, alarms, replaced
 from clutchid.wear.forecast import Remaining, remaining
 from clutchid.wear.history import Axis, Dated, History
-from clutchid.wear.measurement import Reading
+from clutchid.wear.measurement import WearReading
 from clutchid.wear.rest import RestMove, rest_moves
 from clutchid.wear.settings import LIFE
 from clutchid.wear.trend import Band, Function, TrendModel, WearTable, follow, smoothed, trend_model
@@ -49,7 +49,7 @@ class Wear:
     axis: Axis
     s: FloatArray
     dated: tuple[Dated, ...]
-    readings: tuple[Reading, ...]
+    readings: tuple[WearReading, ...]
     outcomes: tuple[str, ...]
     then: dict[str, Band]
     now: dict[str, Band]
@@ -74,7 +74,7 @@ class Wear:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why each recording does not count in the trend, in a sentence; empty for one that does."""
+        """Reason why each recording does not count in the trend, in a sentence; empty for one that does."""
         measured = [k for k, one in enumerate(self.readings) if one.measurement is not None]
         return tuple(
             "" if counts else one.unmeasured or (_WAITS if k == measured[-1] else _ALONE)
@@ -85,7 +85,7 @@ class Wear:
 def wear_of(
     vehicle: str,
     history: History,
-    readings: Sequence[Reading],
+    readings: Sequence[WearReading],
     table: WearTable | None = None,
     limit: float | None = None,
 ) -> Wear:

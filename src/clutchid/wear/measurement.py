@@ -1,4 +1,4 @@
-"""What became of a recording: its reading, with a leak."""
+"""Result of a recording: its reading, with a leak."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.recordings.strokes.vented_rest import RestShift
 
-__all__ = ["Leak", "Measurement", "Reading", "leak_of", "measured", "unmeasured"]
+__all__ = ["Leak", "Measurement", "WearReading", "leak_of", "measured", "unmeasured"]
 
 
 class Leak(NamedTuple):
@@ -24,8 +24,8 @@ class Leak(NamedTuple):
     probability: float
 
 
-class Reading(NamedTuple):
-    """What became of one recording: status and sentence as in every result, trust, and its measurement, if any.
+class WearReading(NamedTuple):
+    """Result of one recording: status and sentence as in every result, trust, and its measurement, if any.
 
     `leak` is that of chamber A, if one is probable; `departs` says that the truck is farther from its calibration than
     a change explains; `rest` how far the vented rest has moved since, if that is known; `reason` is why a recording
@@ -48,7 +48,7 @@ class Reading(NamedTuple):
 
     @property
     def unmeasured(self) -> str:
-        """Why it gives no measurement, in a sentence; empty where it gives one."""
+        """Reason why it gives no measurement, in a sentence; empty where it gives one."""
         return "" if self.measurement is not None else self.reason or self.message
 
 
@@ -59,7 +59,7 @@ def leak_of(fit: Fit) -> Leak | None:
 
 
 def unmeasured(fit: Fit) -> str:
-    """Why a recording that was fitted from a calibration gives no measurement, in a sentence; empty if it gives one.
+    """Reason why a recording fitted from a calibration gives no measurement, in a sentence; empty if it gives one.
 
     A load that is only uncertain gives one with its band.
     """

@@ -17,7 +17,7 @@ Cause = Literal["", "sensor", "wear", "new clutch"]
 
 
 class RestMove(NamedTuple):
-    """What became of the vented rest at a recording: its move in m since the one before, and why it is where it is.
+    """Vented rest at a recording: its shift in m since the one before, and the cause of its position.
 
     `cause` is "sensor" where the sensor moved, or the rest has risen slowly; "wear" where it has fallen slowly; "new
     clutch" where it is back after a clutch was replaced; empty where it has not moved, or is not known.

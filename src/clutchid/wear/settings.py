@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Growth(NamedTuple):
-    """How a quantity may grow: standard deviations of its first value, of its rate over a life, and of a jump.
+    """Growth of a quantity: standard deviations of its first value, of its rate over a life, and of a jump.
 
     `walk` is the standard deviation of the rate's random walk over a life, as a share of `rate`.
     """

@@ -9,7 +9,7 @@ from clutchid.inference.uncertainty.conditions import (
     ACCURACY,
     NOT_RECORDED,
     Assumption,
-    Conditions,
+    RecordedConditions,
     assumed_conditions,
     by_supply,
     condition_warnings,
@@ -23,7 +23,7 @@ from clutchid.model import Actuator
 from clutchid.preparation.inspection import inspect
 
 ACTUATOR = Actuator(model="energy-balance")
-CALIBRATED = Conditions(293.0, 9.5e5)
+CALIBRATED = RecordedConditions(293.0, 9.5e5)
 ROOT_2 = np.sqrt(2.0)
 
 
@@ -36,7 +36,7 @@ def recorded(temperature=None, supply=None, duty=0.0, name="run"):
 
 def test_conditions_are_means_over_the_recordings_that_have_them():
     logs = [recorded(290.0, 9e5), recorded(294.0), recorded()]
-    assert conditions_of(logs, ACTUATOR) == Conditions(292.0, 9e5)
+    assert conditions_of(logs, ACTUATOR) == RecordedConditions(292.0, 9e5)
     assert conditions_of([recorded()], ACTUATOR) == NOT_RECORDED
 
 
@@ -49,7 +49,7 @@ def test_a_supply_pressure_counts_while_no_valve_is_open_and_always_where_one_is
 
 def test_missing_samples_do_not_count_and_an_empty_column_is_none():
     holes = np.where(np.arange(100) % 2 == 0, 280.0, np.nan)
-    assert conditions_of([recorded(holes, np.nan)], ACTUATOR) == Conditions(280.0, None)
+    assert conditions_of([recorded(holes, np.nan)], ACTUATOR) == RecordedConditions(280.0, None)
     assert condition_warnings([recorded(np.nan, np.nan)], NOT_RECORDED, {}) == []
 
 
@@ -64,7 +64,7 @@ def test_the_temperature_counts_by_its_difference_and_the_supply_by_its_ratio():
 def test_what_either_recording_lacks_is_not_known():
     assert known_conditions(recorded(), ACTUATOR, CALIBRATED, {}) == {}
     assert known_conditions(recorded(263.0, 9e5), ACTUATOR, NOT_RECORDED, {}) == {}
-    assert [*known_conditions(recorded(263.0, 9e5), ACTUATOR, Conditions(supply=9.5e5), {})] == ["P_S"]
+    assert [*known_conditions(recorded(263.0, 9e5), ACTUATOR, RecordedConditions(supply=9.5e5), {})] == ["P_S"]
 
 
 def test_a_value_of_the_user_replaces_the_column_and_without_a_calibrated_one_it_is_the_parameter_itself():
@@ -76,7 +76,7 @@ def test_a_value_of_the_user_replaces_the_column_and_without_a_calibrated_one_it
 
 
 def test_a_condition_that_the_calibration_lacks_is_one_sentence():
-    (sentence,) = condition_warnings([recorded(263.0, 9e5)], Conditions(supply=9e5), {})
+    (sentence,) = condition_warnings([recorded(263.0, 9e5)], RecordedConditions(supply=9e5), {})
     assert sentence == (
         "run: temperature_ambient is not used, because the calibration does not have it; record it in the calibration "
         "recording too, and save the calibration again."
@@ -112,11 +112,11 @@ def test_the_estimated_supply_is_the_mean_of_the_samples_that_the_recorded_one_i
     duty = np.repeat([0.0, 1.0], 50)
     log = recorded(supply=np.where(np.arange(100) < 10, np.nan, 9e5), duty=duty)
     estimated = Log(log.time, {"pressure_supply": np.arange(100) * 1e3}, log.name)
-    known = with_estimated_supply(Conditions(supply=9e5), [log], [estimated])
-    assert known == Conditions(None, 9e5, np.mean(np.arange(10, 50)) * 1e3)
+    known = with_estimated_supply(RecordedConditions(supply=9e5), [log], [estimated])
+    assert known == RecordedConditions(None, 9e5, np.mean(np.arange(10, 50)) * 1e3)
     for conditions, states in (
         (NOT_RECORDED, estimated),
-        (Conditions(supply=9e5), estimated.without("pressure_supply")),
+        (RecordedConditions(supply=9e5), estimated.without("pressure_supply")),
     ):
         assert with_estimated_supply(conditions, [log], [states]) == conditions
 

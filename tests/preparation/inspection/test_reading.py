@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.preparation.inspection.reading import Reading
+from clutchid.preparation.inspection.reading import InspectedRecording
 from clutchid.preparation.inspection.timing import on_grid, period, starts
 from clutchid.simulation import simulate
 
@@ -20,9 +20,9 @@ def valves(n: int, *pulses: tuple[str, int, int]) -> dict[str, np.ndarray]:
     return duties
 
 
-def reading(columns: dict[str, np.ndarray], actuator: Actuator = ACTUATOR) -> Reading:
+def reading(columns: dict[str, np.ndarray], actuator: Actuator = ACTUATOR) -> InspectedRecording:
     n = next(iter(columns.values())).size
-    return Reading(Log(np.arange(n) / 1000, columns), actuator)
+    return InspectedRecording(Log(np.arange(n) / 1000, columns), actuator)
 
 
 def test_pulses_a_period_of_a_slow_carrier_apart_move_the_piston_together():
@@ -68,7 +68,7 @@ def test_valves_that_change_anywhere_have_no_grid():
 
 
 def test_each_wide_start_from_the_rest_is_a_stroke_whose_simulated_motion_is_the_measured_one(strokes):
-    found = starts(Reading(strokes(), ACTUATOR))
+    found = starts(InspectedRecording(strokes(), ACTUATOR))
     assert found.measured.size == 6
     # the same equations from the same rest; a noise of 2 um at 20 mm/s is 0.1 ms, three deviations on either side
     assert found.measured == pytest.approx(found.simulated, abs=3e-4)
@@ -91,7 +91,7 @@ def test_a_start_that_tells_no_time_is_left_out(strokes, name, begin, end, value
     changed = log[name].copy()
     # the position keeps its noise
     changed[begin:end] = changed[begin:end] + value if name == "position" else value
-    assert starts(Reading(log.with_columns(**{name: changed}), ACTUATOR)).measured.size == 5
+    assert starts(InspectedRecording(log.with_columns(**{name: changed}), ACTUATOR)).measured.size == 5
 
 
 @pytest.mark.parametrize(("still", "grade"), [(3, "good"), (4, "bad")])

@@ -8,7 +8,7 @@ import pytest
 from clutchid.model import Load
 from clutchid.simulation import Partition, simulate
 from clutchid.study.paper.equation_21 import computed, equation_21, printed
-from clutchid.study.paper.fits import NUMBERS, Method, best_possible, load_error, methods
+from clutchid.study.paper.fits import NUMBERS, PaperMethod, best_possible, load_error, methods
 from clutchid.study.paper.printed import TABLE_1, TABLE_2
 from clutchid.study.paper.recording import TrueLoad, true_load
 
@@ -28,8 +28,8 @@ def case_of(study, method):
 def test_all_readings_of_all_numbers_are_done_for_both_p_and_q():
     assert len(set(methods())) == 1 + 2 * 2 * len(NUMBERS)
     assert methods()[0].partition is None
-    assert Method("parts", 4, "q").partition == Partition(parts=4, carry="q")
-    assert Method("every", 4).partition == Partition(every=4, carry="p")
+    assert PaperMethod("parts", 4, "q").partition == Partition(parts=4, carry="q")
+    assert PaperMethod("every", 4).partition == Partition(every=4, carry="p")
 
 
 @pytest.mark.parametrize("stem", ["table_1", "table_1_carry_q", "table_2", "table_2_carry_q", "pressure_errors"])
@@ -74,7 +74,9 @@ def test_the_ballistic_row_is_the_same_for_p_and_q(study):
         assert study.tables[stem].rows[0] == study.tables[f"{stem}_carry_q"].rows[0]
 
 
-@pytest.mark.parametrize("method", [Method("ballistic"), Method("parts", 8), Method("every", 16, "q")], ids=str)
+@pytest.mark.parametrize(
+    "method", [PaperMethod("ballistic"), PaperMethod("parts", 8), PaperMethod("every", 16, "q")], ids=str
+)
 def test_table_2_has_the_sums_of_squares_of_plain_simulations(study, logs, method):
     case = case_of(study, method)
     table = study.tables["table_2" if method.carry == "p" else "table_2_carry_q"]
@@ -103,7 +105,7 @@ def test_dense_resets_hide_the_error_of_the_model(study):
 def test_carrying_the_masses_of_air_brings_the_load_of_dense_resets_nearer_to_the_truth(study, logs):
     truth = true_load(logs[0])
     for n in NUMBERS:
-        p, q = (load_error(case_of(study, Method("every", n, carry)), truth) for carry in ("p", "q"))
+        p, q = (load_error(case_of(study, PaperMethod("every", n, carry)), truth) for carry in ("p", "q"))
         assert q.engaging < p.engaging
         assert q.everywhere < p.everywhere
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from clutchid.truck import TruckB, drive, truck
-from clutchid.truck.load_table import LoadCurve
+from clutchid.truck.load_table import LoadTable
 from clutchid.truck.order import LEDGER
 from clutchid.truck.second.arrays import at_rest, loop
 from clutchid.truck.second.clutch import load_curve
 from clutchid.truck.second.order import STATES
 
-FREE = LoadCurve(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
+FREE = LoadTable(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -30,7 +30,7 @@ def energy(t: TruckB, x: dict[str, np.ndarray]) -> np.ndarray:
     return air + 0.5 * t.M * x["v"] ** 2
 
 
-def put(t: TruckB, y: float, p: float, curve: LoadCurve) -> np.ndarray:
+def put(t: TruckB, y: float, p: float, curve: LoadTable) -> np.ndarray:
     """States with the piston at y and both zones at p, all air at the temperature of the wall."""
     start, T = at_rest(t, curve), t.T_0 + t.dT_w
     V_A, V_B = t.V_0A + t.A_A * y, t.V_0B + t.A_B * (t.y_max - y)

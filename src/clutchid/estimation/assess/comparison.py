@@ -23,7 +23,7 @@ class Difference(NamedTuple):
     share: FloatArray
 
 
-class Change(NamedTuple):
+class LoadChange(NamedTuple):
     """Change of the load in N at one position with its 95 % interval, and as a share of the calibrated load."""
 
     force: float
@@ -48,9 +48,9 @@ class Comparison(NamedTuple):
     shift: HalfLoad
     reach: float
 
-    def at(self, position: float) -> Change:
+    def at(self, position: float) -> LoadChange:
         """The difference at a position in m, by linear interpolation."""
-        return Change(*(float(np.interp(position, self.present.position, values)) for values in self.difference))
+        return LoadChange(*(float(np.interp(position, self.present.position, values)) for values in self.difference))
 
 
 #: A share of the calibrated load is given where that exceeds this fraction of its peak.

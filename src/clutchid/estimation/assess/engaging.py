@@ -1,4 +1,4 @@
-"""What a reading measures of a clutch where it engages, and how its errors are shared with other readings."""
+"""Measurement of a clutch where it engages, and the errors that it shares with other readings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ENGAGING = (5e-3, 8e-3)
 
 
 class Shares(NamedTuple):
-    """What of the standard deviation of a reading differs between recordings, is common to all, changes with 10 K."""
+    """Shares of a reading's standard deviation: differing between recordings, common to all, due to 10 K."""
 
     independent: float
     common: float

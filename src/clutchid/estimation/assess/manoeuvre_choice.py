@@ -45,7 +45,7 @@ class Gain:
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
+class ManoeuvreProposal:
     """The recommended manoeuvre, the reason in words, and the gains of all, the best first.
 
     `errors` are the present standard errors in SI; `worst` names the largest relative to the natural size of its
@@ -70,7 +70,7 @@ def best_manoeuvre(
     measure: Sequence[str] = ("position",),
     scales: Mapping[str, float] | None = None,
     memory: float = MEMORY,
-) -> Proposal:
+) -> ManoeuvreProposal:
     r"""The manoeuvre that adds most information about `names`.
 
     .. math:: \max_m \; \tfrac12 \log \det \big(R^T R + R_m^T R_m + I\big)
@@ -143,7 +143,7 @@ def best_manoeuvre(
         raise SolveError("no manoeuvre can be simulated with this actuator. " + " ".join(warnings))
     gains.sort(key=lambda gain: -gain.nats)
     message = _message(gains, names[worst], seconds, information is not None)
-    return Proposal(
+    return ManoeuvreProposal(
         gains[0].manoeuvre, seconds, message, names[worst], dict(zip(names, (now * sizes).tolist(), strict=True)),
         tuple(gains), tuple(warnings),
     )  # fmt: skip

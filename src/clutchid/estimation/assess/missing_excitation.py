@@ -17,7 +17,7 @@ MOST_PAIRS = 3
 
 
 def missing(found: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
-    """What a recording lacks to identify load and parameters, one sentence each; empty if nothing is missing.
+    """Excitation that a recording lacks to identify load and parameters, a sentence each; empty if none is missing.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from clutchid.estimation.assess.reason import Reason
 from clutchid.estimation.assess.reasons import WIDE
 from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
-from clutchid.observer.by_stroke import Curve, curve
+from clutchid.observer.by_stroke import ObservedLoad, curve
 from clutchid.observer.health import FLAGS
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.recording import ObservedRecording
@@ -55,7 +55,7 @@ FLAGGED: Mapping[str, Limit] = {
 
 
 class Indicators(NamedTuple):
-    """What is known of an observed load without its truth.
+    """Indicators of an observed load, without its truth.
 
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
     its peak, the NIS ratio (NaN: not known), the share of the time of each flag, whether the supply pressure of the
@@ -71,7 +71,7 @@ class Indicators(NamedTuple):
     kept: float = 0.0
 
 
-def engaging_load(run: ObservedRecording) -> Curve:
+def engaging_load(run: ObservedRecording) -> ObservedLoad:
     """The load after a recording where the clutch engages, 5 to 8 mm."""
     return curve(run.observer, run.after, np.linspace(*ENGAGING, POINTS))
 

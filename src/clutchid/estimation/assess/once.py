@@ -1,4 +1,4 @@
-"""What follows from a fit is computed once for each fit."""
+"""Functions of a fit that are computed once for each fit."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from weakref import WeakKeyDictionary
 
 from clutchid.estimation.result import Fit
 
-Found = TypeVar("Found")
+Value = TypeVar("Value")
 
 
-def once_a_fit(function: Callable[[Fit], Found]) -> Callable[[Fit], Found]:
+def once_a_fit(function: Callable[[Fit], Value]) -> Callable[[Fit], Value]:
     """The function, which remembers what it found for a fit as long as there is the fit."""
-    known: WeakKeyDictionary[Fit, Found] = WeakKeyDictionary()
+    known: WeakKeyDictionary[Fit, Value] = WeakKeyDictionary()
 
     @wraps(function)
-    def remembered(fit: Fit) -> Found:
+    def remembered(fit: Fit) -> Value:
         if fit not in known:
             known[fit] = function(fit)
         return known[fit]

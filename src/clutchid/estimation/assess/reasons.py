@@ -27,7 +27,7 @@ WIDE, WIDE_SHARE = 0.1, 0.1
 
 @once_a_fit
 def reasons(fit: Fit) -> tuple[Reason, ...]:
-    """What speaks against a fit, its readings of single recordings apart; a failed one has that reason alone."""
+    """Reasons that lower the trust in a fit, those of single recordings apart; a failed one has one reason."""
     if fit.status == "failed" or not fit.recordings:
         return (Reason(f"the fit failed: {fit.message}".rstrip(".") + ".", True),)
     found = evidence(fit)

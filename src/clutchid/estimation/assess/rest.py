@@ -1,4 +1,4 @@
-"""Why a vented rest has moved since the calibration: its sensor, wear, or unknown."""
+"""Cause of a shift of the vented rest since the calibration: its sensor, wear, or unknown."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def moved_rests(fit: Fit) -> tuple[MovedRest, ...]:
 
 
 def rest_cause(shift: RestShift, stop: Stop | None = None, *, less_worn: bool = False) -> Cause:
-    """Why a rest has moved, from one recording alone.
+    """Cause of a shift of the rest, from one recording alone.
 
     With wear of a clutch that is pushed the rest falls, and the travel from there to the far stop grows by as much; a
     sensor moves both ends alike. Without the far stop the sign decides, for wear does not lift the rest; downwards only

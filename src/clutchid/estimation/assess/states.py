@@ -23,8 +23,8 @@ UNKNOWN_DIFFERENCE = 10.0
 _NUMBERS = {2: "two", 3: "three", 4: "four", 5: "five"}
 
 
-class Difference(NamedTuple):
-    """How far two readings differ, the second less the first, and by how much their errors allow.
+class ReadingDifference(NamedTuple):
+    """Difference of two readings, the second less the first, and how much of it their errors allow.
 
     `load` is the relative change of the mean load over 5 to 8 mm, `shift` that of the half-load position in m.
     """
@@ -46,7 +46,7 @@ class States(NamedTuple):
     """Recordings by state of wear, and the two of them that differ most."""
 
     groups: tuple[tuple[str, ...], ...]
-    most: Difference
+    most: ReadingDifference
 
 
 def states_of_wear(fit: Fit) -> States | None:
@@ -82,7 +82,7 @@ def states_of_wear(fit: Fit) -> States | None:
 
 
 def _measurement(reading: Fit) -> Measurement | None:
-    """What a recording measures of the wear; None if its reading is not to be used."""
+    """Measurement of the wear by a recording; None if its reading is not to be used."""
     (recording,) = reading.recordings.values()
     return None if any(reason.grave for reason in reasons(reading)) else measured(reading, recording.measured)
 
@@ -95,7 +95,7 @@ def _quantile(recordings: int) -> float:
     return float(stdtrit(WORTH, 1.0 - FALSE_ALARM / (2 * comparisons)))
 
 
-def _difference(a: str, b: str, values: Mapping[str, Measurement], quantile: float) -> Difference:
+def _difference(a: str, b: str, values: Mapping[str, Measurement], quantile: float) -> ReadingDifference:
     one, two = values[a], values[b]
     warmer = two.temperature - one.temperature
     warmer = (warmer if np.isfinite(warmer) else UNKNOWN_DIFFERENCE) / 10.0
@@ -106,7 +106,7 @@ def _difference(a: str, b: str, values: Mapping[str, Measurement], quantile: flo
         share = np.hypot(shares.independent, shares.by_temperature * warmer / np.sqrt(2.0))
         return quantile * float(share * np.hypot(first, second))
 
-    return Difference(
+    return ReadingDifference(
         a, b, two.load - one.load, allowed("load", one.load_std, two.load_std),
         two.shift - one.shift, allowed("shift", one.shift_std, two.shift_std),
     )  # fmt: skip
@@ -125,7 +125,7 @@ def states_reasons(fit: Fit) -> list[Reason]:
     return [Reason(f"{text}none: use the readings one by one, or follow the wear with {track_command(fit)}")]
 
 
-def _how_far(most: Difference) -> list[str]:
+def _how_far(most: ReadingDifference) -> list[str]:
     begin, end = (f"{y * 1e3:.0f}" for y in ENGAGING)
     parts = []
     if abs(most.load) > most.load_allowed:

@@ -40,7 +40,7 @@ class Verdict:
 
     @property
     def meaning(self) -> str:
-        """What the trust means, in a sentence."""
+        """Meaning of the trust, in a sentence."""
         return MEANING[self.trust]
 
 

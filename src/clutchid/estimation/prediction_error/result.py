@@ -23,7 +23,7 @@ from clutchid.numerics.least_squares import triangular
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ParameterUncertainty:
+class JointCovariance:
     """Covariance of the free parameters x, and of the consider parameters.
 
     `full` is their joint covariance, shape (k + m, k + m); `matrix` that of x alone.
@@ -53,7 +53,7 @@ def result(search_result: SearchResult[FilterSolution], calibration: Calibration
 
 def parameter_uncertainty(
     problem: FitProblem, solution: FilterSolution, calibration: Calibration | None
-) -> ParameterUncertainty | Failure:
+) -> JointCovariance | Failure:
     """Uncertainty of the free parameters due to noise and to consider parameters (Schmidt 1966).
 
     The prediction errors are autocorrelated because of the model error; their autocorrelation gives the number of
@@ -75,11 +75,11 @@ def parameter_uncertainty(
     both = np.vstack([consider_shift, consider_root])
     full = both @ both.T
     full[:k, :k] += noise_root @ noise_root.T
-    return ParameterUncertainty(DEVIATION_FACTOR**2 * full, k)
+    return JointCovariance(DEVIATION_FACTOR**2 * full, k)
 
 
 def _recordings(
-    search_result: SearchResult[FilterSolution], solution: FilterSolution, uncertain: ParameterUncertainty
+    search_result: SearchResult[FilterSolution], solution: FilterSolution, uncertain: JointCovariance
 ) -> list[Compared]:
     """The recordings as filtered states, compared through their predictions."""
     compared = []

@@ -85,7 +85,7 @@ def shoot(
 
 
 def _effort(problem: FitProblem, logs: Sequence[Log], calibration: Calibration | None) -> Effort:
-    """When the search of a load from position alone ends that gets nowhere; any other fit has no limit."""
+    """Limit of a search of a load from position alone that does not converge; any other fit has none."""
     if not problem.changing or calibration is None or calibration.position_only is None:
         return UNLIMITED
     usual = calibration.position_only.misfit / misfit(1.0, logs)

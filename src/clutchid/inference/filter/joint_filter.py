@@ -19,7 +19,7 @@ from clutchid.inference.filter.arrays import (
     ModelArrays,
     SettingsArrays,
 )
-from clutchid.inference.filter.rules import KALMAN, Rule
+from clutchid.inference.filter.rules import KALMAN, CorrectionRule
 from clutchid.inference.filter.setup import first_state, intervals, measurements, model_arrays, scratch, sensor_rows
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
@@ -75,7 +75,7 @@ class JointFilter:
     pace: Pace
     sensors: IntArray
     calls: tuple[Any, Any]
-    rule: Rule
+    rule: CorrectionRule
 
     def si(self, theta: FloatArray) -> dict[str, float]:
         """Values of the free parameters in SI by name."""
@@ -101,7 +101,7 @@ def joint_filter(
     settings: JointSettings,
     drifts: FloatArray | None = None,
     pace: Pace = AS_PLANNED,
-    rule: Rule = KALMAN,
+    rule: CorrectionRule = KALMAN,
 ) -> JointFilter:
     """The joint filter of an actuator.
 
@@ -202,7 +202,7 @@ class JointInputs(NamedTuple):
 
 
 class JointPass(NamedTuple):
-    """What the filter found in some samples: state after them, and by sample innovations and states of the model.
+    """Result of the filter over some samples: state after them, and by sample innovations and states of the model.
 
     `errors` (samples, sensors, 2) are innovations in SI with their variances, NaN where nothing was corrected; `states`
     (samples, n) are those after the correction, and `deviations` (samples, n) their standard deviations, NaN where no

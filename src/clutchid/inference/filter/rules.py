@@ -17,7 +17,7 @@ from clutchid.model.compiled import kernels
 from clutchid.simulation.stiffness import STROKE_TIME, TOP_SPEED
 
 
-class Rule(NamedTuple):
+class CorrectionRule(NamedTuple):
     """By which rule a filter corrects: the kernel that follows a segment, of the signature of `joint.follow_jointly`.
 
     `columns` says whether S has its columns, see `joint`; `memory` how many numbers `JointState.waiting` has more;
@@ -33,7 +33,7 @@ class Rule(NamedTuple):
 
 
 #: States and free parameters by their covariance, see `joint`.
-KALMAN = Rule("clutchid.inference.filter.joint", "follow_jointly", columns=True, memory=0, numbers=())
+KALMAN = CorrectionRule("clutchid.inference.filter.joint", "follow_jointly", columns=True, memory=0, numbers=())
 
 
 #: Time constant in s of the average position: the piston moves if its position is further from it than an outlier from
@@ -71,7 +71,7 @@ class AdaptiveGains:
 
 def adaptive_rule(
     actuator: Actuator, coordinates: Sequence[Coordinate], root: FloatArray, spacing: float, gains: AdaptiveGains
-) -> Rule:
+) -> CorrectionRule:
     """The rule of the adaptive observer for load weights with the prior covariance root root'.
 
     Parameters
@@ -93,7 +93,9 @@ def adaptive_rule(
         min(1.0, spacing / AVERAGE),
         (rows.index("p_A"), names.index("V_0A"), names.index("A_A")),
     )
-    return Rule("clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, memory=2, numbers=(numbers,))
+    return CorrectionRule(
+        "clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, memory=2, numbers=(numbers,)
+    )
 
 
 #: Degree of the polynomials that smooth the position; time in s that the balance is late, in the middle of the
@@ -119,7 +121,7 @@ def smoothing(samples: int, at: float) -> FloatArray:
     return weights
 
 
-def balance_rule(actuator: Actuator, count: int, spacing: float) -> Rule:
+def balance_rule(actuator: Actuator, count: int, spacing: float) -> CorrectionRule:
     """The rule of least squares on the balance of forces for so many load weights.
 
     Parameters
@@ -139,7 +141,7 @@ def balance_rule(actuator: Actuator, count: int, spacing: float) -> Rule:
         (actuator.parameter_names.index("M"), actuator.parameters.M),
     )
     memory = 7 + count + samples + (late + 1) * (inputs + 1)
-    return Rule(
+    return CorrectionRule(
         "clutchid.inference.filter.balance",
         "follow_balance",
         columns=False,

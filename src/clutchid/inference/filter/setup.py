@@ -1,4 +1,4 @@
-"""What both filters need at the start of a segment: arrays of the model, intervals, sensors, and the first state.
+"""Inputs of both filters at the start of a segment: arrays of the model, intervals, sensors, first state.
 
 The outputs of the sensors `names` are states behind those of the model.
 """

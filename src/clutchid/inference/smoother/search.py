@@ -48,7 +48,7 @@ LITTLE_TO_GAIN, POOR_SHARE = 2.0, 0.3
 
 
 class Effort(NamedTuple):
-    """When a search that gets nowhere ends.
+    """Limits that end a search without progress.
 
     After `most` evaluations, and after `patience` of them where the solution still costs more than `hopeless`.
     """

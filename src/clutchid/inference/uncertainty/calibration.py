@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.uncertainty.conditions import NOT_RECORDED, Conditions
+from clutchid.inference.uncertainty.conditions import NOT_RECORDED, RecordedConditions
 from clutchid.log import FloatArray
 from clutchid.recordings.strokes.vented_rest import VentedRest
 
@@ -58,7 +58,7 @@ class PositionOnlyErrors:
 
 
 class Origin(NamedTuple):
-    """Where a calibration is from: name of its file, time of its creation (ISO 8601), SHA-256, and trust in it.
+    """Origin of a calibration: name of its file, time of its creation (ISO 8601), SHA-256, and trust in it.
 
     What an older file does not say is empty.
     """
@@ -90,7 +90,7 @@ class Calibration:
         Whether the search of the calibration converged.
     origin : Origin, optional
         Its file, if it is from one.
-    conditions : Conditions
+    conditions : RecordedConditions
         Of the calibration recordings, where the vehicle measures them.
     nis : 1
         Mean normalised innovation squared of an observer of the calibration recordings, NaN if it is not known.
@@ -107,7 +107,7 @@ class Calibration:
     theta_covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     converged: bool = True
     origin: Origin | None = None
-    conditions: Conditions = NOT_RECORDED
+    conditions: RecordedConditions = NOT_RECORDED
     nis: float = float("nan")
     rest: VentedRest | None = None
 

@@ -46,7 +46,7 @@ class Assumption(NamedTuple):
     recorded: bool
 
 
-class Conditions(NamedTuple):
+class RecordedConditions(NamedTuple):
     """Mean ambient temperature in K and mean supply pressure at rest in Pa of recordings; None where not recorded.
 
     `supply_estimated` is the mean that a calibration estimates of the samples that `supply` is the mean of.
@@ -62,10 +62,10 @@ class Conditions(NamedTuple):
 
 
 #: Conditions of recordings of a vehicle that measures none.
-NOT_RECORDED = Conditions()
+NOT_RECORDED = RecordedConditions()
 
 
-def conditions_of(logs: Sequence[Log], actuator: Actuator) -> Conditions:
+def conditions_of(logs: Sequence[Log], actuator: Actuator) -> RecordedConditions:
     """Conditions of recordings, as means over those that have the column.
 
     Raises
@@ -77,10 +77,12 @@ def conditions_of(logs: Sequence[Log], actuator: Actuator) -> Conditions:
     if problems:
         raise DataError("\n".join(problems))
     means = [[mean for log in logs if (mean := _mean(log, name)) is not None] for name in CONDITIONS]
-    return Conditions(*(float(np.mean(each)) if each else None for each in means))
+    return RecordedConditions(*(float(np.mean(each)) if each else None for each in means))
 
 
-def with_estimated_supply(conditions: Conditions, logs: Sequence[Log], simulated: Sequence[Log]) -> Conditions:
+def with_estimated_supply(
+    conditions: RecordedConditions, logs: Sequence[Log], simulated: Sequence[Log]
+) -> RecordedConditions:
     """`conditions` of `logs` with the supply pressure that is estimated where they record one."""
     estimated = []
     for log, states in zip(logs, simulated, strict=True):
@@ -120,7 +122,7 @@ def condition_problems(log: Log, actuator: Actuator) -> dict[str, str]:
 
 
 def known_conditions(
-    log: Log, actuator: Actuator, calibrated: Conditions, given: Mapping[str, Prior]
+    log: Log, actuator: Actuator, calibrated: RecordedConditions, given: Mapping[str, Prior]
 ) -> dict[str, Prior]:
     """Measurements of T_0 and P_S in a recording, by how its conditions differ from the `calibrated` ones.
 
@@ -130,7 +132,7 @@ def known_conditions(
         The recording.
     actuator : Actuator
         As calibrated.
-    calibrated : Conditions
+    calibrated : RecordedConditions
         Of the calibration recordings.
     given : {name: Prior}
         From the user, in place of a column; compared to the value of `actuator` where the calibration has none.
@@ -154,7 +156,7 @@ def known_conditions(
     return known
 
 
-def condition_warnings(logs: Sequence[Log], calibrated: Conditions, given: Mapping[str, Prior]) -> list[str]:
+def condition_warnings(logs: Sequence[Log], calibrated: RecordedConditions, given: Mapping[str, Prior]) -> list[str]:
     """A sentence for each condition that a recording has and its calibration lacks."""
     return [
         f"{log.name}: {column} is not used, because the calibration does not have it; record it in the calibration "
@@ -166,7 +168,7 @@ def condition_warnings(logs: Sequence[Log], calibrated: Conditions, given: Mappi
 
 
 def assumed_conditions(logs: Sequence[Log], known: Collection[str], actuator: Actuator) -> tuple[Assumption, ...]:
-    """What is assumed of conditions that may have changed and are not known, for a load that is read from `logs`.
+    """Assumptions on unknown conditions that may have changed, for a load that is read from `logs`.
 
     `known` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
     """

@@ -70,7 +70,7 @@ def collinear(R: FloatArray) -> list[int]:
 
 
 def identifiable(R: FloatArray) -> NDArray[np.bool_]:
-    """Which dimensionless parameters affect the residuals enough, shape (k,), from the factor R of the Jacobian."""
+    """Mask of the identifiable dimensionless parameters, shape (k,), from the factor R of the Jacobian."""
     result: NDArray[np.bool_] = np.sqrt(np.sum(R**2, axis=0)) >= LEAST_NORM
     return result
 

@@ -77,7 +77,7 @@ def _place(file: Path, error: BaseException) -> str:
 
 
 def _what(error: BaseException) -> str:
-    """What went wrong: a sentence of clutchid, or the name of the error with its text."""
+    """Fault in words: a sentence of clutchid, or the name of the error with its text."""
     if isinstance(error, ParameterError):
         return str(error)
     text = error.msg if isinstance(error, SyntaxError) else str(error)

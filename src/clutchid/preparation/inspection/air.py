@@ -11,7 +11,7 @@ from clutchid.log.units import UNITS, known_units
 from clutchid.parameters import Parameters
 from clutchid.preparation.inspection.check import Check, Grade
 from clutchid.preparation.inspection.position import direction
-from clutchid.preparation.inspection.reading import Reading, spread_over
+from clutchid.preparation.inspection.reading import InspectedRecording, spread_over
 from clutchid.recordings.signals.sampled import run_ends
 from clutchid.recordings.source import UNIT_KEY
 
@@ -28,7 +28,7 @@ HIGHEST = 2.0
 STROKE = 0.125
 
 
-def pressure_unit(reading: Reading) -> Check:
+def pressure_unit(reading: InspectedRecording) -> Check:
     """Whether the range of the pressure is that of an absolute pressure in Pa."""
     p, pressure = reading.actuator.parameters, reading.log["pressure_a"]
     low, high = (float(q) for q in np.nanquantile(pressure, (0.01, 0.99)))
@@ -91,7 +91,7 @@ TRICKLE = 0.05
 TOLERANCE = 0.02
 
 
-def supply_pressure(reading: Reading) -> Check:
+def supply_pressure(reading: InspectedRecording) -> Check:
     """Plateau of the pressure behind a supply valve that is open for long, or else a lower bound."""
     if "pressure_a" not in reading.measured or not reading.driven:
         sentence = "without the chamber pressure the supply pressure cannot be checked; a fit keeps its start value."
@@ -135,7 +135,7 @@ def _compared(implied: float, count: int, known: float) -> Check:
     return Check(SUPPLY_PRESSURE, value, grade, sentence)
 
 
-def _plateaus(reading: Reading) -> FloatArray:
+def _plateaus(reading: InspectedRecording) -> FloatArray:
     """Pressure in Pa at the end of each interval in which the open supply valve has filled the chamber."""
     p, log = reading.actuator.parameters, reading.log
     first, stop = run_ends((reading.supply >= OPEN) & (reading.exhaust <= 0))
@@ -175,7 +175,7 @@ _MISSING = {
 }
 
 
-def conditions(reading: Reading) -> list[Check]:
+def conditions(reading: InspectedRecording) -> list[Check]:
     """A check of each recorded condition."""
     problems = condition_problems(reading.log, reading.actuator)
     names = {"temperature_ambient": "ambient temperature", "pressure_supply": "recorded supply pressure"}
@@ -192,7 +192,7 @@ def conditions(reading: Reading) -> list[Check]:
     ]
 
 
-def missing_conditions(reading: Reading) -> tuple[str, ...]:
-    """What is assumed of each condition that a recording of an actuator lacks, and what it would be worth."""
+def missing_conditions(reading: InspectedRecording) -> tuple[str, ...]:
+    """Assumption on each condition that a recording of an actuator lacks, and the worth of recording it."""
     recorded = [name for name, values in reading.log.columns.items() if np.isfinite(values).any()]
     return tuple(text for column, text in _MISSING.items() if reading.driven and column not in recorded)

@@ -8,14 +8,14 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.preparation.inspection.check import Check, Grade
-from clutchid.preparation.inspection.reading import Reading, shown, spread_over
+from clutchid.preparation.inspection.reading import InspectedRecording, shown, spread_over
 from clutchid.recordings.signals.sampled import LEFT_OUT, Runs
 
 #: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
 LONGER, SHORTEST = 5, 5
 
 
-def saturation(reading: Reading, name: str) -> Check:
+def saturation(reading: InspectedRecording, name: str) -> Check:
     """Whether the column `name` is cut off at its largest or smallest value.
 
     At an end stop the noise remains, so runs of equal values are no longer there than elsewhere. Without visible noise,
@@ -63,7 +63,7 @@ NEAR_END = 0.2
 PATIENCE = 2.0
 
 
-def stuck(reading: Reading, name: str) -> Check:
+def stuck(reading: InspectedRecording, name: str) -> Check:
     """Whether the sensor of the column `name` was stuck.
 
     Detected by missing noise, which a piston at rest still shows; for the position also by a valve that is open for
@@ -89,7 +89,7 @@ def stuck(reading: Reading, name: str) -> Check:
     return Check(title, f"{seconds:.3g} s from {start:.3f} s", grade, sentence)
 
 
-def _frozen(reading: Reading, name: str) -> list[tuple[float, float]]:
+def _frozen(reading: InspectedRecording, name: str) -> list[tuple[float, float]]:
     """Start and end times of constant runs, except at the extreme values: those are checked for saturation."""
     found, ends, time = reading.runs[name], reading.ends[name], reading.log.time
     inner = (found.value != ends.low) & (found.value != ends.high)
@@ -100,7 +100,7 @@ def _frozen(reading: Reading, name: str) -> list[tuple[float, float]]:
     ]
 
 
-def _pushed(reading: Reading, start: float, stop: float) -> bool:
+def _pushed(reading: InspectedRecording, start: float, stop: float) -> bool:
     """Whether a valve was open between two times in s for long enough to move the piston."""
     if not reading.driven:
         return False
@@ -109,7 +109,7 @@ def _pushed(reading: Reading, start: float, stop: float) -> bool:
     return any(opened * reading.step > needed for opened, needed in zip(passed, reading.quick, strict=True))
 
 
-def _unmoved(reading: Reading) -> tuple[list[tuple[float, float]], int]:
+def _unmoved(reading: InspectedRecording) -> tuple[list[tuple[float, float]], int]:
     """Start and end times of openings without motion although the piston was not at that end; number of tested ones."""
     y, time = reading.log["position"], reading.log.time
     low, high = (float(q) for q in np.nanquantile(y, (0.005, 0.995)))
@@ -155,7 +155,7 @@ SMALL = 0.1
 PER_INTERVAL, PER_RANGE = 4, 40
 
 
-def quantisation(reading: Reading, name: str) -> Check:
+def quantisation(reading: InspectedRecording, name: str) -> Check:
     """Whether the step of the column `name` is too coarse for a fit.
 
     A step is harmless if noise dithers it, or if it is small compared with the friction: for the position with the seal

@@ -6,7 +6,7 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.preparation.inspection.check import Check, Grade
-from clutchid.preparation.inspection.reading import Reading, shown, spread_over
+from clutchid.preparation.inspection.reading import InspectedRecording, shown, spread_over
 from clutchid.recordings.strokes.vented_rest import Rested
 from clutchid.simulation.plan import outside_stroke
 
@@ -16,7 +16,7 @@ MOTION = "motion"
 REACH, LONG = 0.02, 0.2
 
 
-def motion(reading: Reading) -> Check:
+def motion(reading: InspectedRecording) -> Check:
     """Whether the recording is long enough for a fit, the piston moves far enough, and a valve moves it."""
     log = reading.log
     length = float(log.time[-1] - log.time[0]) if len(log) else 0.0
@@ -50,7 +50,7 @@ def _is_constant(values: FloatArray) -> bool:
     return known.size == 0 or bool(known.min() == known.max())
 
 
-def position_range(reading: Reading) -> Check:
+def position_range(reading: InspectedRecording) -> Check:
     """Whether the position lies in the stroke, by `clutchid.simulation.plan.outside_stroke`."""
     title, log = "range of position", reading.log
     low, high = (float(q) for q in np.nanquantile(log["position"], (0.005, 0.995)))
@@ -70,7 +70,7 @@ AFTER = 0.02
 CLEAR = 0.5
 
 
-def direction(reading: Reading) -> Check:
+def direction(reading: InspectedRecording) -> Check:
     """Whether the piston goes up while the supply valve alone is open and down while the exhaust valve alone is."""
     if not reading.driven or "position" not in reading.measured:
         return Check(SIGN, "-", "undetermined", "the sign check needs a position and both duty cycles.")
@@ -96,7 +96,7 @@ def direction(reading: Reading) -> Check:
     return Check(SIGN, value, grade, facts + advice[grade])
 
 
-def _moved(reading: Reading, supply: bool) -> FloatArray:
+def _moved(reading: InspectedRecording, supply: bool) -> FloatArray:
     """Changes of the position in m while only one valve is open, those above the noise."""
     starts, stops = reading.open_alone(supply)
     chosen = spread_over(starts.size)

@@ -1,4 +1,4 @@
-"""`Reading`: a recording and the derived quantities that the checks share, each computed once."""
+"""`InspectedRecording`: a recording and the derived quantities that the checks share, each computed once."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Extremes(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class InspectedRecording:
     """A recording and the actuator that it is compared with."""
 
     log: Log

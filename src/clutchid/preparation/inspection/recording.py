@@ -8,7 +8,7 @@ from clutchid.preparation.inspection.air import conditions, missing_conditions, 
 from clutchid.preparation.inspection.check import Check, Inspection
 from clutchid.preparation.inspection.columns import quantisation, saturation, stuck
 from clutchid.preparation.inspection.position import direction, motion, position_range, rest_check
-from clutchid.preparation.inspection.reading import Reading
+from clutchid.preparation.inspection.reading import InspectedRecording
 from clutchid.preparation.inspection.timing import sample_rate, time_shift
 from clutchid.recordings.strokes.vented_rest import VentedRest, from_rest
 
@@ -45,7 +45,7 @@ def inspect(log: Log, actuator: Actuator | None = None, rest: VentedRest | None 
     ['range of position: bad', 'sign of position: bad']
     """
     rested = from_rest(log, rest)
-    reading = Reading(rested.log, actuator or Actuator())
+    reading = InspectedRecording(rested.log, actuator or Actuator())
     checks: list[Check] = [sample_rate(reading)]
     for check in (saturation, quantisation, stuck):
         checks += [check(reading, name) for name in reading.measured]

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.preparation.inspection.check import Check, Grade
-from clutchid.preparation.inspection.reading import Reading, spread_over
+from clutchid.preparation.inspection.reading import InspectedRecording, spread_over
 from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP, duty_grid, on_off
 from clutchid.recordings.signals.sampled import IntArray, run_ends
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
@@ -27,7 +27,7 @@ LEAST_RATE = 1000.0
 _SLOW, _FASTEST = 0.5, 5e-6
 
 
-def sample_rate(reading: Reading) -> Check:
+def sample_rate(reading: InspectedRecording) -> Check:
     """Whether the sample rate suits the stiffness of the model and the knot intervals of its load curve.
 
     Inputs are held between samples, so a valve edge is known to one sample only. At top speed the piston travels
@@ -66,8 +66,8 @@ def sample_rate(reading: Reading) -> Check:
     return Check(SAMPLE_RATE, rate + repeated, grade, f"at {rate}{repeated} {facts}{advice.get(grade) or '.'}")
 
 
-def _implausible(reading: Reading, steps: int, *, slow: bool) -> str:
-    """Why the rate cannot be that of a recording of this actuator, if that is not for its being too `slow`."""
+def _implausible(reading: InspectedRecording, steps: int, *, slow: bool) -> str:
+    """Reason why the rate cannot be that of a recording of this actuator, other than being too `slow`."""
     if reading.update_interval < _FASTEST:
         return (
             "no sensor of a position is that fast: the stamps seem to be in s or ms and are read as smaller; correct "
@@ -108,7 +108,7 @@ class Allowed:
     late: float
 
 
-def time_shift(reading: Reading) -> Check:
+def time_shift(reading: InspectedRecording) -> Check:
     """Delay of the measured motion relative to the simulated one over all strokes, with its standard deviation."""
     if not reading.driven or "position" not in reading.measured:
         return Check(TIME_SHIFT, "-", "undetermined", "the time shift check needs a position and both duty cycles.")
@@ -139,7 +139,7 @@ def time_shift(reading: Reading) -> Check:
     return _compared(reading, late, _allowed(reading, float(np.std(late, ddof=1)), usual))
 
 
-def _compared(reading: Reading, late: FloatArray, allowed: Allowed) -> Check:
+def _compared(reading: InspectedRecording, late: FloatArray, allowed: Allowed) -> Check:
     """Compare the shift of each stroke in s with the plausible ones."""
     shift, spread, count = float(np.median(late)), float(np.std(late, ddof=1)), late.size
     # standard error of a median; agreement below the sampling interval is by chance
@@ -161,7 +161,7 @@ def _compared(reading: Reading, late: FloatArray, allowed: Allowed) -> Check:
     return Check(TIME_SHIFT, value, grade, sentence)
 
 
-def _allowed(reading: Reading, spread: float, usual: float) -> Allowed:
+def _allowed(reading: InspectedRecording, spread: float, usual: float) -> Allowed:
     """Plausible shifts, for strokes with a standard deviation `spread` and a usual delay `usual`, both in s."""
     p = reading.actuator.parameters
     # friction may be twice that of the model and the load 50 % larger: time of an open valve to supply that force
@@ -178,7 +178,7 @@ def _allowed(reading: Reading, spread: float, usual: float) -> Allowed:
     return Allowed(either, valve + lag + wait + math.hypot(either, valve, lag))
 
 
-def on_grid(reading: Reading) -> bool:
+def on_grid(reading: InspectedRecording) -> bool:
     """Whether the duty cycles change on a time grid, so that the valve responds at once.
 
     Other changes take effect with the next period of the carrier, after up to one period.
@@ -186,7 +186,7 @@ def on_grid(reading: Reading) -> bool:
     return duty_grid(reading.log).period > 0.0
 
 
-def period(reading: Reading, usual: float) -> float:
+def period(reading: InspectedRecording, usual: float) -> float:
     """Period in s of the carrier as estimated from the duty cycles, else the `usual` one.
 
     Valves that are only opened and closed change on the time grid of the control unit, which is not a carrier.
@@ -216,7 +216,7 @@ class Starts:
     simulated: FloatArray
 
 
-def starts(reading: Reading) -> Starts:
+def starts(reading: InspectedRecording) -> Starts:
     """Delays of all usable strokes, of a long recording at most `MOST` of them.
 
     Motion starts where the travel rises through `level`.
@@ -244,7 +244,7 @@ def starts(reading: Reading) -> Starts:
     return Starts(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
 
 
-def level(reading: Reading) -> float:
+def level(reading: InspectedRecording) -> float:
     """Least travel in m that counts as motion: above noise, quantisation and the seal deflection before sliding."""
     p = reading.actuator.parameters
     return p.F_C / p.K_z + reading.blur("position")
@@ -259,7 +259,7 @@ def _resting(rest: FloatArray, bottom: float, least: float, noise: bool) -> bool
     return bool(still and abs(float(np.median(rest)) - bottom) <= 2 * least)
 
 
-def _commands(reading: Reading) -> IntArray:
+def _commands(reading: InspectedRecording) -> IntArray:
     """Samples at which the supply valve opens after `CLOSED` s, without missing inputs or holes around them."""
     time = reading.log.time
     first, stop = run_ends(reading.supply > 0)

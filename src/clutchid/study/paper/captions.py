@@ -6,11 +6,11 @@ import numpy as np
 
 from clutchid.reports.style import MM
 from clutchid.study.paper.figures import SLOW
-from clutchid.study.paper.fits import Method, best_possible, load_error
+from clutchid.study.paper.fits import PaperMethod, best_possible, load_error
 from clutchid.study.paper.results import StudyResults, bars, millimetres
 from clutchid.study.paper.state_figures import CLOSE
 
-_BALLISTIC, _PARTS_32 = Method("ballistic"), Method("parts", 32)
+_BALLISTIC, _PARTS_32 = PaperMethod("ballistic"), PaperMethod("parts", 32)
 
 _READING = (
     "N is interpreted as the number of equal parts, for which the resets are visible; with “every N samples”, the "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from clutchid.model.weighted_load import PAPER_KNOTS
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 from clutchid.study.paper.printed import PRINTED_SLOPE, XI_1, XI_2, XI_3, XI_3_ORDER
 
 _NAMES = ("a_1", "b_1", "c_1", "a_2", "b_2", "c_2", "d_2", *(f"{letter}_3" for letter in "abcdefgh"))
@@ -33,7 +33,7 @@ def printed() -> dict[str, tuple[float | None, str]]:
     return found
 
 
-def equation_21() -> Table:
+def equation_21() -> ReportTable:
     """Each coefficient computed for both slopes of phi_2, printed, and their relative difference."""
     stated, published, page = computed(1.0), computed(PRINTED_SLOPE), printed()
     rows: list[tuple[Cell, ...]] = []
@@ -55,7 +55,7 @@ def equation_21() -> Table:
         "so one of the two is lost. ξ₃ is printed in the order b, a, c, g, d, h, f, e. The last column is relative to "
         "slope 0.001; the remaining differences are rounding errors in the paper."
     )
-    return Table("Equation (21), coefficients of the basis functions", columns, tuple(rows), (3, 7), note)
+    return ReportTable("Equation (21), coefficients of the basis functions", columns, tuple(rows), (3, 7), note)
 
 
 def _unit(name: str) -> str:

@@ -18,7 +18,7 @@ from clutchid.study.paper.recording import TrueLoad
 #: The paper's N.
 NUMBERS = (2, 4, 8, 16, 32)
 
-Reading = Literal["ballistic", "parts", "every"]
+Interpretation = Literal["ballistic", "parts", "every"]
 Carry = Literal["p", "q"]
 
 #: Called with a description of the current step and the completed fraction, from 0 to 1.
@@ -26,10 +26,10 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
+class PaperMethod:
     """An estimation method of Table 1: interpretation of N, N, and the variable carried across a reset."""
 
-    reading: Reading
+    reading: Interpretation
     number: int | None = None
     carry: Carry = "p"
 
@@ -46,7 +46,7 @@ class Method:
 
         Examples
         --------
-        >>> Method("every", 8).label
+        >>> PaperMethod("every", 8).label
         'every 8 samples'
         """
         if self.reading == "parts":
@@ -58,7 +58,7 @@ class Method:
 class Case:
     """Results of one method: the fit, and ballistic runs with its theta on both recordings."""
 
-    method: Method
+    method: PaperMethod
     fit: Fit
     fitted: Recording
     ballistic: Recording
@@ -73,10 +73,12 @@ class LoadError:
     engaging: float
 
 
-def methods() -> tuple[Method, ...]:
+def methods() -> tuple[PaperMethod, ...]:
     """All methods: ballistic first, then by carried variable, interpretation and N."""
-    partitioned = [Method(reading, n, carry) for carry in ("p", "q") for reading in ("parts", "every") for n in NUMBERS]
-    return (Method("ballistic"), *partitioned)
+    partitioned = [
+        PaperMethod(reading, n, carry) for carry in ("p", "q") for reading in ("parts", "every") for n in NUMBERS
+    ]
+    return (PaperMethod("ballistic"), *partitioned)
 
 
 def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, ...]:
@@ -97,7 +99,7 @@ def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, 
     return tuple(done)
 
 
-def _case(method: Method, fit_log: Log, verify_log: Log) -> Case:
+def _case(method: PaperMethod, fit_log: Log, verify_log: Log) -> Case:
     found = fit(fit_log, partition=method.partition)
     fitted = _only(found)
     ballistic = fitted if method.partition is None else _only(fit(fit_log, found.actuator, free=()))
@@ -108,7 +110,7 @@ def _only(found: Fit) -> Recording:
     return next(iter(found.recordings.values()))
 
 
-def chosen(cases: Sequence[Case], *readings: Reading, carry: Carry = "p") -> tuple[Case, ...]:
+def chosen(cases: Sequence[Case], *readings: Interpretation, carry: Carry = "p") -> tuple[Case, ...]:
     """Cases of the given interpretations, in that order; the ballistic one belongs to both p and q."""
     return tuple(
         case

@@ -6,17 +6,17 @@ import numpy as np
 
 from clutchid.estimation import Fit
 from clutchid.log import Log
-from clutchid.reports.html import Bullets, Notice, Page, Picture, Section, Text, escape
+from clutchid.reports.html import Bullets, Notice, Page, PageSection, Picture, Text, escape
 from clutchid.reports.provenance import provenance
 from clutchid.reports.style import MM
 from clutchid.study.paper.captions import captions
 from clutchid.study.paper.deviations import DEVIATIONS
-from clutchid.study.paper.fits import Method, load_error
+from clutchid.study.paper.fits import PaperMethod, load_error
 from clutchid.study.paper.printed import TABLE_2
 from clutchid.study.paper.results import StudyResults, bars, millimetres
 from clutchid.study.paper.tables import rows_of
 
-_BALLISTIC = Method("ballistic")
+_BALLISTIC = PaperMethod("ballistic")
 
 _ALT = {
     2: "The three basis functions over the position", 3: "Measured and simulated positions over time",
@@ -34,22 +34,22 @@ def study_page(found: StudyResults, command: str) -> Page:
         return Picture(found.figures[number], f"<b>Figure {number}.</b> {words[number]}", _ALT[number])
 
     sections = (
-        Section("Summary", (Text(_abstract(found)), Bullets(_findings(found)))),
-        Section("Method", (Text(_data(found)), *_warnings(found), Text(_METHOD), Text(_READINGS))),
-        Section("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
-        Section("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), _table_1(found))),
-        Section(
+        PageSection("Summary", (Text(_abstract(found)), Bullets(_findings(found)))),
+        PageSection("Method", (Text(_data(found)), *_warnings(found), Text(_METHOD), Text(_READINGS))),
+        PageSection("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
+        PageSection("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), _table_1(found))),
+        PageSection(
             "Errors on the first recording, Table 2",
             (made["table_2"], made["table_2_carry_q"], _table_2(found), figure(3), figure(4)),
         ),
-        Section(
+        PageSection(
             "Verification on the second recording",
             (made["verification"], _verification(found), figure(6), figure(7)),
         ),
-        Section("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
-        Section("Why the results differ from the paper", (Text(_why(found)),)),
-        Section("Deviations from the printed equations", (Bullets(DEVIATIONS),)),
-        Section("Files", (Text(_files(found)),)),
+        PageSection("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
+        PageSection("Why the results differ from the paper", (Text(_why(found)),)),
+        PageSection("Deviations from the printed equations", (Bullets(DEVIATIONS),)),
+        PageSection("Files", (Text(_files(found)),)),
     )
     return Page(
         "Clutch load characteristics: the paper's study repeated",
@@ -104,7 +104,7 @@ def _findings(found: StudyResults) -> tuple[str, ...]:
             f"{error.engaging:.0f} N where the clutch engages (5 to 8 mm) and {error.everywhere:.0f} N overall "
             f"({100 * error.everywhere / peak:.1f} % of the peak). {_coverage(found)}"
         )
-    p, q = (found.case(Method("every", 2, carry)) for carry in ("p", "q"))
+    p, q = (found.case(PaperMethod("every", 2, carry)) for carry in ("p", "q"))
     text = (
         "<b>Resets.</b> Resetting the position at constant pressure, as the paper does, creates or destroys air. With "
         "a reset every 2 samples, a ballistic simulation with the estimated θ has an rms position error of "
@@ -214,7 +214,7 @@ def _table_2(found: StudyResults) -> Text:
         least = min(measured, key=lambda case: case.ballistic.errors.pressure_a_sse or 0.0)
         rms = bars(least.ballistic.errors.pressure_a_rms)
         text += f"For the pressure it is “{least.method.label}” ({rms} rms); in the paper N = 32. "
-    ratios = {n: (found.case(Method("parts", n)), found.case(Method("every", n))) for n in (2, 32)}
+    ratios = {n: (found.case(PaperMethod("parts", n)), found.case(PaperMethod("every", n))) for n in (2, 32)}
     compared = "; ".join(
         f"N = {n}: printed {TABLE_2[n][0] / TABLE_2[None][0]:.0f}, parts {a.ballistic.errors.position_sse / base:.1f}, "
         f"every N samples {b.ballistic.errors.position_sse / base:.1f}"
@@ -239,7 +239,7 @@ def _verification(found: StudyResults) -> Text:
 
 
 def _why(found: StudyResults) -> str:
-    floor = found.case(Method("every", 2)).fitted.errors.position_rms
+    floor = found.case(PaperMethod("every", 2)).fitted.errors.position_rms
     text = (
         "The paper's recording of the truck “Gamal” is not public; these data are from another actuator, so the "
         "printed values cannot be reproduced, only the conclusions can be tested. Sums of squares also depend on the "

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from clutchid.log import Log
 from clutchid.reports.figures import png
 from clutchid.reports.style import BAR, MM
-from clutchid.reports.tables import Table
+from clutchid.reports.tables import ReportTable
 from clutchid.study.paper import figures, state_figures, tables
 from clutchid.study.paper.equation_21 import equation_21
-from clutchid.study.paper.fits import Case, Method, Progress, all_cases
+from clutchid.study.paper.fits import Case, PaperMethod, Progress, all_cases
 from clutchid.study.paper.pressure import Pressures, pressures
 from clutchid.study.paper.recording import TrueLoad, true_load
 
@@ -41,11 +41,11 @@ class StudyResults:
     verify_log: Log
     cases: tuple[Case, ...]
     truth: TrueLoad | None
-    second: Mapping[Method, Pressures]
-    tables: Mapping[str, Table]
+    second: Mapping[PaperMethod, Pressures]
+    tables: Mapping[str, ReportTable]
     figures: Mapping[int, bytes]
 
-    def case(self, method: Method) -> Case:
+    def case(self, method: PaperMethod) -> Case:
         """Results of a method."""
         return next(case for case in self.cases if case.method == method)
 
@@ -79,9 +79,9 @@ def find(fit_log: Log, verify_log: Log, progress: Progress) -> StudyResults:
 
 
 def _figures(
-    cases: Sequence[Case], second: Mapping[Method, Pressures], log: Log, progress: Progress
+    cases: Sequence[Case], second: Mapping[PaperMethod, Pressures], log: Log, progress: Progress
 ) -> dict[int, bytes]:
-    thirty_two = next(case for case in cases if case.method == Method("parts", 32))
+    thirty_two = next(case for case in cases if case.method == PaperMethod("parts", 32))
     pair = (cases[0], thirty_two)
     makers: dict[int, Callable[[], Figure]] = {
         2: figures.figure_2,

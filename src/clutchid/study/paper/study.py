@@ -13,7 +13,7 @@ from clutchid.errors import ExportError
 from clutchid.log import Log
 from clutchid.recordings.files import check_writable, write_bytes
 from clutchid.reports.html import render
-from clutchid.reports.tables import Table, to_csv
+from clutchid.reports.tables import ReportTable, to_csv
 from clutchid.study.paper.fits import Case, Progress
 from clutchid.study.paper.page import study_page
 from clutchid.study.paper.results import FIGURES, TABLES, StudyResults, find
@@ -24,7 +24,7 @@ class PaperStudy:
     """The completed study: results of all methods, tables by file stem, and the written files."""
 
     cases: tuple[Case, ...]
-    tables: Mapping[str, Table]
+    tables: Mapping[str, ReportTable]
     page: Path
     files: tuple[Path, ...]
 

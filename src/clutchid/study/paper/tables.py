@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from clutchid.estimation.result import Errors
 from clutchid.reports.style import BAR, MM
-from clutchid.reports.tables import Cell, Column, Table
-from clutchid.study.paper.fits import Carry, Case, Method, chosen, load_error
+from clutchid.reports.tables import Cell, Column, ReportTable
+from clutchid.study.paper.fits import Carry, Case, PaperMethod, chosen, load_error
 from clutchid.study.paper.pressure import Pressures
 from clutchid.study.paper.printed import TABLE_1, TABLE_2
 from clutchid.study.paper.recording import TrueLoad
@@ -34,7 +34,7 @@ def rows_of(cases: Sequence[Case], carry: Carry) -> tuple[Case, ...]:
     return chosen(cases, "ballistic", "parts", "every", carry=carry)
 
 
-def table_1(cases: Sequence[Case], carry: Carry) -> Table:
+def table_1(cases: Sequence[Case], carry: Carry) -> ReportTable:
     """Table 1: estimated weights with standard errors, and the printed ones."""
     columns = [Column("method", "method")]
     for i in (1, 2, 3):
@@ -57,10 +57,10 @@ def table_1(cases: Sequence[Case], carry: Carry) -> Table:
         "because the paper describes both."
     )
     title = f"Table 1. Estimated weights of the load; {_CARRIED[carry]}"
-    return Table(title, tuple(columns), tuple(rows), (1, 6), note)
+    return ReportTable(title, tuple(columns), tuple(rows), (1, 6), note)
 
 
-def table_2(cases: Sequence[Case], carry: Carry) -> Table:
+def table_2(cases: Sequence[Case], carry: Carry) -> ReportTable:
     """Table 2: sums of squares and rms errors of the fitted simulation and of a ballistic run."""
     columns = [Column("method", "method")]
     for prefix, group in (("fitted", "fitted simulation"), ("ballistic", "ballistic run with the same θ")):
@@ -83,14 +83,14 @@ def table_2(cases: Sequence[Case], carry: Carry) -> Table:
         "its position error is small with frequent resets, whatever θ is. The printed values are sums of squares in m² "
         "and Pa² of another recording of unknown length."
     )
-    return Table(f"Table 2. Errors on the first recording; {_CARRIED[carry]}", tuple(columns), rows, (1, 6), note)
+    return ReportTable(f"Table 2. Errors on the first recording; {_CARRIED[carry]}", tuple(columns), rows, (1, 6), note)
 
 
 def _cells(errors: Errors) -> tuple[Cell, ...]:
     return errors.position_sse, errors.position_rms, errors.pressure_a_sse, errors.pressure_a_rms
 
 
-def verification(cases: Sequence[Case], truth: TrueLoad | None) -> Table:
+def verification(cases: Sequence[Case], truth: TrueLoad | None) -> ReportTable:
     """Errors of ballistic runs on the verification recording, and of the load if the true one is known."""
     run, load = "second recording, ballistic run", "load error"
     columns = [
@@ -115,12 +115,12 @@ def verification(cases: Sequence[Case], truth: TrueLoad | None) -> Table:
         carried = "–" if case.method.partition is None else case.method.carry
         rows.append((case.method.label, carried, *_cells(case.verified.errors), *cells))
     note = "Only the initial position and pressure are estimated here, if the recording starts under pressure."
-    return Table("Verification on the second recording", tuple(columns), tuple(rows), (1, 6, 11, 16), note)
+    return ReportTable("Verification on the second recording", tuple(columns), tuple(rows), (1, 6, 11, 16), note)
 
 
 def pressure_errors(
-    cases: Sequence[Case], first: Mapping[Method, Pressures], second: Mapping[Method, Pressures]
-) -> Table:
+    cases: Sequence[Case], first: Mapping[PaperMethod, Pressures], second: Mapping[PaperMethod, Pressures]
+) -> ReportTable:
     """Rms errors of the pressure from the load, on both recordings."""
     both = {"first": first, "second": second}
     columns = [Column("method", "method")]
@@ -139,4 +139,4 @@ def pressure_errors(
         "measured, velocity and acceleration derived from it, seal deflection by Eq. (3), chamber B from the "
         "simulation. The pressures are carried across a reset."
     )
-    return Table("Pressure in chamber A from the load, rms errors", tuple(columns), rows, (1, 6), note)
+    return ReportTable("Pressure in chamber A from the load, rms errors", tuple(columns), rows, (1, 6), note)

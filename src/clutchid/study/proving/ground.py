@@ -51,7 +51,7 @@ class Conditions:
 
     @property
     def suffix(self) -> str:
-        """What the name of a folder with results ends with; nothing for family A without changes."""
+        """End of the name of a folder with results; nothing for family A without changes."""
         return "" if self == Conditions() else f"@{'+'.join((self.family, *self.changes))}"
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.numerics.interval import QUANTILE
-from clutchid.reports.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, ReportTable
 
 Results = Sequence[Mapping[str, Any]]
 
@@ -31,7 +31,7 @@ NOTE = (
 REFERENCE = "paper"
 
 
-def standings(results: Mapping[str, Results]) -> Table:
+def standings(results: Mapping[str, Results]) -> ReportTable:
     """One row per workflow and conditions: medians and worst cases over worn recordings, coverage, failures, time.
 
     The ratio is the median load error over 5 to 8 mm relative to that of the paper's method on the same trucks.
@@ -53,7 +53,7 @@ def standings(results: Mapping[str, Results]) -> Table:
         Column("seconds [s]", "time\n[s]", decimals=1),
     ]
     rows = tuple(_row(name, one, results.get(_reference(name), ())) for name, one in results.items())
-    return Table("Proving ground", tuple(columns), rows, note=NOTE)
+    return ReportTable("Proving ground", tuple(columns), rows, note=NOTE)
 
 
 def _row(name: str, results: Results, reference: Results) -> tuple[Cell, ...]:
@@ -98,7 +98,7 @@ def _scores(results: Results, key: str) -> np.ndarray[Any, np.dtype[np.float64]]
     return np.array([log["score"][key] for r in results for log in r["logs"].values()], dtype=np.float64)
 
 
-def every_recording(results: Mapping[str, Results]) -> Table:
+def every_recording(results: Mapping[str, Results]) -> ReportTable:
     """One row per worn recording and workflow, with all errors, for a CSV file."""
     columns = [Column("workflow", "workflow"), Column("family", "family"), Column("change", "change")]
     columns += [Column("truck", "truck", decimals=0), Column("recording", "recording")]
@@ -115,4 +115,4 @@ def every_recording(results: Mapping[str, Results]) -> Table:
                 scores = log["score"]
                 cells = [scores[key] for key, _, _ in ERRORS]
                 rows.append((*of, stem, log["wear_m"], *cells, scores["coverage"], None))
-    return Table("Every recording", tuple(columns), tuple(rows))
+    return ReportTable("Every recording", tuple(columns), tuple(rows))

@@ -16,7 +16,7 @@ from clutchid.truck.changes import changes_of
 from clutchid.truck.compiled import Loop, compiled
 from clutchid.truck.family import Family
 from clutchid.truck.first import period_in_ticks
-from clutchid.truck.load_table import LoadCurve, rest_position
+from clutchid.truck.load_table import LoadTable, rest_position
 from clutchid.truck.second import sensors
 from clutchid.truck.second.clutch import load_curve, worn
 from clutchid.truck.second.order import PARAMETERS, SETTINGS, STATES
@@ -74,7 +74,7 @@ def finished(drawn: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def at_rest(truck: TruckB, curve: LoadCurve, p_S: float | None = None) -> FloatArray:
+def at_rest(truck: TruckB, curve: LoadTable, p_S: float | None = None) -> FloatArray:
     """States of a vented truck whose piston rests at the engaged end; `p_S` is the supply pressure, default P_S."""
     t, y = truck, rest_position(truck, curve)
     volumes = (t.V_0A + t.A_A * y, t.V_D, t.V_0B + t.A_B * (t.y_max - y))
@@ -82,7 +82,7 @@ def at_rest(truck: TruckB, curve: LoadCurve, p_S: float | None = None) -> FloatA
     return np.array([y, 0.0, *air, t.P_S if p_S is None else p_S, 0.0, *[0.0] * 8])
 
 
-def start(truck: TruckB, curve: LoadCurve, rng: np.random.Generator) -> tuple[FloatArray, bool]:
+def start(truck: TruckB, curve: LoadTable, rng: np.random.Generator) -> tuple[FloatArray, bool]:
     """Initial states, the supply a little below its set pressure; there is no compressor."""
     return at_rest(truck, curve, truck.P_S * (1 - START * rng.uniform())), False
 

@@ -11,7 +11,7 @@ from clutchid.codegen.system import Expr
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck.ageing import LIFE
-from clutchid.truck.load_table import LoadCurve, load_table, travels
+from clutchid.truck.load_table import LoadTable, load_table, travels
 from clutchid.truck.second.parameters import TruckB
 
 #: Number of strokes that scales the settling of the springs.
@@ -88,7 +88,7 @@ def worn(truck: TruckB) -> dict[str, float]:
 
 
 @lru_cache(maxsize=64)
-def load_curve(truck: TruckB) -> LoadCurve:
+def load_curve(truck: TruckB) -> LoadTable:
     r"""Load curve of `truck` at its age.
 
     .. math:: y = y_r + \delta + s + F / K_s, \quad F = G(x_0 - i_x w + s) - \max(0, G(x_0 - i_x w) (1 - s / s_c))

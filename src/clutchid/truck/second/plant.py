@@ -6,7 +6,7 @@ from functools import cache
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, System, Table
+from clutchid.codegen.system import Expr, System, TabulatedFunction
 from clutchid.truck import flow, motion
 from clutchid.truck.definitions import Definitions
 from clutchid.truck.order import LEDGER
@@ -61,7 +61,7 @@ def plant(ledger: bool = False) -> System:
         parameters=tuple(getattr(b, name) for name in PARAMETERS),
         definitions=tuple(b.rows),
         derivatives=(*rates, *extra),
-        table=Table(b.f_l, b.y),
+        table=TabulatedFunction(b.f_l, b.y),
     )
 
 
