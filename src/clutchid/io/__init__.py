@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from clutchid.errors import DataError, ExportError
-from clutchid.io.checks import AMBIENT, check, check_ambient
+from clutchid.io.checks import AMBIENT, check_ambient
 from clutchid.io.columns import REQUIRED
 from clutchid.io.files import atomic_write, digest
 from clutchid.io.opening import open_source
-from clutchid.io.source import BLOCK, Source, in_contract, with_unit
-from clutchid.io.whole import check_size
+from clutchid.io.recording import pieces
+from clutchid.io.source import BLOCK, in_contract
 from clutchid.log import Log
 from clutchid.names import printable
 
@@ -139,19 +139,12 @@ def _logs(
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(float(ambient))}
     if rows is None:
         metadata["sha256"] = digest(source.path)
-    if given is None and in_contract(source):
-        logs = _by_contract(source, ambient, required, rows)
-    else:
+    if given is None and not in_contract(source):
         from clutchid.io.map.proposal import map_for
-        from clutchid.io.recording import pieces
 
-        chosen = map_for(source, given, required)
-        if chosen is None:
-            logs = _by_contract(source, ambient, required, rows)
-        else:
-            logs = pieces(source, chosen, ambient, required, rows)
+        given = map_for(source, required)
     done, size = 0, max((raster.size for raster in source.rasters), default=0)
-    for log in _from_disk(source.path, logs):
+    for log in _from_disk(source.path, pieces(source, given, ambient, required, rows)):
         yield replace(log, metadata={**log.metadata, **metadata})
         done += len(log)
         if progress is not None:
@@ -176,24 +169,6 @@ def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None
     from clutchid.io.map.channel_map import ChannelMap, read_map
 
     return channels if isinstance(channels, ChannelMap) else read_map(channels)
-
-
-def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: int | None) -> Iterator[Log]:
-    """The recording in a table whose columns have the standard names."""
-    if not source.rasters or source.unnamed:
-        raise DataError.of(str(source.path), [*source.problems, *([source.unnamed] if source.unnamed else [])])
-    wanted = [heading.index for heading in source.rasters[0].headings if heading.name is not None]
-    if rows is None:
-        check_size(source.path, source.rasters[0].size, len(wanted))
-    for table in source.tables(0, wanted, rows):
-        checked = check(table, ambient, required)
-        if source.problems or checked.problems:
-            raise DataError.of(str(source.path), [*source.problems, *checked.problems])
-        columns = dict(checked.columns)
-        warnings = (*source.warnings, *checked.warnings)
-        edges = {name: samples for name, samples in source.edges.items() if name in columns}
-        metadata = with_unit(source.metadata, table.headings)
-        yield Log(columns.pop("time"), columns, source.name, metadata, warnings, edges)
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:

@@ -1,11 +1,15 @@
-"""Convert a file with a channel map to a recording in SI on one time grid, as a whole or in pieces."""
+"""Convert a file to a recording in SI on one time grid, as a whole or in pieces.
+
+Its channels are assigned by a channel map, or by their names: a table whose columns have the standard names is read as
+it stands, and its time must increase; the time stamps of any other file are repaired.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 
@@ -13,7 +17,7 @@ from clutchid.errors import DataError
 from clutchid.io.alignment import Stream, aligned
 from clutchid.io.checks import check, in_si, usual_interval
 from clutchid.io.clock import Clock, repair
-from clutchid.io.columns import Heading
+from clutchid.io.columns import Heading, heading_problems, ignored
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.map.picking import COUNTED, Pick, pick
 from clutchid.io.source import Source, with_unit
@@ -33,14 +37,14 @@ class _Messages:
 
 
 def pieces(
-    source: Source, channels: ChannelMap, ambient: float, required: Sequence[str], rows: int | None
+    source: Source, channels: ChannelMap | None, ambient: float, required: Sequence[str], rows: int | None
 ) -> Iterator[Log]:
     """The recording as consecutive logs of about `rows` samples (None: one log), on one time grid.
 
     Parameters
     ----------
     source, channels
-        The file and the assignment of its channels.
+        The file and the assignment of its channels; None for a table whose columns have the standard names.
     ambient : Pa
         Absolute pressure that is added to gauge pressures.
     required
@@ -54,24 +58,40 @@ def pieces(
         If the map does not match the file, samples are invalid, or the file is too large to be read as a whole; the
         text lists all problems of the block.
     """
-    picks, problems = picked(source, channels, required)
-    if problems or source.problems:
-        raise DataError.of(str(source.path), [*source.problems, *problems])
+    picks, problems = by_names(source, required) if channels is None else picked(source, channels, required)
+    messages = _Messages([*source.problems, *problems], [*source.warnings])
+    if messages.problems and (channels is not None or not picks):
+        raise DataError.of(str(source.path), messages.problems)
     if rows is None:
         longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
         check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
-    notes = [note for chosen in picks for note in chosen.notes]
-    messages = _Messages(warnings=[*source.warnings, *channels.comments.get("", "").splitlines(), *notes])
-    streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
-    streams.sort(key=lambda stream: stream[0])
-    usual, base, fastest = streams[0]
-    others = [stream for _, stream, _ in streams[1:]]
-    if channels.raster is not None:
-        _, clock = _stream(source, fastest, ambient, rows, _Messages())
-        base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
+    if channels is not None:
+        messages.warnings += channels.comments.get("", "").splitlines()
+    messages.warnings += [note for chosen in picks for note in chosen.notes]
+    if len(picks) == 1 and (channels is None or channels.raster is None):
+        base, others = Stream(_blocks(source, picks[0], ambient, rows, messages), {}), list[Stream]()
+    else:
+        streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
+        streams.sort(key=lambda stream: stream[0])
+        usual, base, fastest = streams[0]
+        others = [stream for _, stream, _ in streams[1:]]
+        if channels is not None and channels.raster is not None:
+            _, clock = _stream(source, fastest, ambient, rows, _Messages())
+            base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
     read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
-    described = replace(source, metadata=with_unit(source.metadata, read))
+    edges = source.edges if channels is None else {}
+    described = replace(source, metadata=with_unit(source.metadata, read), edges=edges)
     yield from _logs(described, aligned(base, others), messages)
+
+
+def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+    """The columns of a table that have standard names, and all problems of its headings."""
+    if not source.rasters or source.unnamed:
+        return (), ((source.unnamed,) if source.unnamed else ())
+    headings = source.rasters[0].headings
+    columns = {heading.name: (heading, Channel(heading.text)) for heading in headings if heading.name is not None}
+    chosen = Pick(0, columns, notes=tuple(ignored(headings)), increasing=True)
+    return (chosen,), tuple(heading_problems(headings, tuple(dict.fromkeys(("time", *required)))))
 
 
 def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
@@ -100,7 +120,8 @@ def _logs(
         if messages.problems:
             raise DataError.of(str(source.path), messages.problems)
         warnings, messages.warnings = tuple(dict.fromkeys(messages.warnings)), []
-        yield Log(time, columns, source.name, dict(source.metadata), warnings, edges)
+        own = {name: samples for name, samples in source.edges.items() if name in columns}
+        yield Log(time, columns, source.name, dict(source.metadata), warnings, own | edges)
     if messages.problems:
         raise DataError.of(str(source.path), messages.problems)
 
@@ -110,14 +131,14 @@ def _stream(
 ) -> tuple[float, Stream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     blocks = _blocks(source, chosen, ambient, rows, messages)
-    first = next(blocks, (np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}))
-    usual = usual_interval(first[0])
+    first = list(islice(blocks, 1))
+    usual = usual_interval(first[0][0]) if first else math.inf
     longest = {
         name: entry.longest if entry.longest is not None else HOLE * usual
         for name, (_, entry) in chosen.columns.items()
         if name != "time"
     }
-    return usual, Stream(chain([first], blocks), longest)
+    return usual, Stream(chain(first, blocks), longest)
 
 
 def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages) -> Iterator[Block]:
@@ -125,21 +146,27 @@ def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, mess
     clock: Clock | None = None
     done = 0
     columns_read = [heading.index for heading, _ in chosen.columns.values() if heading.index != COUNTED]
+    if chosen.increasing:  # of columns with the same name all are checked
+        columns_read = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
     for table in source.tables(chosen.raster, columns_read, rows):
-        named = _named(table if chosen.rate is None else _counted(table, done, chosen.rate), chosen)
-        done += table.size
-        stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
-        repaired = repair(stamps, named.places, clock)
-        clock = repaired.clock
-        messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
-        checked = check(_kept(named, np.flatnonzero(repaired.kept), repaired.time), ambient, ())
+        if chosen.increasing:
+            checked = check(table, ambient)
+        else:
+            named = _named(table if chosen.rate is None else _counted(table, done, chosen.rate), chosen)
+            done += table.size
+            stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
+            repaired = repair(stamps, named.places, clock)
+            clock = repaired.clock
+            messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
+            checked = check(_kept(named, np.flatnonzero(repaired.kept), repaired.time), ambient)
         messages.problems += checked.problems
         messages.warnings += checked.warnings
-        if table.problems:
+        if table.problems or (chosen.increasing and messages.problems):
             yield np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}
             return
         columns = dict(checked.columns)
-        yield columns.pop("time") - chosen.delay, columns
+        time = columns.pop("time")
+        yield time - chosen.delay if chosen.delay else time, columns
 
 
 def _counted(table: Table, done: int, rate: float) -> Table:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.io.checks import AMBIENT, check, check_ambient, in_si
-from clutchid.io.columns import REQUIRED, Heading
+from clutchid.io.columns import REQUIRED, Heading, heading_problems, ignored
 from clutchid.io.look.overview import ColumnLook, Look, RasterLook
 from clutchid.io.look.time_look import TimeLook, updated
 from clutchid.io.map.channel_map import Channel, ChannelMap
@@ -83,6 +83,9 @@ def look(
     for index, raster in enumerate(source.rasters):
         clock, said = _clock(raster, proposal.channels)
         summary = _Summary(len(raster.headings), checks)
+        if checks is not None:
+            summary.problems += heading_problems(raster.headings)
+            summary.warnings += ignored(raster.headings)
         rasters.append(_raster(source, index, summary, _Axis(clock, {}, ambient)))
         problems += summary.problems
         warnings += [*([said] if said else []), *summary.warnings]

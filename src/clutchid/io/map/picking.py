@@ -28,7 +28,7 @@ class Pick:
     """Channels on one time grid: heading and map entry by quantity, including `time` unless that is a problem.
 
     `delay` in s is the common delay of the channels after their time stamps; with a `rate` in Hz the time is sample /
-    rate. `notes` are assumptions that the user has to know.
+    rate. `notes` are assumptions that the user has to know. Time stamps that must be `increasing` are not repaired.
     """
 
     raster: int
@@ -36,6 +36,7 @@ class Pick:
     delay: float = 0.0
     rate: float | None = None
     notes: tuple[str, ...] = ()
+    increasing: bool = False
 
 
 def pick(

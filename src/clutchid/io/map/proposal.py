@@ -93,18 +93,14 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks), tuple(notes))
 
 
-def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -> ChannelMap | None:
-    """Channel map for a file: the `given` one, else the proposed one if it is complete.
-
-    None for a table whose columns the user can rename.
+def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
+    """Channel map for a file: the proposed one if it is complete; None for a table whose columns the user can rename.
 
     Raises
     ------
     DataError
         If there is none; the text lists what is open.
     """
-    if given is not None:
-        return given
     proposal = propose(source, required)
     if proposal.complete:
         return replace(proposal.without_uncertain, comments={"": "\n".join(_identified(source, proposal))})
