@@ -6,6 +6,8 @@ import re
 from codecs import BOM_UTF8
 from pathlib import Path
 
+from clutchid.errors import DataError
+
 #: Bytes at the start of a file that tell its kind.
 ENOUGH = 4096
 
@@ -56,6 +58,35 @@ _TEXTS = (
     (r"(?s)\s*(/\*.*?\*/\s*)?(ASAP2_VERSION\b|/begin\s+PROJECT\b)", "an A2L description", _EXPORT),
     (r"\s*LIN_description_file\b", "an LDF description of a LIN bus", _EXPORT),
 )  # fmt: skip
+
+
+def head_of(file: Path) -> bytes:
+    """First bytes of a file, which tell its kind.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read.
+    """
+    try:
+        with file.open("rb") as stream:
+            return stream.read(ENOUGH)
+    except OSError as error:
+        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
+
+
+def readable_kind(file: Path) -> str:
+    """The format of a file that may be a recording.
+
+    Raises
+    ------
+    DataError
+        If it cannot be one, or cannot be read.
+    """
+    head = head_of(file)
+    if reason := refusal(head, file):
+        raise DataError(f"{file}: {reason}")
+    return kind_of(head)
 
 
 def kind_of(head: bytes) -> str:

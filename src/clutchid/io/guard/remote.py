@@ -15,8 +15,10 @@ from clutchid.io.source import BLOCK, Source
 from clutchid.io.table import Places, Table
 
 
-def guarded_source(path: Path, dbc: Sequence[Path]) -> Source:
+def guarded_source(path: Path, dbc: Sequence[Path], kind: str = "") -> Source:
     """Open a file of any known format in the reader process; `dbc` files decode the frames of a bus log.
+
+    `kind` is its format where that is known already.
 
     Raises
     ------
@@ -26,7 +28,8 @@ def guarded_source(path: Path, dbc: Sequence[Path]) -> Source:
         If the format needs a library that is not installed.
     """
     process = reader(path)
-    question = {"do": "open", "path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
+    files = {"path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
+    question = {"do": "open", **files, "kind": kind}
     message, _ = process.ask(question, path)
     tables = _RemoteTables(process, path, message)
     weakref.finalize(tables, process.forgotten.append, message["source"])

@@ -21,39 +21,14 @@ from clutchid.io.formats.can.frames import FrameLog
 from clutchid.io.formats.can.scan import Piece, pieces, scan
 from clutchid.io.formats.can.signals import decode
 from clutchid.io.formats.can.streams import Book, Stream, book, channels_of, in_order
+from clutchid.io.formats.kinds import head_of, kind_of
 from clutchid.io.source import Raster, Source
 from clutchid.io.table import Places, Table
 from clutchid.log import FloatArray
 
-#: Bytes at the start of a file that tell its format.
-HEAD = 4096
 
-
-def container(path: Path) -> str | None:
-    """The format of a CAN log by its content, "BLF", "ASC", "TRC" or "MF4"; None where it is none.
-
-    Any MDF 4 file is "MF4" here: whether it holds frames of a bus is told when it is opened.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
-    from clutchid.io.formats.can import asc, blf, mf4, trc
-
-    with path.open("rb") as file:
-        head = file.read(HEAD)
-    if head.startswith(blf.MAGIC):
-        return "BLF"
-    if head.startswith(mf4.MAGIC):
-        return "MF4"
-    if trc.is_trc(head):
-        return "TRC"
-    return "ASC" if asc.is_asc(head) else None
-
-
-def frame_log(path: Path) -> FrameLog:
-    """The raw frames of a CAN log of any of the four formats.
+def frame_log(path: Path, kind: str = "") -> FrameLog:
+    """The raw frames of a CAN log of the format `kind`, see `kind_of`; it is found where it is not given.
 
     Raises
     ------
@@ -66,14 +41,14 @@ def frame_log(path: Path) -> FrameLog:
     """
     from clutchid.io.formats.can import asc, blf, mf4, trc
 
-    readers = {"BLF": blf.frame_log, "ASC": asc.frame_log, "TRC": trc.frame_log, "MF4": mf4.frame_log}
-    name = container(path)
-    if name is None:
+    readers = {"blf": blf.frame_log, "asc": asc.frame_log, "trc": trc.frame_log, "mdf": mf4.frame_log}
+    kind = kind or kind_of(head_of(path))
+    if kind not in readers:
         raise DataError("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.")
-    return readers[name](path)
+    return readers[kind](path)
 
 
-def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
+def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "") -> Source:
     """A CAN log, decoded: a raster a message that occurs in it, its stamps in s from the first frame of the file.
 
     Signals under a multiplexer become rasters of their own, one a page. A message that comes on several buses, or from
@@ -85,6 +60,8 @@ def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
         The log: BLF, ASC, TRC, or MF4 bus logging.
     dbc : sequence of Path
         The DBC files that say what the frames mean; of two that know the same frame the first counts.
+    kind : str
+        The format, where it is known already.
 
     Returns
     -------
@@ -102,7 +79,7 @@ def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
     """
     messages = tuple(message for file in dbc for message in read_dbc(Path(file)))
     try:
-        log = frame_log(path)
+        log = frame_log(path, kind)
     except DataError as error:
         return Source(path, "CAN log", (), _no_tables, (str(error),))
     known = book(messages)
