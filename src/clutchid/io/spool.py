@@ -10,21 +10,19 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-import numpy as np
-
 from clutchid.errors import ExportError
 from clutchid.io.files import writable_target
 from clutchid.io.formats.parquet.file import KEY
 from clutchid.io.formats.parquet.groups import MAGIC, Groups, appended, footer_bytes
 from clutchid.io.table import to_frame
-from clutchid.log import Log
+from clutchid.log import Log, concatenated
 
 #: Numbers in a piece of a Parquet file, and blocks that are joined before: a short one takes more than its numbers.
 PIECE, BLOCKS = 1 << 20, 64
@@ -271,7 +269,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
 
     def write_piece() -> None:
         nonlocal size, stopped
-        piece = _joined([*held, *short])
+        piece = concatenated([*held, *short])
         held.clear()
         short.clear()
         size = 0
@@ -291,7 +289,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
             short.append(block)
             size += len(block) * (1 + len(block.columns))
         if len(short) >= BLOCKS:
-            held.append(_joined(short))
+            held.append(concatenated(short))
             short.clear()
         if size >= PIECE or (now and size):
             write_piece()
@@ -344,8 +342,3 @@ def _until(path: str | PathLike[str]) -> Iterator[None]:
 
 def _reason(error: OSError) -> str:
     return error.strerror or str(error) or type(error).__name__
-
-
-def _joined(blocks: Sequence[Log]) -> Log:
-    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0].columns}
-    return Log(np.concatenate([block.time for block in blocks]), columns, blocks[0].name)
