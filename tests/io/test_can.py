@@ -10,8 +10,7 @@ import pytest
 from clutchid.errors import DataError, MissingExtra
 from clutchid.io.formats.can import scan as can_scan
 from clutchid.io.formats.can.file import frame_log, open_file
-from clutchid.io.formats.can.frames import Frames, as_payload
-from clutchid.io.formats.can.merge import merged
+from clutchid.io.formats.can.frames import Frames, as_payload, merged
 from clutchid.io.formats.can.mf4 import holds_bus_frames
 
 can = pytest.importorskip("can", reason="python-can, of the extra can, writes the logs")

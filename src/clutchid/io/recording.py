@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice
+from pathlib import Path
 
 import numpy as np
 
@@ -18,12 +19,15 @@ from clutchid.io.alignment import Stream, aligned
 from clutchid.io.checks import check, in_si, usual_interval
 from clutchid.io.clock import Clock, repair
 from clutchid.io.columns import Heading, heading_problems, ignored
+from clutchid.io.guard.limits import MEMORY_VARIABLE, memory
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.map.picking import COUNTED, Pick, pick
 from clutchid.io.source import Source, with_unit
 from clutchid.io.table import Places, Rows, Table
-from clutchid.io.whole import check_size
 from clutchid.log import HOLE, FloatArray, Log, Samples
+
+#: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
+_PART = 0.4
 
 Block = tuple[FloatArray, Mapping[str, FloatArray]]
 
@@ -64,7 +68,7 @@ def pieces(
         raise DataError.of(str(source.path), messages.problems)
     if rows is None:
         longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
-        check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
+        _check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
     if channels is not None:
         messages.warnings += channels.comments.get("", "").splitlines()
     messages.warnings += [note for chosen in picks for note in chosen.notes]
@@ -82,6 +86,23 @@ def pieces(
     edges = source.edges if channels is None else {}
     described = replace(source, metadata=with_unit(source.metadata, read), edges=edges)
     yield from _logs(described, aligned(base, others), messages)
+
+
+def _check_size(path: Path, samples: int, channels: int) -> None:
+    """Check, before a sample is read, that as many `samples` of as many `channels` as the file has fit into memory.
+
+    Raises
+    ------
+    DataError
+        If their values take more than a part of the memory limit.
+    """
+    size, most = 8 * samples * channels, _PART * memory()
+    if size > most:
+        raise DataError(
+            f"{path}: its {samples:,} samples of {channels} channels take {size / 1e9:.3g} GB in memory, more than the "
+            f"{most / 1e9:.3g} GB that are read as a whole; cut out what is needed with `clutchid cut`, or allow more "
+            f"with the environment variable {MEMORY_VARIABLE}={math.ceil(size / _PART / 1e9)}GB."
+        )
 
 
 def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:

@@ -77,6 +77,11 @@ class Source:
         return self.format in ("CSV", "Parquet")
 
 
+def refused(path: Path, form: str, problem: str, *warnings: str) -> Source:
+    """A file of the format `form` of which nothing can be read, and why."""
+    return Source(path, form, (), lambda *_: iter(()), (problem,), warnings)
+
+
 def in_contract(source: Source) -> bool:
     """Whether a file is one table whose columns have the standard names, so that it needs no channel map."""
     return len(source.rasters) == 1 and {heading.name for heading in source.rasters[0].headings}.issuperset(REQUIRED)

@@ -6,13 +6,11 @@ import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from clutchid.io.columns import Heading
 from clutchid.io.guard.messages import Message, source_of, unpacked
 from clutchid.io.guard.process import ReaderProcess, reader
 from clutchid.io.source import BLOCK, Source
-from clutchid.io.table import Places, Table
+from clutchid.io.table import Table, joined_samples
 
 
 def guarded_source(path: Path, dbc: Sequence[Path], kind: str = "") -> Source:
@@ -69,14 +67,6 @@ def _joined(tables: list[Table]) -> Table:
     """Blocks as one table."""
     if len(tables) == 1:
         return tables[0]
-    first, starts = tables[0], np.cumsum([0, *(table.size for table in tables)])
-    unread = {
-        index: np.concatenate([table.unread[index] + start for table, start in zip(tables, starts, strict=False)
-                               if index in table.unread])
-        for index in {index for table in tables for index in table.unread}
-    }  # fmt: skip
-    rows = [table.places.numbers for table in tables if table.places.numbers is not None]
-    places = Places(first.places.word, first.places.first, np.concatenate(rows) if rows else None)
-    numbers = {index: np.concatenate([table.numbers[index] for table in tables]) for index in first.numbers}
+    numbers, size, places, unread = joined_samples(tables)
     problems = tuple(dict.fromkeys(problem for table in tables for problem in table.problems))
-    return Table(first.headings, numbers, int(starts[-1]), places, problems, unread, first.metadata)
+    return Table(tables[0].headings, numbers, size, places, problems, unread, tables[0].metadata)

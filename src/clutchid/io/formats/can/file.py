@@ -7,7 +7,7 @@ long as they take no more than `can_scan.KEPT` bytes; else the file is read agai
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -17,12 +17,12 @@ from clutchid.errors import DataError
 from clutchid.io.columns import Heading
 from clutchid.io.formats.can import warnings as can_warnings
 from clutchid.io.formats.can.dbc import read_dbc
-from clutchid.io.formats.can.frames import FrameLog
+from clutchid.io.formats.can.frames import FrameLog, payloads
 from clutchid.io.formats.can.scan import Piece, pieces, scan
 from clutchid.io.formats.can.signals import decode
 from clutchid.io.formats.can.streams import Book, Stream, book, channels_of, in_order
 from clutchid.io.formats.kinds import head_of, kind_of
-from clutchid.io.source import Raster, Source
+from clutchid.io.source import Raster, Source, refused
 from clutchid.io.table import Places, Table
 from clutchid.log import FloatArray
 
@@ -81,13 +81,13 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "") -> Source:
     try:
         log = frame_log(path, kind)
     except DataError as error:
-        return Source(path, "CAN log", (), _no_tables, (str(error),))
+        return refused(path, "CAN log", str(error))
     known = book(messages)
     seen = scan(log, known)
     problem = can_warnings.problem(seen, dbc)
     metadata = _metadata(log, seen.origin, dbc)
     if problem:
-        return Source(path, log.format, (), _no_tables, (problem,), log.warnings, metadata)
+        return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
     streams = in_order(seen.sizes, messages)
     names = can_warnings.names(streams)
     rasters = tuple(
@@ -105,12 +105,6 @@ def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, st
     except OverflowError:
         start = None
     return {"start": start.isoformat(), **found} if start else found
-
-
-def _no_tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-    """Nothing: there are no rasters."""
-    del raster, columns, rows
-    return iter(())
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -154,7 +148,5 @@ def _in_rows(pieces: Iterator[Piece], rows: int | None) -> Iterator[Piece]:
 
 
 def _joined(pieces: Sequence[Piece]) -> Piece:
-    width = max(piece.data.shape[1] for piece in pieces)
-    data = [np.pad(piece.data, ((0, 0), (0, width - piece.data.shape[1]))) for piece in pieces]
     stamps, lengths = [piece.stamp for piece in pieces], [piece.length for piece in pieces]
-    return Piece(np.concatenate(stamps), np.concatenate(data), np.concatenate(lengths))
+    return Piece(np.concatenate(stamps), payloads([piece.data for piece in pieces]), np.concatenate(lengths))

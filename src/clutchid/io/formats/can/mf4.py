@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.io.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames
-from clutchid.io.formats.can.merge import merged
+from clutchid.io.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames, merged
 from clutchid.io.formats.mdf.numbers import converted
 from clutchid.io.formats.mdf.opening import Spoiled, opened
 from clutchid.io.formats.mdf.raw import blocks

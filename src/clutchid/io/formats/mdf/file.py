@@ -16,7 +16,7 @@ from clutchid.io.formats.mdf.layout import Layout, Place, comment_of, layouts, m
 from clutchid.io.formats.mdf.numbers import converted
 from clutchid.io.formats.mdf.opening import Spoiled, asammdf, opened, quiet, version_of
 from clutchid.io.formats.mdf.raw import blocks
-from clutchid.io.source import BLOCK, Source
+from clutchid.io.source import BLOCK, Source, refused
 from clutchid.io.table import Places, Table
 from clutchid.log import FloatArray, Log, name_and_unit
 
@@ -53,7 +53,7 @@ def open_file(path: Path) -> Source:
             metadata = metadata_of(mdf)
             version = str(mdf.version)
     except Spoiled as error:
-        return Source(path, "MDF", (), _Reader(path, ()), (str(error),))
+        return refused(path, "MDF", str(error))
     rasters = tuple(layout.raster for layout in found)
     return Source(path, f"MDF {version}", rasters, _Reader(path, found), (), warnings, metadata)
 

@@ -19,7 +19,7 @@ from clutchid.extras import install_command
 from clutchid.io.columns import Heading, headings, shortened
 from clutchid.io.formats.parquet.pages import EncryptedParquet, damage
 from clutchid.io.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
-from clutchid.io.source import Raster, Source
+from clutchid.io.source import Raster, Source, refused
 from clutchid.io.table import EXAMPLE, Places, Table, and_more, to_frame
 from clutchid.log import INPUTS, FloatArray, Log, Samples
 
@@ -88,13 +88,9 @@ def open_file(path: Path) -> Source:
         try:
             return _source(_opened(path))
         except UnreadParquet as error:
-            return _refused(path, _damaged(damage(path, ()) or str(error)))
+            return refused(path, "Parquet", _damaged(damage(path, ()) or str(error)))
     except EncryptedParquet:
-        return _refused(path, _ENCRYPTED)
-
-
-def _refused(path: Path, problem: str) -> Source:
-    return Source(path, "Parquet", (), lambda *_: iter(()), (problem,))
+        return refused(path, "Parquet", _ENCRYPTED)
 
 
 def _damaged(reason: str) -> str:
@@ -167,7 +163,8 @@ def _source(opened: _Opened) -> Source:
     told = [f"'{shortened(name)}' ({held})" for name, held in others[:_SHOWN]]
     left = f"({len(others)}): {and_more(told, len(others) - len(told))}"
     if not shown:
-        return _refused(opened.path, f"holds no column of numbers, only others {left}; write the channels as Float64.")
+        problem = f"holds no column of numbers, only others {left}; write the channels as Float64."
+        return refused(opened.path, "Parquet", problem)
     columns = tuple(_heading(replace(every[name], index=i), kinds[name]) for i, name in enumerate(shown))
     firsts = _firsts(opened.reader, [name for name in shown if kinds[name].is_temporal() and name not in opened.unread])
     metadata = _metadata(opened.reader.metadata.get(KEY))
