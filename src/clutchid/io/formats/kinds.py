@@ -106,8 +106,7 @@ def kind_of(head: bytes) -> str:
         from clutchid.io.formats.mat.file import is_mat
 
         return "mat" if is_mat(head) else "csv"
-    from clutchid.io.formats.can.asc import is_asc
-    from clutchid.io.formats.can.trc import is_trc
+    from clutchid.io.formats.can.text import is_asc, is_trc
 
     return "asc" if is_asc(head) else "trc" if is_trc(head) else "csv"
 

@@ -39,9 +39,9 @@ def frame_log(path: Path, kind: str = "") -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    from clutchid.io.formats.can import asc, blf, mf4, trc
+    from clutchid.io.formats.can import blf, mf4, text
 
-    readers = {"blf": blf.frame_log, "asc": asc.frame_log, "trc": trc.frame_log, "mdf": mf4.frame_log}
+    readers = {"blf": blf.frame_log, "asc": text.asc_log, "trc": text.trc_log, "mdf": mf4.frame_log}
     kind = kind or kind_of(head_of(path))
     if kind not in readers:
         raise DataError("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.")
