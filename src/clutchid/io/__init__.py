@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 from clutchid.errors import DataError, ExportError
 from clutchid.io.checks import AMBIENT, check_ambient
 from clutchid.io.columns import REQUIRED
-from clutchid.io.files import atomic_write, digest
+from clutchid.io.files import atomic_write, digest, reading
 from clutchid.io.opening import open_source
 from clutchid.io.recording import pieces
 from clutchid.io.source import BLOCK, in_contract
@@ -153,14 +153,8 @@ def _logs(
 
 def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
     """The logs; where the disk does not give them, an error that names the recording, not what is written meanwhile."""
-    while True:
-        try:
-            log = next(logs, None)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({error.strerror or error}).") from error
-        if log is None:
-            return
-        yield log
+    with reading(path):
+        yield from logs
 
 
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:

@@ -7,6 +7,7 @@ from codecs import BOM_UTF8
 from pathlib import Path
 
 from clutchid.errors import DataError
+from clutchid.io.files import reading
 
 #: Bytes at the start of a file that tell its kind.
 ENOUGH = 4096
@@ -68,11 +69,8 @@ def head_of(file: Path) -> bytes:
     DataError
         If it cannot be read.
     """
-    try:
-        with file.open("rb") as stream:
-            return stream.read(ENOUGH)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
+    with reading(file), file.open("rb") as stream:
+        return stream.read(ENOUGH)
 
 
 def readable_kind(file: Path) -> str:

@@ -11,7 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from clutchid.errors import ClutchidError, DataError
+from clutchid.errors import DataError
+from clutchid.io.files import reading
 from clutchid.io.formats.kinds import head_of, kind_of, readable_kind
 from clutchid.io.source import Source, Tables
 from clutchid.io.table import Table
@@ -31,12 +32,8 @@ def opened_here(file: Path, dbc: Sequence[Path], kind: str = "") -> Source:
     MissingExtra
         If the format needs a library that is not installed.
     """
-    try:
+    with reading(file):
         source = _opened(file, dbc, kind or kind_of(head_of(file)))
-    except OSError as error:
-        if isinstance(error, ClutchidError):
-            raise
-        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
     if source.rasters or source.problems:
         return source
     return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())

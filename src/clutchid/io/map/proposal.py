@@ -7,10 +7,18 @@ from dataclasses import dataclass, replace
 
 from clutchid.errors import DataError
 from clutchid.io.columns import QUANTITIES, REQUIRED
-from clutchid.io.map.candidates import STANDARD, Candidate, candidates, fits, gauge_as_well
+from clutchid.io.map.candidates import (
+    STANDARD,
+    Candidate,
+    candidates,
+    fits,
+    gauge_as_well,
+    implausible,
+    is_sure,
+    reason,
+)
 from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.io.map.channel_words import is_set_point, name_score
-from clutchid.io.map.conditions import implausible, is_sure, reason
 from clutchid.io.map.picking import own_clock
 from clutchid.io.map.ranges import PLAUSIBLE, Ranges, guessed_unit
 from clutchid.io.source import Source

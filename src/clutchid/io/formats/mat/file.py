@@ -19,7 +19,7 @@ from clutchid.io.formats.mat import hdf5, loaded
 from clutchid.io.formats.mat.objects import with_objects
 from clutchid.io.formats.mat.rasters import Found, Signal, rasters_of, signals_of
 from clutchid.io.formats.mat.tree import BrokenMat, ReadSamples, Struct, Text
-from clutchid.io.source import BLOCK, Raster, Source, refused
+from clutchid.io.source import BLOCK, Raster, Source, own_metadata, refused
 from clutchid.io.table import Places, Table, and_more
 from clutchid.log import FloatArray, Log, name_and_unit
 from clutchid.names import printable
@@ -160,7 +160,7 @@ def _is_v4(head: bytes) -> bool:
 def _source(path: Path, version: _Version, head: bytes) -> Source:
     root = with_objects(path, version.contents(path))
     mark = root.fields.get(_KEY)
-    own = _metadata(mark.text) if isinstance(mark, Text) else None
+    own = own_metadata(mark.text) if isinstance(mark, Text) else None
     root = Struct({name: node for name, node in root.fields.items() if own is None or name != _KEY})
     with version.opened(path) as read:
 
@@ -230,12 +230,3 @@ def _some(paths: Sequence[str]) -> str:
     """The first of the paths, and the count of the rest."""
     shown = [f"'{shortened(printable(path))}'" for path in paths[:_SHOWN]]
     return and_more(shown, len(paths) - len(shown))
-
-
-def _metadata(text: str) -> dict[str, str] | None:
-    """The metadata of the log that was written; None where `clutchid` is something of another program."""
-    try:
-        values = json.loads(text)
-    except (json.JSONDecodeError, RecursionError):
-        return None
-    return {str(key): str(value) for key, value in values.items()} if isinstance(values, dict) else None

@@ -19,7 +19,7 @@ from clutchid.extras import install_command
 from clutchid.io.columns import Heading, headings, shortened
 from clutchid.io.formats.parquet.pages import EncryptedParquet, damage
 from clutchid.io.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
-from clutchid.io.source import Raster, Source, refused
+from clutchid.io.source import Raster, Source, own_metadata, refused
 from clutchid.io.table import EXAMPLE, Places, Table, and_more, to_frame
 from clutchid.log import INPUTS, FloatArray, Log, Samples
 
@@ -167,7 +167,7 @@ def _source(opened: _Opened) -> Source:
         return refused(opened.path, "Parquet", problem)
     columns = tuple(_heading(replace(every[name], index=i), kinds[name]) for i, name in enumerate(shown))
     firsts = _firsts(opened.reader, [name for name in shown if kinds[name].is_temporal() and name not in opened.unread])
-    metadata = _metadata(opened.reader.metadata.get(KEY))
+    metadata = own_metadata(opened.reader.metadata.get(KEY)) or {}
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is not None and shown[clock] in firsts:
         metadata["start"] = str(firsts[shown[clock]][1])
@@ -287,12 +287,3 @@ def _edges(text: str | None) -> dict[str, Samples]:
     except (ValueError, TypeError, AttributeError):
         return {}
     return {name: (parts[0], parts[1]) for name, parts in every.items() if len(parts) == 2 and name in INPUTS}
-
-
-def _metadata(text: str | None) -> dict[str, str]:
-    """The metadata of the log that was written; none where they are from another program."""
-    try:
-        values = json.loads(text or "{}")
-    except json.JSONDecodeError:
-        return {}
-    return {str(key): str(value) for key, value in values.items()} if isinstance(values, dict) else {}
