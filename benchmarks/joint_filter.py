@@ -14,10 +14,9 @@ from collections.abc import Callable
 import numpy as np
 
 import clutchid
-from clutchid.estimation.one_pass import with_window_steps
-from clutchid.filter.joint_filter import follow, init, inputs
-from clutchid.filter.joint_setup import JointSettings, joint_filter
+from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare, tracks_with_steps
+from clutchid.simulation.windows import with_window_steps
 from clutchid.truck import Truck, drive
 from clutchid.uncertainty.coordinates import coordinates
 from clutchid.uncertainty.noise import Noise

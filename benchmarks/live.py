@@ -15,6 +15,8 @@ from __future__ import annotations
 import argparse
 import math
 import os
+import re
+import resource
 import signal
 import statistics
 import struct
@@ -33,6 +35,7 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 import psutil
+from live_faults import KINDS, fault_table, outcomes
 
 from clutchid.cli import main as clutchid
 from clutchid.log import INPUTS, FloatArray, Log
@@ -143,6 +146,22 @@ def piped(folder: Path, pieces: Iterator[bytes], seconds: int) -> Run:
     return Run(wall, 0.0, early, end)
 
 
+def hours_of(folder: Path, log: Log, hours: float) -> list[tuple[str, ...]]:
+    """A long stream of CSV at full speed: real-time factor on the clock and by the processor's time, and memory.
+
+    Processor time is what counts on a machine that others use too; both include the start.
+    """
+    seconds = round(3600 * hours)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    run = piped(folder, csv_lines(log, seconds), seconds)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return [
+        (f"CSV, {hours:g} h at full speed", "x real time", "x by processor time", "MiB early", "MiB at the end"),
+        ("", f"{seconds / run.wall:.0f}", f"{seconds / used:.0f}", f"{run.early:.0f}", f"{run.end:.0f}"),
+    ]
+
+
 def share(folder: Path, log: Log, seconds: int = 30) -> float:
     """Part of a processor that a stream of CSV in real time takes, a line each millisecond, after the first 10 s."""
     command = [sys.executable, "-m", "clutchid", "observe", "-", *OBSERVE]
@@ -161,6 +180,66 @@ def share(folder: Path, log: Log, seconds: int = 30) -> float:
     part = (sum(psutil.Process(process.pid).cpu_times()[:2]) - used) / (seconds - 10.0)
     process.communicate()
     return float(part)
+
+
+def latency(folder: Path, log: Log, seconds: int) -> list[tuple[str, ...]]:
+    """How old published samples are, with a yardstick: a process beside it that sends each line back at once.
+
+    Both get the same lines at the same time, in real time; the state is saved, and files are flushed, each minute.
+    """
+    echo = "import os\nwhile part := os.read(0, 65536): os.write(1, part)"
+    observe = [sys.executable, "-m", "clutchid", "observe", "-", *OBSERVE, "--save", "state.toml", "--publish", "-"]
+    commands = {"clutchid observe --publish -": observe, "yardstick: the lines sent back": [sys.executable, "-c", echo]}
+    lines = b"".join(csv_lines(log, seconds)).splitlines(keepends=True)
+    processes = [
+        subprocess.Popen(one, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for one in commands.values()
+    ]
+    arrived: list[list[tuple[float, bytes]]] = [[] for _ in processes]
+    readers = [
+        threading.Thread(target=_receive, args=(process, into))
+        for process, into in zip(processes, arrived, strict=True)
+    ]
+    for reader in readers:
+        reader.start()
+    begin, given = time.perf_counter(), np.empty(len(lines))
+    sent = 0
+    while sent < len(lines):
+        ready = min(len(lines), 1 + round(1000.0 * (time.perf_counter() - begin)))
+        given[sent:ready] = time.perf_counter()
+        for process in processes:
+            assert process.stdin
+            process.stdin.write(b"".join(lines[sent:ready]))
+            process.stdin.flush()
+        sent = max(ready, sent)
+        time.sleep(5e-4)
+    for process, reader in zip(processes, readers, strict=True):
+        assert process.stdin
+        process.stdin.close()
+        reader.join()
+        process.wait()
+    rows = [("latency [ms]", "samples", "median", "p99", "p99.9", "most")]
+    for name, each in zip(commands, arrived, strict=True):
+        ages = np.array([1e3 * (at - given[number]) for at, number in _numbered(each) if number > 10_000])
+        cells = [f"{np.percentile(ages, part):.0f}" for part in (50, 99, 99.9, 100)]
+        rows.append((name, f"{ages.size}", *cells))
+    return rows
+
+
+def _receive(process: subprocess.Popen[bytes], into: list[tuple[float, bytes]]) -> None:
+    assert process.stdout
+    while part := os.read(process.stdout.fileno(), 1 << 16):
+        into.append((time.perf_counter(), part))
+
+
+def _numbered(parts: Sequence[tuple[float, bytes]]) -> Iterator[tuple[float, int]]:
+    """When each sample came, and the number of its line, by its stamp."""
+    rest = b""
+    for at, part in parts:
+        *lines, rest = (rest + part).split(b"\n")
+        for line in lines:
+            found = re.match(rb'(?:{"time \[s\]": )?([0-9.]+), ?(?!"stroke"|"health")', line)
+            if found:
+                yield at, 1 + round(1000.0 * float(found[1]))
 
 
 def _mebibytes(process: psutil.Process) -> float:
@@ -240,6 +319,23 @@ def show(folder: Path, log: Log, seconds: int) -> None:
     clutchid(["observe", *BUS, *OBSERVE, "--view"])
 
 
+def faults(folder: Path, log: Log, given: argparse.Namespace) -> None:
+    """Print what faults do to live runs, run by run where something is wrong, and then a table."""
+
+    def worn(seconds: int) -> list[bytes]:
+        return b"".join(csv_lines(log, seconds)).splitlines(keepends=True)
+
+    found = []
+    try:
+        for one in outcomes(folder, worn, given.runs, given.seed, given.kind, given.jobs):
+            found.append(one)
+            if one.wrong:
+                print(f"{one.kind}, run {len(found)}: {one.wrong}", flush=True)
+    except KeyboardInterrupt:
+        print("stopped; the runs so far:")
+    print(*fault_table(found), sep="\n", flush=True)
+
+
 def row(name: str, follow: Callable[[int], Run], repeats: int, hours: float) -> tuple[str, ...]:
     """A path's factors and memory."""
     follow(SHORT)
@@ -258,11 +354,27 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--hours", type=float, default=1.0, help="length of the stream whose memory is shown")
+    parser.add_argument("--faults", action="store_true", help="inject faults into live runs instead")
+    parser.add_argument("--runs", type=int, default=len(KINDS) * 10, help="runs with a fault, of all kinds together")
+    parser.add_argument("--seed", type=int, default=1, help="of the moments of the faults")
+    parser.add_argument("--jobs", type=int, default=2, help="runs with a fault at once")
+    parser.add_argument("--kind", default="", help="only the faults with this text in their name")
+    parser.add_argument("--fast", action="store_true", help="only a stream of CSV of --hours at full speed")
+    parser.add_argument("--latency", type=int, metavar="SECONDS", default=0, help="the age of published samples")
     parser.add_argument("--show", type=int, metavar="SECONDS", default=0, help="the demonstration, for as many seconds")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         log = prepared(folder)
+        if given.faults:
+            faults(folder, log, given)
+            return
+        if given.fast:
+            print(*text_table(hours_of(folder, log, given.hours), 1), sep="\n")
+            return
+        if given.latency:
+            print(*text_table(latency(folder, log, given.latency), 1), sep="\n")
+            return
         if given.show:
             show(folder, log, given.show)
         paths: dict[str, Callable[[int], Run]] = {

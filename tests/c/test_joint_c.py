@@ -15,7 +15,7 @@ from numba import njit, types
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
-from clutchid.filter.joint_arrays import LEAST, LOW, MEAN, MOST
+from clutchid.filter.arrays import LEAST, LOW, MEAN, MOST
 from clutchid.filter.joint_c99 import JointSize, joint_c99
 from clutchid.filter.setup import scratch
 from fixtures.joint_c import JointC, as_written

@@ -8,8 +8,7 @@ import pytest
 
 from clutchid.filter.joint import STROKE_ENDS
 from clutchid.filter.joint_c99 import joint_c99
-from clutchid.filter.joint_filter import follow, init, inputs
-from clutchid.filter.joint_setup import JointSettings, joint_filter
+from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.log import Log
 from clutchid.model.compiled import system
 from clutchid.observe.methods import MODES

@@ -9,7 +9,7 @@ import pytest
 from clutchid.cli import main
 from clutchid.io import write
 from clutchid.log import Log
-from clutchid.rig.lugre import simulated_force
+from fixtures.friction import simulated_force
 
 # the package's name `friction` is the verb
 MODULE = importlib.import_module("clutchid.cli.friction")

@@ -11,6 +11,7 @@ import can
 import numpy as np
 import polars as pl
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from clutchid.cli import main
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
@@ -130,6 +131,40 @@ def test_results_are_published_as_frames_with_a_dbc(call, folder, tmp_path, mess
     strokes = pl.read_parquet(folder / "file.load.parquet")
     assert load[-1]["stroke"] == strokes.height
     assert len({one["load_position"] for one in load}) > 40
+
+
+def test_a_bus_is_followed_on_from_a_state_with_its_own_clock(call, folder, tmp_path, messages):
+    assert call(messages, "--save", "whole.toml")[0] == 0
+    assert call(messages[:5000], "--save", "state.toml")[0] == 0
+    first = [pl.read_parquet(tmp_path / name) for name in ("est.parquet", "est.load.parquet")]
+    half = first[0].height
+    clutch = [i for i, one in enumerate(messages) if one.arbitration_id == CLUTCH]
+    rest = messages[clutch[half - 1] + 1 :]
+    valves = [one for one in messages[: clutch[half]] if one.arbitration_id != CLUTCH][-1]
+    code, _, errors = call([valves, *rest], "--save", "state.toml", "--resume", "state.toml")
+    assert (code, errors) == (0, "")
+    for one, suffix in zip(first, (".parquet", ".load.parquet"), strict=True):
+        both = [one, pl.read_parquet(tmp_path / f"est{suffix}")]
+        assert pl.concat(both).equals(pl.read_parquet(folder / f"file{suffix}"), null_equal=True)
+    assert (tmp_path / "state.toml").read_text() == (tmp_path / "whole.toml").read_text()
+
+
+def test_a_bus_of_results_that_blocks_does_not_stop_the_recording(call, folder, tmp_path, messages, monkeypatch):
+    blocked, send = threading.Event(), VirtualBus.send
+
+    def block(bus, *arguments, **options):
+        if bus.channel_id == "results":
+            blocked.wait()
+        return send(bus, *arguments, **options)
+
+    monkeypatch.setattr(VirtualBus, "send", block)
+    monkeypatch.setattr("clutchid.io.live.bus.STALL", 0.1)
+    monkeypatch.setattr("clutchid.io.live.bus.MOST_TO_SEND", 10)
+    code, _, errors = call(messages, "--publish", "can:virtual:results")
+    blocked.set()
+    assert code == 0
+    assert "can:virtual:results: does not take every frame (it took none for 0.1 s)" in " ".join(errors.split())
+    same(folder, tmp_path)
 
 
 def test_a_bus_that_fails_ends_the_recording_and_what_came_before_is_written(

@@ -246,6 +246,68 @@ def test_a_live_run_goes_on_from_a_state_and_gives_the_numbers_of_one_run(call, 
     assert not (tmp_path / "again.parquet").exists()
 
 
+def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_there_once(
+    call, folder, tmp_path, monkeypatch
+):
+    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
+    assert call(head + b"".join(lines[:2345]), "--save", "state.toml", out="one.parquet")[0] == 0
+    file = {name: pl.read_parquet(folder / "file" / name) for name in OUTPUTS[:2]}
+    for name, frame in file.items():  # samples after the state was saved, and before the run was killed
+        frame.filter(pl.col("time [s]") < 3.0).write_parquet(tmp_path / f"left.{name}")
+    monkeypatch.setattr("clutchid.io.spool.recovered", lambda path: [tmp_path / f"left.{path.name}"])
+    rest = head + b"".join(lines[2345:])
+    assert call(rest, "--save", "state.toml", "--resume", "state.toml")[0] == 0
+    for name, frame in file.items():
+        both = [pl.read_parquet(path) for path in (tmp_path / f"left.{name}", tmp_path / name) if path.exists()]
+        assert pl.concat(both).equals(frame, null_equal=True), name
+
+
+def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refused(
+    folder, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    head, *lines = (folder / "worn.csv").read_bytes().splitlines(keepends=True)
+
+    def follow(text, out, *options):
+        (tmp_path / "log.csv").write_bytes(text)
+        over = threading.Event()
+
+        def stop_it():
+            while signal.getsignal(signal.SIGTERM) is signal.SIG_IGN and not over.wait(0.01):
+                pass
+            os.kill(os.getpid(), signal.SIGTERM)
+
+        before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        other = threading.Thread(target=stop_it)
+        other.start()
+        try:
+            with pytest.raises(SystemExit) as ended:
+                main(["observe", "log.csv", "--follow", "--start", str(folder / "cal.toml"), "--out", out,
+                      "--save", "state.toml", *options])  # fmt: skip
+        finally:
+            over.set()
+            other.join()
+            signal.signal(signal.SIGTERM, before)
+        return ended.value.code, " ".join(capsys.readouterr().err.split())
+
+    assert follow(head + b"".join(lines[:2345]), "one.parquet") == (0, "")
+    kept = (tmp_path / "state.toml").read_text()
+    code, said = follow(head + b"".join(lines[:2345]), "two.parquet", "--resume", "state.toml")
+    assert code == 2
+    assert "log: has no sample behind 2.344 s, where state.toml is" in said
+    shifted = head + b"".join(lines[i].split(b",")[0] + b"," + lines[i + 9].split(b",", 1)[1] for i in range(5000))
+    code, said = follow(shifted.replace(b"2.340,", b"2.3401,"), "two.parquet", "--resume", "state.toml")
+    assert code == 2
+    assert "log: has other samples up to 2.344 s than the recording that state.toml comes from" in said
+    assert not (tmp_path / "two.parquet").exists()
+    assert (tmp_path / "state.toml").read_text() == kept
+    assert follow(head + b"".join(lines), "est.parquet", "--resume", "state.toml") == (0, "")
+    for suffix in (".parquet", ".load.parquet"):
+        both = [pl.read_parquet(tmp_path / f"{name}{suffix}") for name in ("one", "est")]
+        assert pl.concat(both).equals(pl.read_parquet(folder / "file" / f"est{suffix}"), null_equal=True)
+    assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
+
+
 def spoiled(lines, kind):
     """The lines of a recording with a fault, and the flag that it raises."""
     cells = [line.split(b",") for line in lines]

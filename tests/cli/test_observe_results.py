@@ -283,6 +283,40 @@ def test_a_view_on_a_terminal_shows_load_pressure_and_flags(call, folder, tmp_pa
     assert max(map(len, plain.splitlines())) <= 70
 
 
+@pytest.mark.parametrize("hangs_up", [True, False])
+def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
+    call, folder, tmp_path, monkeypatch, piped, hangs_up
+):
+    monkeypatch.setattr("clutchid.cli.observe_sinks.FRAME", 0.0)
+    leader, follower = pty.openpty()
+    if hangs_up:
+        os.close(leader)
+    monkeypatch.setattr(os, "isatty", lambda _descriptor: True)
+    begin = time.monotonic()
+    with os.fdopen(follower, "w") as stream:
+        monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
+        monkeypatch.setattr("sys.stderr", stream)
+        code, said, _ = call("-", "--view", "--save", "state.toml")
+        if not hangs_up:
+            os.close(leader)
+    assert code == 0
+    assert time.monotonic() - begin < 30.0
+    assert said.startswith("observed stdin: ")
+    same(folder, tmp_path)
+
+
+def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(call, folder, tmp_path, monkeypatch, piped):
+    monkeypatch.setattr("clutchid.cli.observe_sinks.STALL", 0.05)
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "w") as stream, monkeypatch.context() as both:
+        both.setattr("sys.stdout", stream)
+        both.setattr("sys.stderr", stream)
+        code, *_ = call("-", "--publish", "-", "--save", "state.toml")
+        os.close(reading)
+    assert code == 0
+    same(folder, tmp_path)
+
+
 def test_a_bus_that_cannot_be_opened_leaves_no_file(call, folder, tmp_path, piped):
     code, said, errors = call("-", "--publish", "can:nosuchif:x")
     assert (code, said) == (2, "")

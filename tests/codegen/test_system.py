@@ -4,7 +4,7 @@ import pytest
 import sympy as sp
 
 from clutchid.codegen.numba_source import function_source
-from clutchid.codegen.system import Jump, System, Table, index_of
+from clutchid.codegen.system import Jump, System, Table
 
 x, y, a, b, d, f = sp.symbols("x y a b d f", real=True)
 
@@ -34,10 +34,6 @@ def test_a_jump_sets_every_state_from_states_parameters_and_measured_values():
         System("s", (x,), (), (), (), (x,), jumps=(Jump("j", (x, x)),))
     with pytest.raises(ValueError, match=r"jump j uses d"):
         System("s", (x,), (), (a,), ((d, a * x),), (d,), jumps=(Jump("j", (d,)),))
-
-
-def test_positions_are_found_by_name():
-    assert index_of((x, y)) == {"x": 0, "y": 1}
 
 
 def test_a_function_of_numbers_is_printed_with_nested_results():

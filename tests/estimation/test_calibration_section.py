@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimation.calibration_section import calibration_section
-from clutchid.estimation.parameter_file import ParameterFile, read_parameters, write_parameters
+from clutchid.estimation.parameter_file import (
+    ParameterFile,
+    calibration_section,
+    read_parameters,
+    write_parameters,
+)
 from clutchid.model import Actuator
 from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.uncertainty.conditions import NOT_RECORDED, Conditions
@@ -27,7 +31,7 @@ KEPT = Calibration(
     theta=(9e5, -3e4, 6e4),
     theta_covariance=np.diag([1e8, 1e6, np.inf]),
 )
-SECTION = "[fit.calibration]\nnames = ['C_vs']\ncovariance = [[1e-20]]\nbias = []\n"
+SECTION = "[fit.calibration]\nnames = ['C_vs']\ncovariance = [[1e-20]]\n"
 
 
 def calibration_of(path, kept, baseline=None, **about):
@@ -54,32 +58,6 @@ def test_the_errors_of_position_alone_are_read_as_they_were(tmp_path):
     np.testing.assert_array_equal(found.log_evidence, kept.log_evidence)
     without = replace(KEPT, position_only=None)
     assert calibration_of(tmp_path / "CAL.toml", without).position_only is None
-
-
-def test_the_mean_error_of_the_load_in_an_older_file_is_that_without_a_change(tmp_path):
-    path = tmp_path / "old.toml"
-    path.write_text(SECTION.replace("bias = []", "bias = [100.0, -20.0, 3]"))
-    errors = read_parameters(path).calibration.position_only
-    assert errors.hypotheses == ((),)
-    assert errors.dispersion == 1.0
-    for hypothesis in ((), ("valves",), ("a later group",)):
-        found = errors.shift(hypothesis, ("theta_3", "C_vs", "theta_1"))
-        np.testing.assert_array_equal(found, [3.0, 0.0, 100.0], "it does not depend on what has changed")
-        assert errors.evidence(hypothesis) == 0.0
-
-
-@pytest.mark.parametrize(
-    "bias", ["[1.0, 2.0]", "['a', 2.0, 3.0]", "[[1.0], [2.0], [3.0, 4.0]]", "[nan, 1.0, 2.0]", "5", "{}"]
-)
-def test_a_mean_error_of_an_older_file_that_is_wrong_is_one_sentence(bias, tmp_path):
-    path = tmp_path / "old.toml"
-    path.write_text(SECTION.replace("bias = []", f"bias = {bias}"))
-    with pytest.raises(ParameterError) as caught:
-        read_parameters(path).calibration  # noqa: B018, read on use
-    assert str(caught.value).startswith(
-        "old.toml: [fit.calibration] bias: 3 finite numbers are needed, one for each load"
-    )
-    assert len(str(caught.value).splitlines()) == 1
 
 
 def changed_errors(**entries):
@@ -122,6 +100,16 @@ def test_errors_of_position_alone_that_are_wrong_are_one_sentence(entries, tmp_p
     assert message.startswith("CAL.toml: [fit.calibration.position_only]: hypotheses (the first empty)")
     assert message.endswith("save the calibration again.")
     assert len(message.splitlines()) == 1
+
+
+def test_an_unknown_entry_of_a_calibration_names_the_nearest(tmp_path):
+    path = tmp_path / "CAL.toml"
+    path.write_text(SECTION + "positions_only = 5\n")
+    with pytest.raises(
+        ParameterError,
+        match=r"^CAL\.toml: no entry of \[fit\.calibration\] 'positions_only'; did you mean 'position_only'",
+    ):
+        read_parameters(path).calibration  # noqa: B018, read on use
 
 
 def test_a_section_of_errors_that_is_none_is_one_sentence(tmp_path):

@@ -9,10 +9,10 @@ import pytest
 import clutchid
 from clutchid import workflow
 from clutchid.errors import ParameterError
+from clutchid.estimation.parameter_file import search_in, search_section
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.search_section import search_in, search_section
 from clutchid.estimation.search_state import Continuation, SearchState, ended
-from clutchid.smoother import projection
+from clutchid.smoother import search
 from clutchid.uncertainty.coordinates import Prior
 
 MEASURE, FREE = ("position", "pressure_a"), ("load", "P_S", "C_vs", "F_C")
@@ -51,7 +51,7 @@ def whole(recording):
 def stopped(recording, tmp_path_factory):
     """A calibration whose budget was used up, and its file."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(projection, "MAX_STEPS", 0)
+        patch.setattr(search, "MAX_STEPS", 0)
         outcome = fitted(recording)
     path = tmp_path_factory.mktemp("saved") / "CAL.toml"
     workflow.save(outcome, path)

@@ -12,7 +12,7 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import fit as module
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.model import Actuator, Load
-from clutchid.smoother.projection import UNLIMITED
+from clutchid.smoother.search import UNLIMITED
 from clutchid.uncertainty.change_prior import changeable
 from clutchid.wear.measurement import leak_of
 

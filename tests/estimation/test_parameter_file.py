@@ -38,27 +38,6 @@ def test_a_file_names_only_what_differs_from_the_appendix(tmp_path):
     assert content.starts == {"run": ()}
 
 
-def test_a_negative_lag_of_an_earlier_version_is_read_as_0_with_a_warning(tmp_path):
-    path = tmp_path / "old.toml"
-    path.write_text("[parameters]\ntau_p = -0.0015\ntau_y = 0.002\n[recording.run]\ntau_y = -0.05\n")
-    with pytest.warns(UserWarning, match="read as 0") as caught:
-        content = read_parameters(path)
-    texts = [str(warning.message) for warning in caught]
-    assert len(texts) == 2
-    assert all("old.toml" in text for text in texts)
-    assert "[recording.'run'] tau_y = -0.05 s" in texts[0]
-    assert "[parameters] tau_p = -0.0015 s" in texts[1]
-    assert content.actuator == Actuator().replace({"tau_p": 0.0, "tau_y": 2e-3})
-    assert content.own == {"run": {"tau_y": 0.0}}
-
-
-def test_a_lag_that_no_version_admitted_is_refused(tmp_path):
-    path = tmp_path / "wrong.toml"
-    path.write_text("[parameters]\ntau_y = -0.06\n")
-    with pytest.raises(ParameterError, match="tau_y"):
-        read_parameters(path)
-
-
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize(
     "load",
@@ -103,6 +82,7 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
     [
         ("[recording]\nworn1 = 5\n", ["[recording] worn1 = 5", "a section [recording.'worn1']"]),
         ("[recording.a]\nposition_start = 0.0\n", ["[recording.'a'] position_start = 0.0", "a list of finite numbers"]),
+        ("[parameters]\ntau_y = -0.001\n", ["tau_y = -0.001 s", "at least 0"]),
         ("[recording.a]\nposition_start = 'x'\n", ["position_start = 'x'", "a list of finite numbers"]),
         ("[recording.a]\nposition_start = [true]\npressure_a_start = [1e5]\n", ["[True]", "a list of finite numbers"]),
         ("[recording.a]\nposition_start = [nan]\npressure_a_start = [1e5]\n", ["[nan]", "a list of finite numbers"]),
@@ -139,6 +119,8 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
         ("[model]\nduty_period = 0.01\n", ["[model] duty_period = 0.01", "belongs to duty = 'latched'"]),
         (f"[model]\nphi2_slope = 1{400 * '0'}\n", ["phi2_slope", "numbers are needed"]),
         ("recording = 5\n", ["[recording] must be a section"]),
+        ("[fit]\nformat = 2\n", ["[fit] format = 2", "reads format 1", "save the fit again"]),
+        ("[fit]\nformat = '1'\n", ["[fit] format = '1'", "reads format 1"]),
     ],
 )
 def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
@@ -161,6 +143,12 @@ def test_what_a_calibration_found_of_the_duty_cycles_is_kept(period, tmp_path):
     assert read == actuator
     assert repr(read) == ("Actuator()" if period is None else f"Actuator(duty_period={period})")
     assert ("duty" in (tmp_path / "a.toml").read_text()) == (period is not None)
+
+
+def test_the_format_of_a_file_that_is_read_may_stand_in_it(tmp_path):
+    path = tmp_path / "fit.toml"
+    path.write_text("[fit]\nformat = 1\n")
+    assert read_parameters(path).actuator == Actuator()
 
 
 def test_all_wrong_entries_are_reported_at_once(tmp_path):

@@ -5,9 +5,8 @@ import pytest
 
 from clutchid import Actuator, Load, Log, Parameters, simulate
 from clutchid.errors import ParameterError
-from clutchid.filter.adaptive_rule import AdaptiveGains, adaptive_rule
-from clutchid.filter.joint_filter import correct, follow, init, inputs, predict
-from clutchid.filter.joint_setup import JointSettings, joint_filter
+from clutchid.filter.joint_filter import JointSettings, correct, follow, init, inputs, joint_filter, predict
+from clutchid.filter.rules import AdaptiveGains, adaptive_rule
 from clutchid.uncertainty.noise import Noise
 
 #: Speed in m/s above which sliding friction dissipates more than the seals give back.

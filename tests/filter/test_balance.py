@@ -5,9 +5,8 @@ import pytest
 
 from clutchid import Actuator, Load, Parameters
 from clutchid.codegen.kernels import kernels_in
-from clutchid.filter.balance_rule import FORCE, balance_rule, smoothing
-from clutchid.filter.joint_filter import follow, init, inputs
-from clutchid.filter.joint_setup import JointSettings, joint_filter
+from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.filter.rules import FORCE, balance_rule, smoothing
 from clutchid.uncertainty.noise import Noise
 
 SECONDS = 3.0

@@ -9,9 +9,9 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
-from clutchid.filter.pace import AS_PLANNED
 from clutchid.filter.setup import scratch
 from clutchid.simulation.sensors import lag_coefficients
+from clutchid.simulation.stiffness import AS_PLANNED
 
 #: States of the model and with the outputs of two sensors; parameters: two in the model, and the offset of a sensor.
 N, SIZE, K, SAMPLES = 3, 5, 3, 40

@@ -6,8 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.filter.joint_filter import JointState, correct, covariance, follow, init, inputs, predict
-from clutchid.filter.joint_setup import JointSettings, joint_filter
+from clutchid.filter.joint_filter import (
+    Diverged,
+    JointSettings,
+    JointState,
+    correct,
+    covariance,
+    follow,
+    init,
+    inputs,
+    joint_filter,
+    predict,
+)
 from clutchid.numerics.failure import Failure
 from clutchid.uncertainty.noise import Noise
 
@@ -52,6 +62,16 @@ def test_a_load_that_has_grown_is_found_in_one_pass(problem, plant, worn):
     before = np.abs(plant.load.force(y) - truth)
     after = np.abs(joint.actuator(found.state.theta).load.force(y) - truth)
     assert np.median(after) < 0.2 * np.median(before)
+
+
+def test_a_segment_that_cannot_be_followed_is_a_failure_with_its_sample(problem):
+    joint, state, given, _ = whole(problem)
+    length = given.intervals[1].copy()
+    length[500] = np.nan
+    broken = given._replace(intervals=(given.intervals[0], length, *given.intervals[2:]))
+    found = follow(joint, state, broken, (0, 1000))
+    assert (type(found), found.sample) == (Diverged, 501)
+    assert not isinstance(follow(joint, state, broken, (0, 501)), Failure)
 
 
 @pytest.mark.parametrize("cut", [1, 995, 1003])

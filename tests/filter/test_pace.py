@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.filter.joint_filter import follow, init, inputs
-from clutchid.filter.joint_setup import JointSettings, joint_filter
-from clutchid.filter.pace import AS_PLANNED, pace
-from clutchid.simulation.stiffness import STABLE_STEP, stiffness
+from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.simulation.stiffness import AS_PLANNED, STABLE_STEP, pace, stiffness
 from clutchid.uncertainty.noise import Noise
 
 
 @pytest.fixture(scope="module")
 def steps_at():
-    return kernels_in("clutchid.filter.steps").steps_at
+    return kernels_in("clutchid.filter.joint_parameters").steps_at
 
 
 def test_at_top_speed_there_are_as_many_steps_as_the_stiffness_of_the_whole_range_needs(steps_at, plant):

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from clutchid.inspection.carrier import on_grid, period
 from clutchid.inspection.reading import Reading
-from clutchid.inspection.strokes import starts
+from clutchid.inspection.timing import on_grid, period, starts
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.simulation import simulate

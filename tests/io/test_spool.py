@@ -12,7 +12,7 @@ from clutchid.errors import ExportError
 from clutchid.io import read, write
 from clutchid.io import spool as module
 from clutchid.io.formats.parquet.pages import damage
-from clutchid.io.spool import recovered, spooled
+from clutchid.io.spool import cut_behind, recovered, spooled
 from clutchid.log import Log
 
 
@@ -105,6 +105,25 @@ def filled(path, log):
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_what_comes_again_is_cut_from_a_file_and_the_rest_is_the_same(tmp_path, log, suffix):
+    read_frame = getattr(pl, f"read_{suffix[1:]}")
+    path = tmp_path / f"live{suffix}"
+    write(log, path)
+    before, metadata = read_frame(path), path.read_bytes()
+    cut_behind(path, 1.0)
+    assert path.read_bytes() == metadata  # nothing comes again
+    cut_behind(path, 0.7)
+    assert read_frame(path).equals(before.head(700), null_equal=True)
+    if suffix == ".parquet":
+        assert pl.read_parquet_metadata(path)["clutchid"] == '{"source": "here"}'
+    else:
+        assert metadata.startswith(path.read_bytes())
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    cut_behind(path, 0.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
 def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):
     monkeypatch.setattr(module, "PIECE", 400)
     noise = {name: np.random.default_rng(1).standard_normal(1000) for name in log.columns}
@@ -115,6 +134,12 @@ def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):
     assert 200 <= frame.height < 1000
     assert frame["time [s]"].to_list() == log.time[: frame.height].tolist()
     assert [one.name for one in tmp_path.iterdir()] == [path.name]
+
+
+def test_an_empty_folder_that_could_not_be_removed_is_removed_by_the_next_run(tmp_path):
+    (tmp_path / ".clutchid-live-0").mkdir()
+    assert recovered(tmp_path / "live.parquet") == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_is_removed_costs_only_the_place_of_the_file(tmp_path, log):

@@ -8,7 +8,7 @@ import pytest
 from clutchid.preparation.prepare import MAX_STEP, SPEED_MARGIN, with_steps
 from clutchid.simulation.run import KernelArrays, run
 from clutchid.simulation.stiffness import STABLE_STEP, local_stiffness, stiffness
-from clutchid.smoother.links import link_sigma
+from clutchid.smoother.rows import link_sigma
 from clutchid.uncertainty.noise import Noise
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from clutchid.log import Log
-from clutchid.rig.lugre import simulated_force
+from fixtures.friction import simulated_force
 
 #: A contact that yields by 0.1 mm before it slides.
 BLOCK = {"F_C": 2.0, "K_z": 2e4, "D_v": 300.0, "D_zdot": 200.0, "force_zero": 0.1}
@@ -31,7 +31,7 @@ def tribometer() -> Callable[..., Log]:
         t = np.arange(4000) * 5e-3
         y = 5e-4 * np.sin(2 * np.pi * t / 4) * (1 + 0.5 * np.sin(2 * np.pi * t / 17))
         log = Log(t, {"position": y}, "tribometer")
-        return log.with_columns(force=simulated_force(log, values, [start]))
+        return log.with_columns(force=simulated_force(log, values, start))
 
     return make
 

@@ -11,8 +11,7 @@ from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import Linearisation
 from clutchid.parameters import Parameters
 from clutchid.signals.excitation import FAST_WINDOW, SLOW_WINDOW, excitation, joined, region_of
-from clutchid.signals.runs import runs
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import runs, velocity
 from clutchid.simulation.plan import plan
 from clutchid.simulation.stiffness import stiffness
 from clutchid.uncertainty.information import Information

@@ -5,7 +5,8 @@ import pytest
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.numerics.least_squares import triangular
-from clutchid.simulation.sensors import lag_derivative, lagged
+from clutchid.simulation.sensors import lagged
+from fixtures.sensors import lag_derivative
 
 STEP, SIGMA, OUTLIER = 1e-3, 5e-5, 4.0
 

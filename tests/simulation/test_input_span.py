@@ -6,7 +6,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, Log
 from clutchid.simulation import Partition, simulate
-from clutchid.simulation.input_span import LONG, input_span, with_inputs
+from clutchid.simulation.inputs import LONG, input_span, with_inputs
 
 FIRST, LAST = 3, 5
 

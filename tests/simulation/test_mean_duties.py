@@ -5,8 +5,7 @@ import pytest
 
 import clutchid
 from clutchid.log import INPUTS, Log
-from clutchid.simulation.mean_duties import mean_duties
-from clutchid.simulation.plan import held_inputs
+from clutchid.simulation.inputs import held_inputs, mean_duties
 
 FINE, EVERY, DELTA, SECONDS = 1e-4, 10, 4e-4, 3.0
 OPENING = {"duty_supply": (0.1, 0.9), "duty_exhaust": (0.1, 0.9)}

@@ -8,7 +8,8 @@ import pytest
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.simulation import Partition
-from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST, Segment, carrier, outside_stroke, plan
+from clutchid.simulation.inputs import carrier
+from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST, Segment, outside_stroke, plan
 
 N = 1000
 #: Stiffness in 1/s, here of no interest.

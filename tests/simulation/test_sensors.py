@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from clutchid.simulation.comparison import SHORTEST_LAG
-from clutchid.simulation.sensors import lag_coefficients, lag_derivative, lagged, sensor_output
+from clutchid.simulation.sensors import lag_coefficients, lagged, sensor_output
+from fixtures.sensors import lag_derivative
 
 STEP = 1e-3
 TIME = STEP * np.arange(300)

@@ -11,8 +11,7 @@ from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.windows import initial_states, tracks
-from clutchid.smoother.links import first_rows
-from clutchid.smoother.window_rows import downweight_outliers
+from clutchid.smoother.rows import downweight_outliers, first_rows
 from clutchid.uncertainty.noise import Noise
 
 BOTH = ("position", "pressure_a")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from clutchid.smoother.blocks import LOAD_FACTOR, dispersion
 from clutchid.smoother.problem import linearise
-from clutchid.smoother.projection import ShootingSolution, settled
+from clutchid.smoother.residuals import LOAD_FACTOR, dispersion
+from clutchid.smoother.search import ShootingSolution, settled
 from clutchid.uncertainty.noise import Noise
 
 NAMES = ("C_vs", "C_ve", "tau_y")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from clutchid.numerics.failure import Failure
-from clutchid.smoother import projection, trial
 from clutchid.smoother import search as module
+from clutchid.smoother import trial
 from clutchid.smoother.problem import condense, linearise
 from clutchid.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, ShootingSolution, search
 from clutchid.smoother.settling import shifted_states
@@ -56,11 +56,11 @@ def test_a_load_8_percent_off_is_found_from_position_alone_within_what_noise_all
 def test_the_end_is_a_minimum_to_every_side(problem, solution, cost_at):
     cost = cost_at(problem, solution.x, solution.X)
     # windows that have hardly moved since they were simulated are not simulated again
-    assert cost == pytest.approx(solution.at.cost, abs=projection.CONVERGED_GAIN)
+    assert cost == pytest.approx(solution.at.cost, abs=module.CONVERGED_GAIN)
     current = linearise(problem, solution.x, solution.X)
     factor, chains = condense(problem, current)
     # what a whole undamped step could still gain is near what the search takes for nothing
-    assert np.sum(factor[:-1, -1] ** 2) < 2 * projection.CONVERGED_GAIN
+    assert np.sum(factor[:-1, -1] ** 2) < 2 * module.CONVERGED_GAIN
     for place in (3, 8, 13):
         for sign in (-1, 1):
             # far enough that the cost of a parabola would rise by 9
@@ -91,7 +91,7 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, s
         calls["linearise_windows"] += 1
         return Failure("no such state.") if calls["linearise_windows"] % 7 == 3 else linearise_windows(*arguments)
 
-    monkeypatch.setattr(projection, "evaluate_step", failing_attempt)
+    monkeypatch.setattr(module, "evaluate_step", failing_attempt)
     monkeypatch.setattr("clutchid.smoother.settling.evaluate_step", failing_attempt)
     monkeypatch.setattr(trial, "linearise_windows", failing_linearisation)
     answer = search(problem, *start, (1.0,))
@@ -107,7 +107,7 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, s
 
 
 def test_a_search_whose_every_trial_fails_stays_where_it_was(problem, start, monkeypatch):
-    for name in ("projection", "settling"):
+    for name in ("search", "settling"):
         monkeypatch.setattr(f"clutchid.smoother.{name}.evaluate_step", lambda *_: Failure("no such state."))
     answer = search(problem, *start, (1.0,))
     assert answer.status == "stalled"
@@ -119,7 +119,7 @@ def test_a_search_whose_every_trial_fails_stays_where_it_was(problem, start, mon
 def test_a_step_too_short_to_gain_is_the_end_only_where_little_gain_is_predicted(
     problem, start, monkeypatch, predicted, status, starts
 ):
-    calls, original = [], projection.VariableProjection.start
+    calls, original = [], module.VariableProjection.start
 
     def counted(projected, *at):
         calls.append(at)
@@ -128,14 +128,14 @@ def test_a_step_too_short_to_gain_is_the_end_only_where_little_gain_is_predicted
     def shortened(_projection, current, _radius):
         return replace(current, cost=current.cost - 0.04), predicted, 1e-4
 
-    monkeypatch.setattr(projection.VariableProjection, "start", counted)
-    monkeypatch.setattr(projection.VariableProjection, "step", shortened)
+    monkeypatch.setattr(module.VariableProjection, "start", counted)
+    monkeypatch.setattr(module.VariableProjection, "step", shortened)
     assert search(problem, *start, (1.0,)).status == status
     assert len(calls) == starts
 
 
 def test_a_step_that_gains_little_of_what_it_predicted_has_the_problem_linearised_anew(problem, start, monkeypatch):
-    starts, original = [], projection.VariableProjection.start
+    starts, original = [], module.VariableProjection.start
     shares = iter([0.5, 0.1, 0.1, 0.1, 0.5])
 
     def counted(projected, *at):
@@ -146,8 +146,8 @@ def test_a_step_that_gains_little_of_what_it_predicted_has_the_problem_linearise
         share = next(shares, 0.0)
         return replace(current, cost=current.cost * (1.0 - 1e-3 * share)), 1e-3 * current.cost if share else 0.0, radius
 
-    monkeypatch.setattr(projection.VariableProjection, "start", counted)
-    monkeypatch.setattr(projection.VariableProjection, "step", gaining)
+    monkeypatch.setattr(module.VariableProjection, "start", counted)
+    monkeypatch.setattr(module.VariableProjection, "step", gaining)
     assert search(problem, *start, (1.0,)).status == "converged"
     # the first, then after the second and the fourth step: the third is the first after a new linearisation
     assert len(starts) == 3
@@ -184,10 +184,10 @@ def test_a_poor_start_that_can_be_simulated_is_left_for_the_same_end(mass_proble
         for of in (1.0, share)
     )
     assert near.status == far.status == "converged"
-    assert far.at.cost == pytest.approx(near.at.cost, abs=projection.CONVERGED_GAIN)
+    assert far.at.cost == pytest.approx(near.at.cost, abs=module.CONVERGED_GAIN)
     # each ends where a step would gain less than `CONVERGED_GAIN`, the square of its length in standard deviations
     factor, _ = condense(mass_problem, linearise(mass_problem, near.x, near.X))
-    assert np.linalg.norm(factor[:-1, :-1] @ (far.x - near.x)) < 2 * np.sqrt(projection.CONVERGED_GAIN)
+    assert np.linalg.norm(factor[:-1, :-1] @ (far.x - near.x)) < 2 * np.sqrt(module.CONVERGED_GAIN)
 
 
 def test_bounds_are_kept_exactly_and_met_where_the_truth_lies_beyond(plant, worn_log, worn, problem_of, starts_of):
@@ -210,7 +210,7 @@ def test_no_trial_point_leaves_the_bounds(plant, worn_log, problem_of, starts_of
         tried.append(x)
         return evaluate_step(t, current, x, X, last)
 
-    for name in ("search", "projection", "settling"):
+    for name in ("search", "settling"):
         monkeypatch.setattr(f"clutchid.smoother.{name}.evaluate_step", watched)
     search(problem, np.zeros(24), starts_of(problem), STAGES_FROM_CALIBRATION)
     assert len({tuple(x) for x in tried}) >= 4
@@ -219,7 +219,7 @@ def test_no_trial_point_leaves_the_bounds(plant, worn_log, problem_of, starts_of
 
 def test_every_step_lowers_the_cost_of_its_stage(problem, start, monkeypatch):
     accepted = []
-    step, reached = module.coarse_step, projection.VariableProjection.evaluated
+    step, reached = module.coarse_step, module.VariableProjection.evaluated
 
     def watched(t, current, *rest):
         candidate = step(t, current, *rest)
@@ -232,7 +232,7 @@ def test_every_step_lowers_the_cost_of_its_stage(problem, start, monkeypatch):
         return candidate
 
     monkeypatch.setattr(module, "coarse_step", watched)
-    monkeypatch.setattr(projection.VariableProjection, "evaluated", settled)
+    monkeypatch.setattr(module.VariableProjection, "evaluated", settled)
     search(problem, *start, STAGES_FROM_CALIBRATION)
     taken = [(scale, cost, candidate.cost) for scale, cost, candidate in accepted if not isinstance(candidate, Failure)]
     assert len(taken) >= 4
@@ -240,7 +240,7 @@ def test_every_step_lowers_the_cost_of_its_stage(problem, start, monkeypatch):
     assert [scale for scale, *_ in taken] == sorted((scale for scale, *_ in taken), reverse=True)
     for (one, _, reached_cost), (other, starts, _) in pairwise(taken):
         # the next step begins where the last has ended; one window or another is simulated in between
-        assert one != other or starts == pytest.approx(reached_cost, abs=projection.CONVERGED_GAIN)
+        assert one != other or starts == pytest.approx(reached_cost, abs=module.CONVERGED_GAIN)
 
 
 def test_progress_is_reported_with_a_growing_number_and_the_name_of_the_stage(problem, start):

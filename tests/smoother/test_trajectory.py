@@ -6,8 +6,8 @@ import pytest
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.smoother.problem import linearise
+from clutchid.smoother.residuals import noise_scales, sensor_outputs, trajectory
 from clutchid.smoother.search import ShootingSolution
-from clutchid.smoother.trajectory import noise_scales, sensor_outputs, trajectory
 from clutchid.states import STATES
 
 

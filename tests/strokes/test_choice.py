@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.strokes import choice, choose, cut, joined, sections_table
-from clutchid.strokes.information import SIZE, gram, information
+from clutchid.strokes.choice import SIZE, gram, information
 
 REACH = 0.022
 

@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.strokes import Section, SectionSummary
-from clutchid.strokes.information import HATS, SIZE, gram
+from clutchid.strokes.choice import HATS, SIZE, gram
 
 REACH = 0.02
 

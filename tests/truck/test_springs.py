@@ -6,12 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
-from clutchid.truck import Truck, aged
-from clutchid.truck.load import clutch_force, load_curve
+from clutchid.truck import Truck, aged, load_table
+from clutchid.truck.load import load_curve
 from clutchid.truck.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
 
 T = Truck()
 STEEL = (T.E, T.nu, T.h, T.H, T.R_d, T.r_d, T.R_1, T.r_1)
+
+
+def clutch_force(truck, travel):
+    """Force of the clutch in N over the travel from its engaged rest in m, without the return spring."""
+    curve = load_curve(truck)
+    y = curve.rest + travel
+    return curve.force(y) - truck.F_r - truck.k_r * y
 
 
 def test_the_diaphragm_has_the_hump_and_the_valley_that_were_computed():
@@ -57,15 +64,17 @@ def test_kluevers_load_is_the_formula_of_the_book():
 
 
 @pytest.mark.parametrize("wear", [0.0, 2e-3])
-def test_the_table_of_the_load_agrees_with_the_springs_between_its_breakpoints(wear):
+def test_the_table_of_the_load_agrees_with_the_springs_between_its_breakpoints(wear, monkeypatch):
     truck = aged(Truck(), wear=wear)
     curve = load_curve(truck)
-    travel = np.linspace(0, 0.025, 3333)
-    y = curve.rest + travel
-    springs = clutch_force(truck, travel) + truck.F_r + truck.k_r * y
+    monkeypatch.setattr(load_table, "PITCH", 0.01e-3)
+    springs = load_curve.__wrapped__(truck)
+    y = curve.rest + np.linspace(0, 0.025, 3333)
     # where the cushion comes free the curve is only (c_0 - s)^2.2: over a pitch d of 0.1 mm, d / 6.3 at the rim, it
-    # bends by 30 kN (d / 6.3 / 0.8 mm)^2.2 / 6.3 = 1 N; a spline divides that by about ten
-    assert curve.force(y) == pytest.approx(springs, abs=0.1)
+    # bends by 30 kN (d / 6.3 / 0.8 mm)^2.2 / 6.3 = 1 N; a spline divides that by about ten, and a tenth of the pitch
+    # leaves 0.6 % of it
+    assert curve.force(y) == pytest.approx(springs.force(y), abs=0.1)
+    assert len(springs.breakpoints) > 9 * len(curve.breakpoints)
     assert np.all(np.diff(curve.breakpoints) > 0)
 
 

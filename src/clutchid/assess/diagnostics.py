@@ -14,7 +14,7 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.measured import MEASURED
 from clutchid.signals.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, region_of
 from clutchid.signals.residual_colour import FEWEST, LAGS, Colour, block_means, colour, effective_samples
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import velocity
 
 #: Interval in s at which the slow autocorrelation is evaluated: the lags then reach half a second.
 SLOW_INTERVAL = 0.02

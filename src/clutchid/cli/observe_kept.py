@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.cli.terminal import say
+from clutchid.cli.observe_output import origin_of
+from clutchid.cli.observe_sinks import say_unhurried
 from clutchid.errors import ExportError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class Kept:
     def _note(self, trouble: str) -> None:
         if trouble not in self.troubles:
             self.troubles.append(trouble)
-            say([trouble])
+            say_unhurried([trouble])
 
     def _move(self, path: Path, place: Path) -> None:
         self.moved[path] = place
@@ -71,15 +72,25 @@ class Kept:
                 self.moved[path] = None
             self._note(f"{error} What came before is kept.")
 
+    def cut(self, left: Sequence[Path], time: float) -> None:
+        """Cut from files that an earlier run left what comes again, from a time in s on."""
+        from clutchid.io.spool import cut_behind
+
+        for path in left:
+            try:
+                cut_behind(path, time)
+            except ExportError as error:
+                self._note(f"{error} Samples from {time:g} s on are in it and in the new file.")
+
     def save(self, path: Path | None, run: LiveRun) -> None:
         """Save the state while the recording goes on, if it is asked for."""
         from clutchid.observe.state_file import write_state
 
         if path is not None:
             try:
-                write_state(run.observer, run.after, path)
+                write_state(run.observer, run.after, path, origin_of(run.parts[-1].log))
             except ExportError as error:
-                say([f"{error} The recording goes on."])
+                say_unhurried([f"{error} The recording goes on."])
 
     def write_rest(self, files: Files, run: ObservedRecording, content: ParameterFile) -> None:
         """Write the state and the page; in the folder for temporary files where that cannot be."""
@@ -108,15 +119,16 @@ def _number(path: Path) -> int | None:
         return None
 
 
-def offer(files: Files) -> None:
-    """Say what an earlier run left that ended without writing its files, and how to go on from it."""
+def offer(files: Files) -> list[Path]:
+    """What an earlier run left that ended without writing its files; says so, and how to go on from it."""
     from clutchid.io.spool import recovered
 
     found = [path for each in (files.out, files.by_stroke) for path in recovered(each)]
     if not found:
-        return
+        return []
     names = " and ".join(map(str, found))
     sentence = f"an earlier run ended before it wrote {files.out}: what it had observed is in {names}."
     if files.save is not None and files.save.exists() and files.resume is None:
         sentence += f" Its state is in {files.save}: go on from it with --resume {shlex.quote(str(files.save))}."
-    say([sentence])
+    say_unhurried([sentence])
+    return found

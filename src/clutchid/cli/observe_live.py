@@ -10,20 +10,31 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, TextIO
 
+import numpy as np
+
 from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
 from clutchid.cli.observe_kept import Kept, offer
 from clutchid.cli.observe_output import Files, answer
-from clutchid.cli.observe_sinks import Sink, Stopped, published_frames, published_lines, view
-from clutchid.cli.terminal import say
+from clutchid.cli.observe_sinks import (
+    Sink,
+    Stopped,
+    published_frames,
+    published_lines,
+    say_unhurried,
+    unhurried_errors,
+    view,
+)
 from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.io.live.bus import BusName, bus_name
+from clutchid.log import INPUTS, Log
 from clutchid.names import printable
 
 if TYPE_CHECKING:
@@ -32,6 +43,7 @@ if TYPE_CHECKING:
     from clutchid.observe.live import LiveRun
     from clutchid.observe.observer import Observer
     from clutchid.observe.state import ObserverState
+    from clutchid.observe.tail import Tail
     from clutchid.strokes.vented_rest import Zero
 
 #: What stands for standard input, and for standard output.
@@ -109,12 +121,19 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
         If nothing could be observed, or a file cannot be begun; nothing is written then.
     """
     _check_format(files)
-    offer(files)
-    kept = Kept()
+    kept, left = Kept(), offer(files)
     with stop_signals() as stopped:
         with closing(_blocks(files.log, content, options, stopped)) as blocks:
-            run, trouble = _followed(blocks, files, content, options, kept, stopped)
+            run, trouble = _followed(blocks, files, content, options, kept, left, stopped)
         kept.write_rest(files, run.recent(), content)
+    with unhurried_errors():
+        return _answered(run, trouble, files, content, options, kept)
+
+
+def _answered(
+    run: LiveRun, trouble: str, files: Files, content: ParameterFile, options: LiveOptions, kept: Kept
+) -> int:
+    """Say what was found, and what went wrong; the exit code."""
     failed = " ".join(kept.troubles)
     status = "bad_input" if trouble else "failed"
     message = " ".join(filter(None, (trouble, failed)))
@@ -168,6 +187,7 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
     from clutchid.io.live.feed import from_descriptor, from_growing_file
     from clutchid.io.live.text_recording import text_blocks
     from clutchid.io.map.channel_map import read_map
+    from clutchid.observe.state_file import saved_origin
 
     channels = None if options.channel_map is None else read_map(options.channel_map)
     equipment = content.actuator.equipment
@@ -175,7 +195,8 @@ def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: St
     if (bus := bus_name(str(log))) is not None:
         frames = from_bus(bus, stopped)
         name = printable(bus.channel)
-        blocks = bus_blocks(frames, name, options.dbc, channels, options.ambient, required)
+        origin = None if options.resume is None else saved_origin(options.resume)
+        blocks = bus_blocks(frames, name, options.dbc, channels, options.ambient, required, origin)
     elif str(log) == STANDARD_INPUT:
         if sys.stdin is None:
             raise DataError(
@@ -196,14 +217,24 @@ def _followed(
     content: ParameterFile,
     options: LiveOptions,
     kept: Kept,
+    left: Sequence[Path],
     stopped: Stopped,
 ) -> tuple[LiveRun, str]:
-    """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault."""
+    """The recording, whose samples and strokes are written as they come; and why it ended if that was a fault.
+
+    `left` are files of an earlier run; what comes again is cut from them where this one goes on from it.
+    """
     from clutchid.observe.live import checked, gone_on, live_run
     from clutchid.observe.recording import no_sample
 
     first = next(blocks)
-    run = live_run(*_start(first, content, options))
+    one, state = _start(first, content, options)
+    if options.follow and options.resume is not None:
+        blocks = _behind(state.tail, chain([first], blocks), options.resume)
+        first = next(blocks)
+    if options.resume is not None:
+        kept.cut(left, float(first.log.time[0]))
+    run = live_run(one, state)
     trouble, saved = "", time.monotonic()
     with (
         _sinks(options, files, stopped) as sinks,
@@ -224,7 +255,7 @@ def _followed(
                 saved = time.monotonic()
                 kept.save(files.save, run)
             if before.checked is None and run.checked and not options.as_json:
-                say(run.checked)
+                say_unhurried(run.checked)
             for sink in sinks:
                 sink(before, run, part)
         if not run.usable:
@@ -244,6 +275,42 @@ def _start(first: LiveBlock, content: ParameterFile, options: LiveOptions) -> tu
     return one, start(one) if options.resume is None else read_state(one, options.resume)
 
 
+def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[LiveBlock]:
+    """The blocks of a file behind the samples that a state has had, which must be in it, unless it begins later.
+
+    Raises
+    ------
+    DataError
+        If the file has other samples there, or none behind them.
+    """
+    latest = float(tail.time[-1]) if tail.time.size else -math.inf
+    had: list[Log] = []
+    name = ""
+    for block in blocks:
+        log, name = block.log, block.log.name
+        new = int(np.searchsorted(log.time, latest, side="right"))
+        old = log.slice(int(np.searchsorted(log.time[:new], tail.time[:1].min(initial=math.inf))), new)
+        had += [old] if new else []
+        if new == len(log):
+            continue
+        if had and not _same_samples(had, tail):
+            raise DataError(
+                f"{name}: has other samples up to {latest:g} s than the recording that {resumed} comes from, and time "
+                "must go on; follow that recording, or start without --resume."
+            )
+        yield replace(block, log=log.slice(new, len(log)))
+        yield from blocks
+        return
+    raise DataError(f"{name}: has no sample behind {latest:g} s, where {resumed} is; there is nothing to observe.")
+
+
+def _same_samples(logs: Sequence[Log], tail: Tail) -> bool:
+    """Whether the samples are those that a state remembers, by their stamps and duty cycles."""
+    time = np.concatenate([log.time for log in logs])
+    duties = np.concatenate([np.column_stack([log[name] for name in INPUTS]) for log in logs])
+    return np.array_equal(time, tail.time) and np.array_equal(duties, tail.duties, equal_nan=True)
+
+
 def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[LiveBlock | DataError]:
     """The blocks, and last the fault that ended them, if one did: what came before it counts."""
     yield first
@@ -260,9 +327,9 @@ def _sinks(options: LiveOptions, files: Files, stopped: Stopped) -> Iterator[lis
         sinks = []
         every = None if options.publish_every is None else 1e-3 * options.publish_every
         if options.bus is not None:
-            sinks.append(stack.enter_context(published_frames(options.bus, every, files.results_dbc)))
+            sinks.append(stack.enter_context(published_frames(options.bus, every, files.results_dbc, stopped)))
         elif options.publish is not None:
             sinks.append(stack.enter_context(published_lines(every or 0.0, stopped)))
         if options.view:
-            sinks.append(stack.enter_context(view()))
+            sinks.append(stack.enter_context(view(stopped)))
         yield sinks

@@ -18,6 +18,7 @@ from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.log import Log
     from clutchid.observe.recording import ObservedRecording
 
 
@@ -73,12 +74,20 @@ class Files:
         from clutchid.observe.state_file import write_state
         from clutchid.report.observe_page import observe_page
 
+        origin = origin_of(run.log)
         command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
         each = (
-            (self.save, lambda path: write_state(run.observer, run.after, path)),
+            (self.save, lambda path: write_state(run.observer, run.after, path, origin)),
             (self.report, lambda path: observe_page(run, content.origin, command, path)),
         )
         return [(path, write) for path, write in each if path is not None]
+
+
+def origin_of(log: Log) -> float | None:
+    """Stamp of the bus in s that is the time 0 of a live recording, None for any other recording."""
+    from clutchid.io.live.bus_recording import ORIGIN
+
+    return float(log.metadata[ORIGIN]) if ORIGIN in log.metadata else None
 
 
 def calibration_file(path: Path) -> ParameterFile:

@@ -8,13 +8,14 @@ import select
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, redirect_stderr, suppress
 from functools import partial
+from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, TextIO
 
-from clutchid.cli.terminal import discard_output, put, say
+from clutchid.cli.terminal import discard_output, printable_lines, put
 
 if TYPE_CHECKING:
     from clutchid.io.live.bus import BusName
@@ -46,48 +47,75 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
     """
     from clutchid.report.observe_lines import observe_lines
 
-    with _standard_output() as descriptor:
-        unsent, open_, stalled = b"", True, False
-
-        def send(text: bytes) -> None:
-            nonlocal unsent, open_, stalled
-            try:
-                if descriptor is None:
-                    put(text.decode().removesuffix("\n"))
-                    return
-                unsent = _sent(descriptor, unsent, stopped, wait=not stalled)
-                unsent = unsent or _sent(descriptor, text, stopped, wait=True)
-            except OSError as error:
-                unsent, open_ = b"", False
-                discard_output()
-                reason = "closed" if error.errno == errno.EPIPE else f"lost ({error.strerror or error})"
-                say([f"standard output was {reason}: nothing is published any more, the recording goes on."])
-                return
-            if unsent and not stalled and not stopped():
-                say(["standard output is not read: results are left out there until it is, the recording goes on."])
-            stalled = bool(unsent)
+    with _own_descriptor(sys.stdout) as descriptor:
+        send = _as_printed if descriptor is None else _sender(descriptor, stopped)
+        open_, stalled = True, False
 
         def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
+            nonlocal open_, stalled
             lines = observe_lines(before, after, part, every) if open_ else []
-            if lines:
-                send("".join(f"{line}\n" for line in lines).encode())
+            if not lines:
+                return
+            earlier = stalled
+            try:
+                stalled = not send("".join(f"{line}\n" for line in lines).encode(), wait=not stalled)
+            except OSError as error:
+                open_ = False
+                discard_output()
+                reason = "closed" if error.errno == errno.EPIPE else f"lost ({error.strerror or error})"
+                say_unhurried([f"standard output was {reason}: nothing is published any more, the recording goes on."])
+                return
+            if stalled and not earlier and not stopped():
+                left = "standard output is not read: results are left out there until it is, the recording goes on."
+                say_unhurried([left])
 
         yield publish
-        if descriptor is not None and unsent:  # the last line is whole where somebody reads
+        if open_:  # the last line is whole where somebody reads
             with suppress(OSError):
-                _sent(descriptor, unsent, stopped, wait=True)
+                send(b"", wait=True)
+
+
+class _Send(Protocol):
+    """Sends a text, behind what was left of those before; whether all of it was taken.
+
+    What is left over is kept, and a text that comes while there is some is left out. `wait` is whether the rest of the
+    text before is waited for.
+    """
+
+    def __call__(self, text: bytes, *, wait: bool) -> bool: ...
+
+
+def _as_printed(text: bytes, *, wait: bool) -> bool:
+    del wait
+    if text:
+        put(text.decode().removesuffix("\n"))
+    return True
+
+
+def _sender(descriptor: int, stopped: Stopped, patience: float | None = None) -> _Send:
+    """Function that sends to a descriptor, which is given `patience` seconds, by default `STALL`, to take a part."""
+    unsent = b""
+
+    def send(text: bytes, *, wait: bool) -> bool:
+        nonlocal unsent
+        each = STALL if patience is None else patience
+        unsent = _sent(descriptor, unsent, stopped, each if wait else 0.0)
+        unsent = unsent or _sent(descriptor, text, stopped, each)
+        return not unsent
+
+    return send
 
 
 @contextmanager
-def _standard_output() -> Iterator[int | None]:
-    """Descriptor of standard output; None where it has none.
+def _own_descriptor(stream: TextIO) -> Iterator[int | None]:
+    """Descriptor of a standard stream; None where it has none.
 
     A pipe and a terminal are opened anew where that is possible, so that they do not block, for us alone.
     """
     try:
-        descriptor = sys.stdout.fileno()
-        sys.stdout.flush()
-    except (OSError, ValueError):
+        descriptor = stream.fileno()
+        stream.flush()
+    except (AttributeError, OSError, ValueError):
         yield None
         return
     own = -1
@@ -101,12 +129,12 @@ def _standard_output() -> Iterator[int | None]:
             os.close(own)
 
 
-def _sent(descriptor: int, text: bytes, stopped: Stopped, *, wait: bool) -> bytes:
-    """What standard output did not take of a text: it is given `STALL` seconds from one part to the next to `wait`.
+def _sent(descriptor: int, text: bytes, stopped: Stopped, patience: float) -> bytes:
+    """What a descriptor did not take of a text: it is given `patience` seconds from one part to the next.
 
-    Without it the first part must go at once, as after a stall.
+    With 0 the first part must go at once, as after a stall.
     """
-    since, patience = time.monotonic(), STALL if wait else 0.0
+    since = time.monotonic()
     while text:
         patience = min(patience, STALL_STOPPED) if stopped() else patience
         rest = max(since + patience - time.monotonic(), 0.0)
@@ -121,7 +149,7 @@ def _sent(descriptor: int, text: bytes, stopped: Stopped, *, wait: bool) -> byte
 
 
 @contextmanager
-def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[Sink]:
+def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Stopped) -> Iterator[Sink]:
     """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.report.observe_frames.PERIOD`.
 
     Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
@@ -132,26 +160,44 @@ def published_frames(name: BusName, every: float | None, dbc: Path) -> Iterator[
     from clutchid.report.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
 
     sent, failed = 0, False
-    with sender(name) as send:
+    with sender(name, stopped) as send:
         write_text(results_dbc(), dbc)
 
         def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
             nonlocal sent, failed
             frames = observe_frames(before, after, part, PERIOD if every is None else every, sent)
             sent += len(frames) // len(MESSAGES)
-            for frame in frames:
-                if (reason := send(*frame)) and not failed:
+            for begin in range(0, len(frames), len(MESSAGES)):
+                if (reason := send(frames[begin : begin + len(MESSAGES)])) and not failed:
                     failed = True
-                    say([f"{name}: does not take every frame ({reason}); the recording goes on."])
+                    say_unhurried([f"{name}: does not take every frame ({reason}); the recording goes on."])
 
         yield publish
 
 
+class _Collected(StringIO):
+    """Text that is given as a whole where it is flushed: what is not taken then is left out."""
+
+    def __init__(self, send: _Send, terminal: bool) -> None:
+        super().__init__()
+        self._send, self._terminal = send, terminal
+
+    def isatty(self) -> bool:
+        return self._terminal
+
+    def flush(self) -> None:
+        text = self.getvalue()
+        self.seek(0)
+        self.truncate()
+        if text:
+            self._send(text.encode(), wait=False)
+
+
 @contextmanager
-def view() -> Iterator[Sink]:
+def view(stopped: Stopped) -> Iterator[Sink]:
     """A view of load curve, pressure and health on standard error, redrawn a few times a second.
 
-    Nothing if that is no terminal.
+    Nothing if that is no terminal, or one that hangs up; one that is stopped misses pictures.
     """
     if not sys.stderr.isatty():
         yield lambda _before, _after, _part: None
@@ -164,18 +210,61 @@ def view() -> Iterator[Sink]:
 
     shown = -FRAME
     last: Callable[[], Text] | None = None
-    with Live(console=Console(stderr=True), auto_refresh=False, redirect_stdout=False) as picture:
+    with _own_descriptor(sys.stderr) as descriptor:
+        open_, deliver = True, _as_printed if descriptor is None else _sender(descriptor, stopped, 0.0)
 
-        def show(_before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
-            nonlocal shown, last
-            last = partial(drawn, after, part)
-            if time.monotonic() - shown >= FRAME:
+        def send(text: bytes, *, wait: bool) -> bool:
+            nonlocal open_
+            try:
+                return not open_ or deliver(text, wait=wait)
+            except OSError:
+                open_ = False
+                return True
+
+        console = Console(file=_Collected(send, True), force_terminal=True)
+        with Live(console=console, auto_refresh=False, redirect_stdout=False) as picture:
+
+            def show(_before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
+                nonlocal shown, last
+                last = partial(drawn, after, part)
+                if open_ and time.monotonic() - shown >= FRAME:
+                    picture.update(last(), refresh=True)
+                    shown = time.monotonic()
+
+            def drawn(after: LiveRun, part: ObservedRecording) -> Text:
+                return Text(observe_view(after, part, picture.console.width))
+
+            yield show
+            if last is not None:
                 picture.update(last(), refresh=True)
-                shown = time.monotonic()
 
-        def drawn(after: LiveRun, part: ObservedRecording) -> Text:
-            return Text(observe_view(after, part, picture.console.width))
 
-        yield show
-        if last is not None:
-            picture.update(last(), refresh=True)
+@contextmanager
+def unhurried_errors() -> Iterator[None]:
+    """Standard error that is written at the end of the ``with`` block, and waits for no reader that takes nothing."""
+    with _own_descriptor(sys.stderr) as descriptor:
+        if descriptor is None:
+            yield
+            return
+        collected = _Collected(_sender(descriptor, lambda: False, STALL_STOPPED), sys.stderr.isatty())
+        try:
+            with redirect_stderr(collected):
+                yield
+        finally:
+            with suppress(OSError):
+                collected.flush()
+
+
+def say_unhurried(warnings: Iterable[str]) -> None:
+    """Say warnings while the recording goes on, also where nobody hears them: a closed terminal ends nothing.
+
+    One that is stopped, or a pipe that nobody reads, is waited for as one that publishes and is stopped.
+    """
+    text = "".join(f"warning: {printable_lines(warning)}\n" for warning in warnings)
+    shown = hasattr(sys.stderr, "rich_proxied_file")  # above the view, which does not block
+    with suppress(OSError, ValueError), _own_descriptor(sys.stderr) as descriptor:
+        if descriptor is None or shown:
+            put(text.removesuffix("\n"), to=sys.stderr)
+        else:
+            encoding = sys.stderr.encoding or "utf-8"
+            _sent(descriptor, text.encode(encoding, "backslashreplace"), lambda: False, STALL_STOPPED)

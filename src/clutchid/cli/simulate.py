@@ -24,7 +24,7 @@ from clutchid.workflow import Reading, inspected, read_recordings, start_file
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.estimation.recording_sections import Starts
+    from clutchid.estimation.parameter_tables import Starts
     from clutchid.log import Log
     from clutchid.simulation import Partition, Simulation
     from clutchid.strokes.vented_rest import Rested

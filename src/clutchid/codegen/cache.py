@@ -142,13 +142,13 @@ def _read(sign: Path) -> str:
 def _keys(sources: Sequence[Path]) -> Iterator[str]:
     """The key of the sources as they are, which is quick, and that of what they mean to the compiler."""
     contents = [(path, path.read_bytes()) for path in sources]
-    for meaning in (lambda _, content: content, _meaning):
-        parts = [part for path, content in contents for part in (path.name.encode(), meaning(path, content))]
+    for key in (lambda _, content: content, meaning):
+        parts = [part for path, content in contents for part in (path.name.encode(), key(path, content))]
         yield _digest([*parts, *_versions()])
 
 
 @cache
-def _meaning(path: Path, content: bytes) -> bytes:
+def meaning(path: Path, content: bytes) -> bytes:
     """A Python file without comments and docstrings."""
     if path.suffix != ".py":
         return content

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Iterator
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,7 +12,7 @@ from threading import RLock
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
-from clutchid.codegen.cache import load_module
+from clutchid.codegen.cache import load_module, meaning
 
 #: What a compiler may do with sums and products of a generated kernel, in LLVM's words. Without nnan and ninf: a run
 #: that leaves the finite numbers must be seen.
@@ -57,7 +58,9 @@ def kernels_in(name: str) -> ModuleType:
     """The module `name` of this package, loaded from the cache folder, so that its machine code is kept there too.
 
     Kernels that it imports from other modules are compiled with it: their text stands in place of the import, so that
-    no machine code calls an older version of them.
+    no machine code calls an older version of them. Of other modules of this package from which a kernel takes a name,
+    such as the number of a column, the text has a hash: the compiler freezes their values, and Numba's own cache does
+    not see that they change.
 
     Raises
     ------
@@ -68,27 +71,50 @@ def kernels_in(name: str) -> ModuleType:
     """
     with _loading:
         texts = _texts(name)
-        return load_module(name.rsplit(".", 1)[-1], list(texts), lambda: "\n\n".join((_FIRST, *texts.values())))
+        return load_module(name.rsplit(".", 1)[-1], list(texts), lambda: _joined(texts))
 
 
 #: First line of a module of kernels.
 _FIRST = "from __future__ import annotations"
 
 
-def _texts(name: str) -> dict[Path, str]:
-    """The texts of the modules whose kernels a module imports, in the order of their use, and last its own."""
+def _joined(texts: dict[Path, str | None]) -> str:
+    return "\n\n".join((_FIRST, *(_hash(path) if text is None else text for path, text in texts.items())))
+
+
+def _hash(path: Path) -> str:
+    """A comment with the hash of what a module means."""
+    return f"# {path.stem}: {hashlib.sha256(meaning(path, path.read_bytes())).hexdigest()}"
+
+
+def _texts(name: str) -> dict[Path, str | None]:
+    """The texts of the modules whose kernels a module imports, in the order of their use, and last its own.
+
+    None for a module without kernels from which they take names.
+    """
     path = _file(name)
-    text, texts = path.read_text(encoding="utf-8"), dict[Path, str]()
-    lines = text.splitlines()
-    for node in ast.parse(text).body:
+    text, texts = path.read_text(encoding="utf-8"), dict[Path, str | None]()
+    lines, tree = text.splitlines(), ast.parse(text)
+    taken = set(_names_in_functions(tree))
+    for node in tree.body:
         module = node.module if isinstance(node, ast.ImportFrom) else None
-        kernels = module is not None and module.startswith("clutchid.") and _has_kernels(_file(module))
-        if module and kernels:
-            texts |= _texts(module)
+        own = module if module and module.startswith("clutchid.") else None
+        kernels = own is not None and _has_kernels(_file(own))
+        if own and kernels:
+            texts |= _texts(own)
+        elif own and isinstance(node, ast.ImportFrom) and taken & {name.asname or name.name for name in node.names}:
+            texts[_file(own)] = None
         if kernels or module == "__future__":
             for number in range(node.lineno - 1, node.end_lineno or node.lineno):
                 lines[number] = ""
     return {**texts, path: "\n".join(lines)}
+
+
+def _names_in_functions(tree: ast.Module) -> Iterator[str]:
+    """Names in the bodies of the functions of a module, without their annotations and decorators."""
+    for function in tree.body:
+        if isinstance(function, ast.FunctionDef):
+            yield from (node.id for part in function.body for node in ast.walk(part) if isinstance(node, ast.Name))
 
 
 def _has_kernels(path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -85,8 +84,3 @@ class System:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of the kernels' parameter array."""
         return tuple(str(symbol) for symbol in self.parameters)
-
-
-def index_of(symbols: Sequence[Expr]) -> dict[str, int]:
-    """Position of each symbol by name."""
-    return {str(symbol): position for position, symbol in enumerate(symbols)}

@@ -16,7 +16,7 @@ from clutchid.preparation.carrier import centred, find_carrier
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
 from clutchid.signals.excitation import VENTED_POSITION
-from clutchid.signals.runs import runs
+from clutchid.signals.sampled import runs
 from clutchid.uncertainty.coordinates import Prior, far_stop
 
 #: The default model of a calibration, and the one in its place where the valves have a carrier.

@@ -11,7 +11,7 @@ from clutchid.estimation.problem import with_hypothesis
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import GROUPS
 from clutchid.signals.excitation import HOLD_SPEED, SLOW_WINDOW
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import velocity
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 

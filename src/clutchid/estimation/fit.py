@@ -20,7 +20,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
 from clutchid.preparation.prepare import check_recordings, driven
-from clutchid.simulation.input_span import with_inputs
+from clutchid.simulation.inputs import with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.uncertainty.calibration import Calibration

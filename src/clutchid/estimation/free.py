@@ -39,11 +39,6 @@ class FreeParameters:
     start: SearchStart | None = None
     conditions: Mapping[str, Prior] = field(default_factory=dict)
 
-    def free_in(self, recording: str) -> frozenset[str]:
-        """Parameters that are free in `recording`, shared or of that recording."""
-        parsed = map(ParameterName.parse, self.names)
-        return frozenset(name.base for name in parsed if name.applies_to(recording))
-
     def reads_load(self, actuator: Actuator) -> bool:
         """Whether a load is estimated from position alone."""
         return "pressure_a" not in self.measure and bool(set(self.names) & set(actuator.load.names))

@@ -30,7 +30,7 @@ LEAST_PROBABILITY = 0.05
 class Explanation(Generic[SolutionT]):
     """The recordings explained under a hypothesis: search, and factor ``[R | q]`` of the data at its solution.
 
-    Where the dispersion of the data, see `clutchid.smoother.blocks`, is above 1, their rows are divided by its root;
+    Where the dispersion of the data, see `clutchid.smoother.residuals`, is above 1, their rows are divided by its root;
     `scatter` is the dispersion where it is below. Weighting such data more made the loads of changed trucks worse.
     """
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple, dataclass, field, replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from importlib.metadata import version
@@ -14,33 +14,90 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.errors import ParameterError
-from clutchid.estimation.actuator_section import equipment_in, section_of, with_gravity
-from clutchid.estimation.calibration_section import calibration_in, calibration_section, text_entries
-from clutchid.estimation.load_section import load_in
-from clutchid.estimation.model_section import duty_entries, duty_period_in, model_entries, model_in
-from clutchid.estimation.older_lags import with_lags
-from clutchid.estimation.recording_sections import REST, Starts, own_values, starts_in
+from clutchid.errors import DataError, ParameterError
+from clutchid.estimation.parameter_tables import (
+    REST,
+    Starts,
+    actuator_in,
+    actuator_tables,
+    recording_tables,
+    recordings_in,
+)
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
-from clutchid.estimation.search_section import search_in, search_section
-from clutchid.estimation.search_state import Continuation
+from clutchid.estimation.search_state import Continuation, SearchState
 from clutchid.io.files import small_file, write_text
+from clutchid.io.records import Rule, covariance_problem, plain, read, table
 from clutchid.io.toml_file import LARGEST, toml_of
-from clutchid.log import Log
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
-from clutchid.model.weighted_load import Load
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
 from clutchid.strokes.vented_rest import Rested, from_rest
-from clutchid.uncertainty.calibration import Calibration, Origin
+from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 
 #: Suffixes of files for MATLAB, which `clutchid.report.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")
 
+#: No standard deviation is larger, in SI: ten times the largest admissible value, that of a stiffness.
+_LARGEST_STD = 1e12
+
 _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
+
+#: Number of `[fit] format`; a file without it has this one.
+FORMAT = 1
+
+#: Fields of a calibration in its section, in this order.
+_CALIBRATED = (
+    "names", "covariance", "converged", "theta", "theta_covariance", "origin", "conditions", "nis", "rest",
+    "position_only",
+)  # fmt: skip
+
+#: What is read for an entry that a section lacks, beside the defaults of its record: there may be no level, and a
+#: dispersion that is missing is refused.
+_LACKING = {"rest": {"returned": math.nan}, "position_only": {"dispersion": math.nan}}
+
+
+def _possible(errors: PositionOnlyErrors) -> bool:
+    """Whether these can be the errors of fits to position alone."""
+    names, hypotheses = errors.names, errors.hypotheses
+    different = len({*names}) == len(names) and len({*hypotheses}) == len(hypotheses) and hypotheses[:1] == ((),)
+    sizes = (errors.shifts.size, errors.log_evidence.size) == (len(hypotheses) * len(names), len(hypotheses))
+    finite = np.isfinite(errors.shifts).all() and np.isfinite(errors.log_evidence).all()
+    return bool(different and sizes and finite and 0.0 < errors.dispersion < math.inf and not errors.misfit <= 0.0)
+
+
+_AGAIN = "; save the calibration again"
+_COVARIANCE = Rule(f"names and a square covariance are needed{_AGAIN}")
+_LOAD = f"finite load weights and their square theta_covariance are needed{_AGAIN}"
+_RULES = {
+    "names": _COVARIANCE,
+    "covariance": _COVARIANCE,
+    "theta": Rule(_LOAD, lambda theta: bool(np.isfinite(theta).all())),
+    "theta_covariance": Rule(_LOAD),
+    "converged": Rule(f"true or false is needed{_AGAIN}"),
+    "nis": Rule(f"a number above 0 is needed{_AGAIN}", lambda nis: 0.0 < nis < math.inf),
+    "conditions": Rule(
+        f"temperature in K, supply and supply_estimated in Pa, above 0, are allowed{_AGAIN}",
+        lambda conditions: all(value is None or 0.0 < value < math.inf for value in conditions),
+    ),
+    "rest": Rule(
+        f"finite levels lowest and returned, and quantum, in m, are needed{_AGAIN}",
+        lambda rest: math.isfinite(rest.lowest) and math.isfinite(rest.quantum) and not math.isinf(rest.returned),
+    ),
+    "position_only": Rule(
+        "hypotheses (the first empty), names, finite shifts of each name and log_evidence of each hypothesis, a "
+        f"dispersion and a misfit above 0 are needed{_AGAIN}",
+        _possible,
+    ),
+    "search": Rule(
+        "status (converged, stalled or limit), evaluations, free, and priors as NAME = [mean, std] are needed; save "
+        "the fit again, or take the section out to start a new search",
+        lambda state: all(math.isfinite(p.mean) and 0.0 < p.std < math.inf for p in state.priors.values()),
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +131,7 @@ class ParameterFile:
             _check_valves(self.actuator)
             return calibration_in(entry, weights, method, self.origin)
         except ParameterError as error:
-            raise ParameterError(f"{self.origin.name or 'parameter file'}: {error}") from error
+            raise ParameterError(_all(self.origin.name or "parameter file", [str(error)])) from error
 
     @property
     def continuation(self) -> Continuation | None:
@@ -144,21 +201,23 @@ def started(content: ParameterFile, request: FitRequest) -> FitRequest:
 
 def parameter_file(fitted: Fit, trust: str) -> ParameterFile:
     """Contents of a parameter file for a fit with a `trust`, see `clutchid.assess.verdict`."""
-    covariance = np.where(np.isfinite(fitted.covariance), fitted.covariance, np.inf)
     about = {
+        "format": FORMAT,
         "status": fitted.status,
         "free": list(fitted.parameters),
         "measure": list(fitted.scales),
         "std": {name: estimate.std for name, estimate in fitted.parameters.items()},
-        "bounds": {name: list(limits) for name, limits in fitted.bounds.items()},
-        "covariance": covariance.tolist(),
-        "noise_scales": dict(fitted.scales),
-        "data": {name: _hash(recording.measured.metadata) for name, recording in fitted.recordings.items()},
+        "bounds": fitted.bounds,
+        "covariance": np.where(np.isfinite(fitted.covariance), fitted.covariance, np.inf),
+        "noise_scales": fitted.scales,
+        "data": {
+            name: recording.measured.metadata.get("sha256", "unknown") for name, recording in fitted.recordings.items()
+        },
         "versions": {library: version(library) for library in _LIBRARIES},
+        "method": fitted.method,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "trust": trust,
     }
-    about["method"] = fitted.method
-    about["created"] = datetime.now(UTC).isoformat(timespec="seconds")
-    about["trust"] = trust
     if fitted.search is not None:
         about["search"] = search_section(fitted.search)
     if fitted.calibration is not None:
@@ -172,11 +231,81 @@ def parameter_file(fitted: Fit, trust: str) -> ParameterFile:
     for name, recording in fitted.recordings.items():
         if recording.subtracted:
             own.setdefault(name, {})[REST] = recording.subtracted
-    return ParameterFile(fitted.actuator, starts, about, own)
+    return ParameterFile(fitted.actuator, starts, plain(about), own)
 
 
-def _hash(metadata: Mapping[str, str]) -> str:
-    return metadata.get("sha256", "unknown")
+def search_section(state: SearchState) -> dict[str, Any]:
+    """Entries of a search, for `search_in`."""
+    return {**table(state), "priors": {name: list(astuple(prior)) for name, prior in state.priors.items()}}
+
+
+def search_in(section: object) -> SearchState:
+    """The search in a file.
+
+    Raises
+    ------
+    ParameterError
+        If an entry cannot be understood.
+    """
+    return read(SearchState, section, "[fit.search]", _RULES)
+
+
+def calibration_section(kept: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
+    """Entries of a calibration in the file of a fit that started from `baseline`.
+
+    If it is that one, the new file is not its origin.
+    """
+    origin = Origin() if kept.origin is None and kept is baseline else kept.origin
+    return table(replace(kept, origin=origin), _CALIBRATED)
+
+
+def calibration_in(section: object, load_names: Sequence[str], method: str, file: Origin) -> Calibration:
+    """The calibration in a `file` by `method`, for a load with the weights `load_names`.
+
+    Raises
+    ------
+    ParameterError
+        If an entry cannot be understood.
+    """
+    if not isinstance(section, Mapping):
+        raise ParameterError(f"[fit.calibration]: {_COVARIANCE.needed}.")
+    entries = {name: value for name, value in section.items() if name != "origin"}
+    for name in _LACKING.keys() & section.keys():
+        if isinstance(section[name], Mapping):
+            entries[name] = {**_LACKING[name], **section[name]}
+    found = read(Calibration, entries, "[fit.calibration]", _RULES)
+    weights, errors = len(found.theta), found.position_only
+    if weights not in (0, len(load_names)):
+        raise ParameterError(f"[fit.calibration] theta: {weights} numbers for {len(load_names)} load weights.")
+    if errors is not None:
+        shifts = errors.shifts.reshape(len(errors.hypotheses), len(errors.names))
+        errors = replace(errors, shifts=shifts, log_evidence=errors.log_evidence.ravel())
+    spread = _covariance(found.theta_covariance, load_names[:weights], "[fit.calibration] theta_covariance")
+    return replace(
+        found,
+        covariance=_covariance(found.covariance, found.names, "[fit.calibration] covariance"),
+        theta_covariance=spread,
+        position_only=errors,
+        method=method,
+        origin=_with_texts(file, section.get("origin")),
+    )
+
+
+def _covariance(matrix: FloatArray, names: Sequence[str], where: str) -> FloatArray:
+    """The covariance of `names` at the place `where` in a file."""
+    if matrix.size != len(names) ** 2:
+        raise ParameterError(f"{where.removesuffix('_covariance')}: {_RULES[where.rpartition(' ')[2]].needed}.")
+    matrix = matrix.reshape(len(names), len(names))
+    largest = [Parameters.row(name).width if name in Parameters.names() else _LARGEST_STD for name in names]
+    if problem := covariance_problem(matrix, names, largest):
+        raise ParameterError(f"{where}: {problem}{_AGAIN}.")
+    return matrix
+
+
+def _with_texts(origin: Origin, section: object) -> Origin:
+    """`origin` with the texts of a section; an entry that is no text is left out."""
+    entries = section if isinstance(section, Mapping) else {}
+    return origin._replace(**{k: entries[k] for k in Origin._fields if isinstance(entries.get(k), str)})
 
 
 def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
@@ -189,32 +318,12 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
     """
     import tomli_w
 
-    actuator = content.actuator
-    load = actuator.load
-    written = [name for name in actuator.names if not actuator.equipment.missing(name)]
-    document: dict[str, Any] = {
-        **section_of(actuator.equipment),
-        "model": {
-            **model_entries(actuator.model),
-            **duty_entries(actuator.duty_period),
-            "load_basis": load.basis,
-            "knots": list(load.knots),
-            **({"phi2_slope": load.phi2_slope} if load.basis == "paper" else {}),
-        },
-        "parameters": {name: actuator.value(name) for name in written},
-    }
+    document = actuator_tables(content.actuator)
     if content.starts:
-        document["recording"] = {
-            stem: {
-                "position_start": [y for y, _ in starts],
-                "pressure_a_start": [p for _, p in starts],
-                **content.own.get(stem, {}),
-            }
-            for stem, starts in content.starts.items()
-        }
+        document["recording"] = recording_tables(content.starts, content.own)
     if content.fit:
         document["fit"] = dict(content.fit)
-    name = actuator.equipment.name or "an electropneumatic clutch actuator"
+    name = content.actuator.equipment.name or "an electropneumatic clutch actuator"
     text = f"# Parameters of {name}, SI units; written by clutchid.\n" + tomli_w.dumps(document)
     write_text(text, path)
 
@@ -223,8 +332,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     """Read a parameter file; missing entries have their defaults.
 
     B-splines have all weights or none. Without any, the load is the one that a search starts from, on B-splines; an
-    actuator of another drawing needs them. A negative lag of a sensor, from an earlier version, is read as 0 with a
-    UserWarning.
+    actuator of another drawing needs them.
 
     Parameters
     ----------
@@ -256,54 +364,24 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     ]
     if problems:
         raise ParameterError(_all(path, problems))
-    document = with_lags(document, path)
-    known, model_problems = model_in(document.get("model", {}), model)
-    if model_problems and (model is not None or "own" in document["model"]):
-        raise ParameterError(_all(path, model_problems))  # what else the file has, only the right model can say
-    equipment, problems = equipment_in(document)
-    problems += model_problems
-    section, values, gravity_problems = with_gravity(document)
-    load, load_problems = load_in(section, values, defaults="actuator" not in document)
-    own, own_problems = _own(values, model)
-    parameters, parameter_problems = _parameters(values | equipment.fixed, load, tuple(own))
-    starts, start_problems = starts_in(document.get("recording", {}), (*Parameters.names(), *own))
-    duty_period, duty_problems = duty_period_in(section)
-    problems += gravity_problems + own_problems + load_problems + parameter_problems + start_problems + duty_problems
-    if problems or load is None or parameters is None:
-        raise ParameterError(_all(path, problems))
+    about, recordings = document.get("fit", {}), document.get("recording", {})
+    if "format" in about and about["format"] != FORMAT:
+        raise ParameterError(
+            f"{path}: [fit] format = {about['format']!r}: this version of clutchid reads format {FORMAT}; use the "
+            "version that saved the file, or save the fit again with this one."
+        )
     try:
-        actuator = Actuator(parameters, load, known, equipment, tuple(own.values()), duty_period)
+        actuator = actuator_in(document, model, problems)
+        starts, own = recordings_in(recordings, model, problems)
     except ParameterError as error:
         raise ParameterError(_all(path, [str(error)])) from error
-    section = document.get("fit", {})
+    if problems or actuator is None:
+        raise ParameterError(_all(path, problems))
     hashed = sha256(content).hexdigest()
-    origin = Origin(name=Path(path).name, sha256=hashed)._replace(**text_entries(section, ("created", "trust")))
-    return ParameterFile(actuator, starts, section, own_values(document.get("recording", {})), origin)
+    said = {name: about.get(name) for name in ("created", "trust")}
+    origin = _with_texts(Origin(name=Path(path).name, sha256=hashed), said)
+    return ParameterFile(actuator, starts, about, own, origin)
 
 
 def _all(path: str | PathLike[str], problems: list[str]) -> str:
-    lines = [line for problem in problems for line in problem.splitlines()]
-    return f"{path}: {lines[0]}" if len(lines) == 1 else f"{path}: {len(lines)} problems.\n  - " + "\n  - ".join(lines)
-
-
-def _own(values: dict[str, Any], model: OwnModel | None) -> tuple[dict[str, float], list[str]]:
-    """Values of the parameters of a model of the user's own, and problems with them."""
-    rows = {} if model is None else model.parameters
-    own = {name: values.get(name, row.default) for name, row in rows.items()}
-    wrong = [name for name, value in own.items() if not is_number(value)]
-    problems = [f"{name} = {own[name]!r}: a number in {rows[name].unit} is needed." for name in wrong]
-    return {name: rows[name].default if name in wrong else value for name, value in own.items()}, problems
-
-
-def _parameters(values: dict[str, Any], load: Load | None, own: tuple[str, ...]) -> tuple[Parameters | None, list[str]]:
-    known = (*Parameters.names(), *own, *(load or Load()).names)
-    # if the load itself is wrong, the number of its weights is unknown
-    weights_unknown = load is None
-    problems = unknown_names(
-        [name for name in values if not (weights_unknown and re.fullmatch(r"theta_[1-9]\d*", name))], known
-    )
-    try:
-        parameters = Parameters().replace({name: v for name, v in values.items() if name in Parameters.names()})
-    except ParameterError as error:
-        return None, problems + str(error).splitlines()
-    return parameters, problems
+    return str(DataError.of(str(path), [line for problem in problems for line in problem.splitlines()]))

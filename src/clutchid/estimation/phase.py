@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.one_pass import with_window_steps
 from clutchid.estimation.prediction_error.problem import predict_errors
 from clutchid.estimation.problem import fit_problem
 from clutchid.log import FloatArray, Log, sample_interval
@@ -21,7 +20,7 @@ from clutchid.preparation.carrier import centred
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare
 from clutchid.preparation.pulses import Duties, FindPhase, duties_in, find_phase
 from clutchid.simulation.stiffness import stiffness
-from clutchid.simulation.windows import tracks
+from clutchid.simulation.windows import tracks, with_window_steps
 from clutchid.smoother.problem import FitProblem
 from clutchid.uncertainty.calibration import Calibration
 

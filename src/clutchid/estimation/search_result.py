@@ -14,7 +14,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.plan import Plan
 from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.projection import UNLIMITED, Effort
+from clutchid.smoother.search import UNLIMITED, Effort
 from clutchid.uncertainty.calibration import Calibration
 
 
@@ -58,7 +58,7 @@ class Hypotheses(Generic[SolutionT]):
     """How a method of search weighs hypotheses about what has changed.
 
     `cost` is that of a solution. `refine` goes on from a result with another prior, from x; `data_factor` is the
-    triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of `clutchid.smoother.blocks`;
+    triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of `clutchid.smoother.residuals`;
     `settle` moves a solution to x, with the states that belong to it.
     """
 

@@ -13,7 +13,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
-from clutchid.simulation.input_span import at_samples, with_inputs
+from clutchid.simulation.inputs import at_samples, with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.sensors import with_sensors

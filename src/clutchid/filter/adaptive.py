@@ -13,19 +13,27 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
-from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
-from clutchid.filter.joint_arrays import Derived, FreeArrays, JointOutput, JointScratch, Pace, StateArrays
-from clutchid.filter.joint_parameters import basis_at, refresh, within
+from clutchid.filter.arrays import (
+    Derived,
+    FreeArrays,
+    IntArray,
+    Intervals,
+    JointOutput,
+    JointScratch,
+    ModelArrays,
+    StateArrays,
+)
+from clutchid.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.filter.recursion import OUTPUT, STATE, move
-from clutchid.filter.steps import steps_at
 from clutchid.log import FloatArray
+from clutchid.simulation.stiffness import Pace
 
 #: What the rule adds to the settings: gains of the velocity in 1/s; of p_A V_A, in N m by m of motion times area over
 #: volume; of the weights, which multiplies T T', in 1/(N m); share of a sample in the average position; places of p_A
 #: in x, of V_0A and A_A in p.
 AdaptiveNumbers = tuple[float, float, float, float, tuple[int, int, int]]
 
-#: Settings of the recursion: those of `joint_arrays.SettingsArrays`, and `AdaptiveNumbers`.
+#: Settings of the recursion: those of `arrays.SettingsArrays`, and `AdaptiveNumbers`.
 AdaptiveSettings = tuple[int, float, float, tuple[int, int], AdaptiveNumbers]
 
 

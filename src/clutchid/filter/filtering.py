@@ -17,10 +17,10 @@ from clutchid.measured import MEASURED
 from clutchid.model.compiled import step
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
+from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.process_noise import start_deviations
 from clutchid.simulation.run import columns, inputs_of
-from clutchid.simulation.simulation import failure_message
 from clutchid.simulation.windows import Track
 from clutchid.uncertainty.noise import Noise
 

@@ -17,22 +17,22 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
-from clutchid.filter.arrays import IntArray, Intervals, ModelArrays
-from clutchid.filter.joint_arrays import (
+from clutchid.filter.arrays import (
     Derived,
     FreeArrays,
+    IntArray,
+    Intervals,
     JointOutput,
     JointScratch,
-    Pace,
+    ModelArrays,
     SettingsArrays,
     StateArrays,
 )
-from clutchid.filter.joint_parameters import move_parameters, refresh, state_deviations
-from clutchid.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, update_root
-from clutchid.filter.steps import steps_at
-from clutchid.filter.triangle import triangularise
+from clutchid.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
+from clutchid.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, triangularise, update_root
 from clutchid.log import FloatArray
 from clutchid.simulation.comparison import lag_coefficients
+from clutchid.simulation.stiffness import Pace
 
 #: A stroke begins where the estimated position in m rises above the first, and ends where it falls below the second.
 STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3

@@ -1,4 +1,7 @@
-"""Free parameters of the joint filter: from their coordinates theta to the arrays of the model, and a step of them."""
+"""The model at the free parameters theta, as every rule of the joint filter needs it between two samples.
+
+From theta to the arrays of the model, a step of theta, and the integration steps where the piston is.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,7 @@ import math
 from collections.abc import Callable
 
 from clutchid.codegen.kernels import kernel
-from clutchid.filter.arrays import IntArray, ModelArrays
-from clutchid.filter.joint_arrays import (
+from clutchid.filter.arrays import (
     HIGH,
     LAG_OF,
     LEAST,
@@ -21,13 +23,16 @@ from clutchid.filter.joint_arrays import (
     WIDTH,
     Derived,
     FreeArrays,
+    IntArray,
+    ModelArrays,
 )
 from clutchid.log import FloatArray
+from clutchid.simulation.stiffness import Pace
 
 
 @kernel
 def value_in_si(numbers: FloatArray, theta: float) -> float:
-    """A free parameter in SI; `numbers` is its row, see `joint_arrays`."""
+    """A free parameter in SI; `numbers` is its row, see `arrays`."""
     step = numbers[WIDTH] * theta
     value = numbers[MEAN] + step
     if numbers[POSITIVE] > 0.0:
@@ -122,3 +127,21 @@ def state_deviations(S: FloatArray, T: FloatArray, slopes: FloatArray, deviation
         for j in range(k, S.shape[1]):
             variance += S[i, j] * S[i, j]
         deviations[i] = math.sqrt(variance)
+
+
+@kernel
+def steps_at(pace: Pace, position: float, speed: float, length: float, planned: int) -> int:
+    """Integration steps over an interval of `length` s from a position in m at a speed in m/s.
+
+    Without a pace they are as `planned`.
+    """
+    positions, speeds, rates = pace
+    if rates.size == 0:
+        return planned
+    i, j = 0, 0
+    while i < positions.size and position > positions[i]:
+        i += 1
+    while j < speeds.size and abs(speed) > speeds[j]:
+        j += 1
+    steps: int = math.ceil(length * rates[i, j] * (1.0 - 1e-9))
+    return max(1, steps)

@@ -1,4 +1,4 @@
-"""Checks of a recording before any fit, reported together: `inspect`, one module per check.
+"""Checks of a recording before any fit, reported together: `inspect`, one module per subject.
 
 >>> import numpy as np
 >>> from clutchid.inspection import inspect

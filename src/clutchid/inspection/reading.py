@@ -6,15 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ClutchidError
-from clutchid.inspection.signal import IntArray, Runs, noise, quantum, run_ends, runs
 from clutchid.log import INPUTS, FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
+from clutchid.signals.sampled import IntArray, Runs, constant_runs, noise, quantum, run_ends
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.stiffness import stiffness
@@ -33,6 +34,13 @@ FAST, FEWEST = 0.1, 50
 
 #: Longest pause in s between two pulses that count as one opening: the longest period of a carrier, 20 Hz.
 PAUSE = 0.05
+
+
+class Extremes(NamedTuple):
+    """Smallest and largest value of a column, in SI."""
+
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +80,11 @@ class Reading:
         return {name: quantum(self.log[name]) for name in self.measured}
 
     @cached_property
-    def ends(self) -> Mapping[str, tuple[float, float]]:
+    def ends(self) -> Mapping[str, Extremes]:
         """Smallest and largest value of each measured column, in SI."""
-        return {name: (float(np.nanmin(self.log[name])), float(np.nanmax(self.log[name]))) for name in self.measured}
+        return {
+            name: Extremes(float(np.nanmin(self.log[name])), float(np.nanmax(self.log[name]))) for name in self.measured
+        }
 
     def noisy(self, name: str) -> bool:
         """Whether the noise of a measured column exceeds its quantisation, so that repeated values are significant."""
@@ -84,7 +94,7 @@ class Reading:
     @cached_property
     def runs(self) -> Mapping[str, Runs]:
         """Runs in which each measured column does not change."""
-        return {name: runs(self.log[name]) for name in self.measured}
+        return {name: constant_runs(self.log[name]) for name in self.measured}
 
     @cached_property
     def measured(self) -> tuple[str, ...]:

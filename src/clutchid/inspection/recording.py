@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
+from clutchid.inspection.air import conditions, missing_conditions, pressure_unit, supply_pressure
 from clutchid.inspection.check import Check, Inspection
-from clutchid.inspection.conditions import conditions, missing_conditions
-from clutchid.inspection.direction import direction
-from clutchid.inspection.motion import motion
-from clutchid.inspection.position_range import position_range
-from clutchid.inspection.pressure_unit import pressure_unit
-from clutchid.inspection.quantisation import quantisation
+from clutchid.inspection.columns import quantisation, saturation, stuck
+from clutchid.inspection.position import direction, motion, position_range, rest_check
 from clutchid.inspection.reading import Reading
-from clutchid.inspection.rest import rest_check
-from clutchid.inspection.sample_rate import sample_rate
-from clutchid.inspection.saturation import saturation
-from clutchid.inspection.stuck import stuck
-from clutchid.inspection.supply_pressure import supply_pressure
-from clutchid.inspection.time_shift import time_shift
+from clutchid.inspection.timing import sample_rate, time_shift
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.strokes.vented_rest import VentedRest, from_rest

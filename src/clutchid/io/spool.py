@@ -18,14 +18,15 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from clutchid.errors import ExportError
-from clutchid.io.files import writable_target
+from clutchid.io.files import atomic_write, writable_target
 from clutchid.io.formats.parquet.file import KEY
 from clutchid.io.formats.parquet.groups import MAGIC, Groups, appended, footer_bytes
 from clutchid.io.table import to_frame
 from clutchid.log import Log, concatenated
 
-#: Numbers in a piece of a Parquet file, and blocks that are joined before: a short one takes more than its numbers.
-PIECE, BLOCKS = 1 << 20, 64
+#: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
+#: before: a short one takes more than its numbers.
+PIECE, BLOCKS = 1 << 19, 64
 
 #: Suffixes of files that can be written piece by piece.
 SPOOLED = (".parquet", ".csv")
@@ -110,6 +111,8 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
     target = Path(path).resolve()
     found = []
     for folder in sorted(target.parent.glob(f"{_PREFIX}*")):
+        with suppress(OSError):  # with nothing in it: its run could not remove it from a write-protected folder
+            folder.rmdir()
         with suppress(OSError, ValueError), (folder / _TARGET).open("r+") as name:
             if json.load(name) != target.name or not _lock(name.fileno()):
                 continue
@@ -119,6 +122,36 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
                 found.append(free)
             shutil.rmtree(folder)
     return found
+
+
+def cut_behind(path: Path, time: float) -> None:
+    """Cut a file of a recording before its first sample at or after `time` in s; without any other it is removed.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be written; it is unchanged then.
+    """
+    import polars as pl
+
+    text = path.suffix.lower() == ".csv"
+    try:
+        table = pl.scan_csv(path, infer_schema=False) if text else pl.scan_parquet(path)
+        earlier = pl.col("time [s]").cast(pl.Float64) < time
+        kept, count = table.select(earlier.sum().alias("kept"), pl.len().alias("count")).collect().row(0)
+        if kept == count:
+            return
+        if not kept:
+            path.unlink()
+            return
+        with atomic_write(path) as temporary:
+            if text:
+                table.filter(earlier).sink_csv(temporary)
+            else:
+                metadata = {name: value for name, value in pl.read_parquet_metadata(path).items() if name == KEY}
+                table.filter(earlier).sink_parquet(temporary, metadata=metadata)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise ExportError(f"{path}: cannot be cut ({error}); it is unchanged.") from error
 
 
 def _is_whole(folder: Path, suffix: str) -> bool:

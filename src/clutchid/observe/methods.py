@@ -7,9 +7,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from clutchid.errors import ParameterError
-from clutchid.filter.adaptive_rule import AdaptiveGains, adaptive_rule
-from clutchid.filter.balance_rule import balance_rule
-from clutchid.filter.joint_setup import KALMAN, Rule
+from clutchid.filter.rules import KALMAN, AdaptiveGains, Rule, adaptive_rule, balance_rule
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name

@@ -6,9 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.filter.joint_filter import JointState, init
-from clutchid.filter.joint_setup import JointFilter, JointSettings, joint_filter
-from clutchid.filter.pace import pace
+from clutchid.filter.joint_filter import JointFilter, JointSettings, JointState, init, joint_filter
 from clutchid.log import FloatArray
 from clutchid.measured import SENSORS
 from clutchid.model.actuator import Actuator
@@ -18,6 +16,7 @@ from clutchid.observe.prior import BOUND, LEAK, OnlinePrior, online_prior
 from clutchid.observe.state import ObserverState
 from clutchid.observe.supply import ASSUMED, Supply, load_deviation, supply_of
 from clutchid.observe.tail import EMPTY, Tail, segment_of
+from clutchid.simulation.stiffness import pace
 from clutchid.strokes.vented_rest import Zero
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.noise import Noise

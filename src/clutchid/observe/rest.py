@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.observe.state import ObserverState, RestWatch
-from clutchid.signals.runs import runs
+from clutchid.signals.sampled import runs
 from clutchid.strokes.bins import BIN, CLOSED
 from clutchid.strokes.rest_level import CREEP, STILL, BoolArray
 from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift

@@ -28,8 +28,15 @@ from clutchid.strokes.vented_rest import FURTHEST
 FORMAT = 5
 
 
-def write_state(observer: Observer, state: ObserverState, path: str | PathLike[str]) -> None:
+def write_state(
+    observer: Observer, state: ObserverState, path: str | PathLike[str], origin: float | None = None
+) -> None:
     """Write a state; an existing file is replaced atomically.
+
+    Parameters
+    ----------
+    origin : s
+        Stamp of the source, such as a bus, that is the time 0 of the recording; None where its own stamps count.
 
     Raises
     ------
@@ -56,6 +63,8 @@ def write_state(observer: Observer, state: ObserverState, path: str | PathLike[s
     }
     if state.filter is not None:
         content["filter"] = {name: array.tolist() for name, array in state.filter._asdict().items()}
+    if origin is not None:
+        content["observer"]["origin"] = float(origin)
     content["observer"]["sha256"] = _checksum(content)
     write_text(tomli_w.dumps(content), path)
 
@@ -98,6 +107,20 @@ def saved_spacing(path: str | PathLike[str]) -> float:
     if not isinstance(spacing, float) or not 0.0 < spacing < np.inf:
         raise ParameterError(_damaged(path, "spacing"))
     return spacing
+
+
+def saved_origin(path: str | PathLike[str]) -> float | None:
+    """Stamp of the source in s that is the time 0 of the recording whose state is in a file; None if it has none.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `read_state`.
+    """
+    origin = _content(path)[1].get("origin")
+    if origin is not None and not (is_number(origin) and np.isfinite(origin)):
+        raise ParameterError(_damaged(path, "origin"))
+    return None if origin is None else float(origin)
 
 
 def _damaged(path: str | PathLike[str], reason: str) -> str:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.signals.excitation import VENTED_POSITION
-from clutchid.simulation.plan import OUTSIDE, Segment, held_inputs
+from clutchid.simulation.inputs import held_inputs
+from clutchid.simulation.plan import OUTSIDE, Segment
 
 Mask = NDArray[np.bool_]
 

@@ -15,7 +15,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.numerics.threads import map_pairs
 from clutchid.signals.duty_cycle import duty_grid, on_off, resolves_carrier
-from clutchid.simulation.plan import carrier
+from clutchid.simulation.inputs import carrier
 
 #: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.
 PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
@@ -56,7 +56,7 @@ def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIOD
     log = log.slice(0, min(len(log), round(MAX_DURATION / step)))
     if on_off(log):
         return 0.0, 0.0
-    grid, _ = duty_grid(log)
+    grid = duty_grid(log).period
     common = max(1, round(max(periods) / step))
     candidates: dict[float, tuple[float, float]] = {}
     for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:

@@ -51,13 +51,13 @@ def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequen
     """
     if not logs:
         raise DataError("no recording given; a fit needs at least one.")
-    problems = []
+    problems: list[str] = []
     for log, compared in (*((log, measure) for log in logs), *((log, ("position",)) for log in others)):
         needed = dict.fromkeys(("duty_supply", "duty_exhaust", "position", *compared))
         absent = [name for name in needed if name not in log]
         empty = [name for name in compared if name in log and not np.isfinite(log[name]).any()]
         sentences, alien = outside_stroke(log, y_max)
-        problems += sentences if alien else []
+        problems += sentences if alien else ()
         problems += [
             f"{log.name}: no column '{name}'; it has {', '.join(log.columns)}."
             f"{f' {FROM_POSITION_ALONE}' if name == 'pressure_a' else ''}"

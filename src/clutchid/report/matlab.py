@@ -17,8 +17,8 @@ import numpy as np
 from clutchid.assess.comparison import comparison
 from clutchid.assess.verdict import verdict
 from clutchid.errors import ExportError
-from clutchid.estimation.model_section import model_entries
 from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
+from clutchid.estimation.parameter_tables import model_entries
 from clutchid.estimation.result import Estimate, Fit
 from clutchid.io.files import atomic_write, write_text
 from clutchid.names import ParameterName

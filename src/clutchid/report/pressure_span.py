@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from clutchid.log import Log
 from clutchid.parameters import Parameters
 from clutchid.signals.excitation import HOLD_SPEED, SHORTEST_REST, SLOW_WINDOW, VENTED_POSITION
-from clutchid.signals.runs import runs
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import runs, velocity
 
 
 def vented_rests(measured: Log, p: Parameters) -> list[tuple[int, int]]:

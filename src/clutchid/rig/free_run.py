@@ -10,8 +10,7 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray, Log
 from clutchid.rig.compiled import NAMES, kernels
-from clutchid.signals.runs import runs
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import runs, velocity
 
 #: Least number of samples of a segment.
 _FEWEST = 10

@@ -111,8 +111,8 @@ def fit_lugre(
 
     >>> t = np.arange(0.0, 8.0, 0.005)
     >>> block = Log(t, {"position": 5e-4 * np.sin(2 * np.pi * t / 4), "force": np.zeros(t.size)}, "block")
-    >>> known = {"F_C": 2.0, "K_z": 2e4, "D_v": 100.0, "D_zdot": 0.0, "force_zero": 0.0}
-    >>> force = simulated_force(block, known)
+    >>> (whole,) = segments(block, WINDOW)
+    >>> force, *_ = free_run(whole, (2.0, 2e4, 100.0, 0.0), 0.0)
     >>> found = fit_lugre(block.with_columns(force=force))
     >>> f"{found.values['F_C']:.2f} N, {found.values['K_z'] / 1e3:.1f} N/mm, {found.fit_percent:.0f} %"
     '2.00 N, 20.0 N/mm, 100 %'
@@ -143,22 +143,6 @@ def _shift_by_noise(problem: LugreProblem, best: Solution, window: float, inerti
     parts = segments(log, window)
     noisy = replace(problem, log=log, parts=parts, inertial=inertial_force(log, parts, window, inertia))
     return _searched(noisy, best.x).x - best.x
-
-
-def simulated_force(
-    log: Log, values: Mapping[str, float], starts: Sequence[float] = (), window: float = WINDOW
-) -> FloatArray:
-    """Force in N that overcomes friction with these `values` along the position of `log`; NaN in holes.
-
-    Parameters
-    ----------
-    values : {name: value}
-        All of F_C, K_z, D_v, D_zdot and force_zero.
-    starts : Sequence[float]
-        Initial deflection in m of every segment, 0 by default.
-    """
-    parts = segments(log, window)
-    return _simulated(log, parts, values, [*starts, *[0.0] * len(parts)][: len(parts)])
 
 
 def _simulated(log: Log, parts: Sequence[Segment], values: Mapping[str, float], starts: Sequence[float]) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from clutchid.log import INPUTS, FloatArray, Log, sample_interval
@@ -59,8 +61,15 @@ def _changes(log: Log) -> FloatArray:
     return np.unique(np.concatenate([t[1:][np.abs(np.diff(duty)) > 1e-9] for t, duty in recorded]))
 
 
-def duty_grid(log: Log) -> tuple[float, float]:
-    """Period in s of the time grid on which the duty cycles change, and its phase; (0, 0) if they change at any time.
+class DutyGrid(NamedTuple):
+    """Time grid on which duty cycles change: period in s, and phase in [0, 1) of it; 0 and 0 for none."""
+
+    period: float
+    phase: float
+
+
+def duty_grid(log: Log) -> DutyGrid:
+    """The time grid on which the duty cycles change; that of no period if they change at any time.
 
     All divisors of a period fit as well; the period of the grid is the longest that fits.
 
@@ -72,15 +81,15 @@ def duty_grid(log: Log) -> tuple[float, float]:
     step = sample_interval(log.time)
     at = _changes(log)[:MAX_CHANGES]
     if at.size < MIN_CHANGES:
-        return 0.0, 0.0
+        return DutyGrid(0.0, 0.0)
     least = MIN_SAMPLES_ON_OFF if on_off(log) else np.ceil(MIN_SAMPLES)
     periods = step * np.arange(least, round(MAX_PERIOD / step) + 1)
     phasors = np.array([np.exp(2j * np.pi * at / period).mean() for period in periods])
     fitting = np.flatnonzero(np.abs(phasors) > MIN_COHERENCE)
     if fitting.size == 0:
-        return 0.0, 0.0
+        return DutyGrid(0.0, 0.0)
     longest = fitting[-1]
-    return float(periods[longest]), float(np.angle(phasors[longest]) / (2 * np.pi) % 1.0)
+    return DutyGrid(float(periods[longest]), float(np.angle(phasors[longest]) / (2 * np.pi) % 1.0))
 
 
 def duty_period(log: Log) -> float | None:
@@ -101,7 +110,7 @@ def duty_period(log: Log) -> float | None:
     """
     if len(log) < 2 or is_slow(log) or _changes(log).size < MIN_CHANGES:
         return None
-    return duty_grid(log)[0]
+    return duty_grid(log).period
 
 
 def grid_phase(log: Log, period: float) -> float | None:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
 from clutchid.parameters import Parameters
-from clutchid.signals.runs import runs
-from clutchid.signals.velocity import velocity
+from clutchid.signals.sampled import runs, velocity
 
 #: Edges of the stroke regions in m; the first region is open below, the last one open above.
 REGION_EDGES = (0.0, 2e-3, 5e-3, 8e-3, 12e-3, 16e-3, 20e-3, np.inf)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,21 @@ from clutchid.measured import MEASURED, SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.run import Columns, IntArray, KernelArrays, columns
 from clutchid.simulation.windows import units
+
+
+class LoadPieces(NamedTuple):
+    """First and last polynomial piece of the load in a range of positions."""
+
+    first: int
+    last: int
+
+    def contains(self, other: LoadPieces) -> bool:
+        """Whether all of the `other` pieces are among these."""
+        return self.first <= other.first and other.last <= self.last
+
+    def joined(self, other: LoadPieces) -> LoadPieces:
+        """These pieces, the `other` ones, and those between them."""
+        return LoadPieces(min(self.first, other.first), max(self.last, other.last))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,8 +49,8 @@ class ActiveColumns:
     theta_columns: IntArray
 
 
-#: Columns by first and last piece of the load.
-ColumnCache = dict[tuple[int, int], ActiveColumns]
+#: Columns by the pieces of the load that they are for.
+ColumnCache = dict[LoadPieces, ActiveColumns]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,17 +73,17 @@ class ParameterMap:
         """The same with fixed theta: the values stay in the actuator, no parameter is free."""
         return ParameterMap(self.actuator, self.arrays, (), (), np.zeros(0), 0, self.sensors, {})
 
-    def load_pieces(self, low: float, high: float) -> tuple[int, int]:
-        """First and last polynomial piece of the load between two positions in m."""
-        return bisect_right(self.arrays.breakpoints, low), bisect_right(self.arrays.breakpoints, high)
+    def load_pieces(self, low: float, high: float) -> LoadPieces:
+        """Pieces of the load between two positions in m."""
+        return LoadPieces(bisect_right(self.arrays.breakpoints, low), bisect_right(self.arrays.breakpoints, high))
 
-    def active_columns(self, pieces: tuple[int, int]) -> ActiveColumns:
+    def active_columns(self, pieces: LoadPieces) -> ActiveColumns:
         """The columns of a window over these pieces of the load.
 
         A load weight acts on the states where its basis function is not zero; sensor parameters do not act on them.
         """
         if pieces not in self.cache:
-            acting = np.any(self.arrays.basis[:, pieces[0] : pieces[1] + 1] != 0.0, axis=(1, 2))
+            acting = np.any(self.arrays.basis[:, pieces.first : pieces.last + 1] != 0.0, axis=(1, 2))
             idle = {name for name, acts in zip(self.actuator.load.names, acting.tolist(), strict=True) if not acts}
             active = [i for i, name in enumerate(self.bases) if name not in idle and name not in SENSOR_PARAMETERS]
             self.cache[pieces] = self._active_columns(active)

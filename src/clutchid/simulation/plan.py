@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.log import HOLE, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import kernels
-from clutchid.parameters import Parameters
 from clutchid.signals.excitation import VENTED_POSITION
-from clutchid.simulation.input_span import input_span
-from clutchid.simulation.mean_duties import mean_duties
+from clutchid.simulation.inputs import held_inputs, input_span
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 
@@ -31,9 +29,6 @@ ALIEN = 0.2
 #: s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, gives the position at the start.
 REST_RANGE, REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
 
-#: A period starts at a sample that lies this part of it before its start: stamps and periods are rounded. Without, the
-#: tail of the pulse before was lost for a sample.
-ROUNDING = 1e-6
 
 _JUMPS = {("p", False): 1, ("q", False): 2, ("p", True): 3, ("q", True): 4}
 
@@ -132,22 +127,29 @@ def plan(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."
         )
-    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max)[0]), actuator)
+    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max).sentences), actuator)
 
 
-def outside_stroke(log: Log, y_max: float) -> tuple[list[str], bool]:
-    """A sentence where the measured position leaves the stroke of `y_max` m, and whether it is no such piston's."""
+class OutsideStroke(NamedTuple):
+    """The sentence where a position leaves the stroke, or none, and whether it is not one of such a piston."""
+
+    sentences: tuple[str, ...]
+    alien: bool
+
+
+def outside_stroke(log: Log, y_max: float) -> OutsideStroke:
+    """Whether the measured position leaves the stroke of `y_max` m."""
     position = log["position"][np.isfinite(log["position"])] if "position" in log else np.zeros(0)
     if position.size == 0:
-        return [], False
+        return OutsideStroke((), False)
     low, high = (float(q) for q in np.percentile(position, (0.5, 99.5)))
     if low > -OUTSIDE and high < y_max + 5 * OUTSIDE:
-        return [], False
+        return OutsideStroke((), False)
     sentence = (
         f"{log.name}: the position runs from {position.min() * 1e3:.4g} to {position.max() * 1e3:.4g} mm, outside the "
         f"stroke of 0 to {y_max * 1e3:g} mm; check its unit, its sign and its zero."
     )
-    return [sentence], low < -ALIEN * y_max or high > (1 + ALIEN) * y_max
+    return OutsideStroke((sentence,), low < -ALIEN * y_max or high > (1 + ALIEN) * y_max)
 
 
 def _stretches(log: Log) -> list[tuple[int, int]]:
@@ -216,53 +218,6 @@ def _segment(
         pressure_start=_first_finite(pressure[: max(2, int(REST_TIME / dt[0]))], np.nan),
         vented=vented,
     )
-
-
-def held_inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArray:
-    """Held inputs at every sample: both duty cycles, and the valves' carrier where the model has one.
-
-    Averaged valves take duty cycles with `Log.edges` as means over each interval.
-    """
-    columns = [log[name][start:stop] for name in INPUTS]
-    if log.edges and actuator.parameters.T_pwm == 0.0 and stop > start + 1:
-        p = actuator.parameters
-        opening = {"duty_supply": (p.R_0vs, p.R_1vs), "duty_exhaust": (p.R_0ve, p.R_1ve)}
-        columns = mean_duties(log.slice(start, stop), opening)
-    if "c_pwm" in kernels(actuator.model).INPUTS:
-        time, p = log.time[start:stop], actuator.parameters
-        before = period_before(time, p)
-        clock, earlier = carrier(time, p), [column[before] for column in columns]
-        if log.edges and p.T_pwm > 0.0:
-            # a period starts within an interval, and its pulses are those of the next sample
-            clock = carrier(time, p, p.s_pwm)
-            starts = np.append((clock[0] < p.s_pwm)[:-1], False)
-            earlier = [np.where(starts, now, old) for now, old in zip(columns, earlier, strict=True)]
-            columns = [np.where(starts, np.roll(column, -1), column) for column in columns]
-        columns += [*clock, *earlier]
-    return np.column_stack(columns)
-
-
-def carrier(time: FloatArray, p: Parameters, begins: float | None = None) -> list[FloatArray]:
-    """Phase of the valves' carrier at each sample, in [0, 1), and the part of a period until the next; 0 without.
-
-    If a period `begins` at another phase than 0, phases are in [begins, begins + 1), so that the pulse of the present
-    period is the first one; where a period begins within an interval, they are below by what is left of that before.
-    """
-    if p.T_pwm == 0.0:
-        return [np.zeros(time.size), np.zeros(time.size)]
-    phase = (time / p.T_pwm - (begins or 0.0)) % 1.0
-    phase[phase > 1.0 - ROUNDING] = 0.0
-    step = np.diff(time, append=2 * time[-1] - time[-2]) / p.T_pwm
-    step = np.where(step < 1.0, step, 0.0)
-    if begins is not None:
-        phase = np.where(phase + step > 1.0 + ROUNDING, phase - 1.0, phase) + begins
-    return [phase, step]
-
-
-def period_before(time: FloatArray, p: Parameters) -> NDArray[np.intp]:
-    """Number of the sample one period of the valves' carrier before each sample, the first where there is none."""
-    early = np.searchsorted(time, time - p.T_pwm * (1.0 - 1e-6), side="right") - 1
-    return np.maximum(early, 0)
 
 
 def _rest(time: FloatArray, position: FloatArray, closed: NDArray[np.bool_]) -> FloatArray:

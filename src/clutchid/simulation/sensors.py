@@ -40,14 +40,6 @@ def lagged(x: FloatArray, tau: float, step: float) -> FloatArray:
     return output.reshape(x.shape)
 
 
-def lag_derivative(x: FloatArray, output: FloatArray, tau: float, step: float) -> FloatArray:
-    """Derivative of `lagged` with respect to tau, in units of x per second; `output` is ``lagged(x, tau, step)``."""
-    slope = np.empty(x.size)
-    columns = (np.ascontiguousarray(values, dtype=np.float64)[:, None] for values in (x, output))
-    kernels_in(_KERNELS).lag_derivative(*columns, tau / step, slope)
-    return slope / step
-
-
 def lag_coefficients(tau: float, dt: FloatArray) -> FloatArray:
     """Recursion of a first-order lag: ``output[k+1] = a output[k] + b x[k] + c x[k+1]``, x linear in between.
 

@@ -13,10 +13,10 @@ from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names, unknown_name
-from clutchid.simulation.failing_term import failing_term
-from clutchid.simulation.input_span import cut_warnings, input_span, with_inputs
+from clutchid.simulation.divergence import failure_message
+from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
-from clutchid.simulation.plan import Plan, Segment, plan
+from clutchid.simulation.plan import Plan, plan
 from clutchid.simulation.run import (
     KernelArrays,
     columns,
@@ -157,24 +157,3 @@ def simulated_log(prepared: Plan, states: FloatArray, actuator: Actuator) -> Log
     simulated = {row.column: np.ascontiguousarray(states[:, i]) for i, row in enumerate(actuator.state_rows.values())}
     inputs = {name: log[name] for name in INPUTS}
     return Log(log.time, {"position": simulated.pop("position"), **inputs, **simulated}, log.name, log.metadata)
-
-
-def failure_message(
-    log: Log,
-    segment: Segment,
-    states: FloatArray,
-    failed: int,
-    names: Sequence[str],
-    actuator: Actuator | None = None,
-) -> str:
-    """Message of a diverged simulation: time and state, and the `failing_term` of the `actuator`, if given."""
-    bad = [name for name, value in zip(names, states[failed], strict=True) if not np.isfinite(value)]
-    time = log.time[segment.start + failed]
-    why = ""
-    if actuator is not None and failed > 0:
-        last = log.time[segment.start + failed - 1]
-        why = f"; at {last:.3f} s {failing_term(actuator, states[failed - 1], segment.inputs[failed - 1])}"
-    return (
-        f"{log.name}: the simulation diverged at {time:.3f} s in {', '.join(bad) or 'all states'}{why}; "
-        "try other start values or check the units of the recording."
-    )

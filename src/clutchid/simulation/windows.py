@@ -11,9 +11,9 @@ import numpy as np
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
+from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import KernelArrays, run, start_state
-from clutchid.simulation.simulation import failure_message
 
 #: Length of a window in s, and interval in s between resets of the simulation that gives the initial values.
 WINDOW, RESET_INTERVAL = 0.1, 0.02
@@ -73,6 +73,15 @@ def _window(segment: Segment, a: int, b: int) -> Segment:
         jump=np.zeros(b + 1 - a, dtype=np.uint8),
         measured=np.zeros((b + 1 - a, 2)),
     )
+
+
+def with_window_steps(track: Track) -> Track:
+    """`track` with the integration steps of its windows, which are fewer than those of the plan."""
+    substeps = track.segment.substeps.copy()
+    for window in track.windows:
+        begin = window.start - track.segment.start
+        substeps[begin : begin + len(window.substeps)] = window.substeps
+    return replace(track, segment=replace(track.segment, substeps=substeps))
 
 
 def units(actuator: Actuator) -> FloatArray:

@@ -18,9 +18,7 @@ from clutchid.numerics.threads import map_pairs
 from clutchid.simulation.parameter_map import ColumnCache, ParameterMap, parameter_map
 from clutchid.simulation.windows import Track
 from clutchid.smoother.elimination import Eliminated, eliminate
-from clutchid.smoother.linearised_windows import LinearisedWindows
-from clutchid.smoother.links import first_rows, link_costs, link_rows, link_sigma
-from clutchid.smoother.window_rows import window_rows
+from clutchid.smoother.rows import LinearisedWindows, first_rows, link_costs, link_rows, link_sigma, window_rows
 from clutchid.uncertainty.coordinates import Coordinate, Prior, measured_rows, smoothness
 from clutchid.uncertainty.noise import Noise
 

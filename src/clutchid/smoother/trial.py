@@ -17,7 +17,6 @@ from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
 from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.windows import Track, units
-from clutchid.smoother.links import link_costs
 from clutchid.smoother.problem import (
     NOT_FINITE,
     FitProblem,
@@ -27,7 +26,7 @@ from clutchid.smoother.problem import (
     linearise_windows,
     total_cost,
 )
-from clutchid.smoother.window_rows import window_cost
+from clutchid.smoother.rows import link_costs, window_cost
 
 #: A window is simulated again if the linear change of its residuals and final state since the last simulation exceeds
 #: this, in standard deviations.

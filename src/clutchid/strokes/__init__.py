@@ -12,8 +12,7 @@
 
 from clutchid.strokes.choice import choose
 from clutchid.strokes.cutting import cut
-from clutchid.strokes.joining import joined
-from clutchid.strokes.section import RESTS, STROKES, Section, SectionSummary
+from clutchid.strokes.section import RESTS, STROKES, Section, SectionSummary, joined
 from clutchid.strokes.table import sections_table
 
 __all__ = ["RESTS", "STROKES", "Section", "SectionSummary", "choose", "cut", "joined", "sections_table"]

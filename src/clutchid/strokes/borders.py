@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clutchid.parameters import Parameters
-from clutchid.signals.runs import runs
+from clutchid.signals.sampled import runs
 from clutchid.strokes.bins import Bins
 from clutchid.strokes.rest_level import STILL
 from clutchid.strokes.section import Kind

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.parameters import Parameters
-from clutchid.signals.runs import runs
+from clutchid.signals.sampled import runs
 from clutchid.strokes.bins import Bins
 from clutchid.strokes.borders import PRESSED
 from clutchid.strokes.rest_level import BoolArray

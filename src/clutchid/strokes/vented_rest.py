@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.log import Log, sample_interval
 from clutchid.numerics.interval import QUANTILE
 from clutchid.signals.excitation import VENTED_POSITION
-from clutchid.signals.runs import runs
+from clutchid.signals.sampled import runs
 from clutchid.strokes.bins import CLOSED, RawBins, raw_bins, samples_in_bin
 from clutchid.strokes.rest_level import CALM, CREEP, LOW_END, STILL, BoolArray, quantum_of, ranges, windows_of
 from clutchid.strokes.stream import Samples

@@ -46,11 +46,6 @@ def load_curve(truck: Truck) -> LoadCurve:
     return load_table(truck, worn["y_r"], force, touch, worn["F_r"])
 
 
-def clutch_force(truck: Truck, travel: FloatArray) -> FloatArray:
-    """Force of the clutch in N over the travel from its engaged rest in m, without the return spring."""
-    return (_diaphragm if truck.load == "diaphragm" else _kluever)(truck, travel)[0]
-
-
 def _diaphragm(t: Truck, travel: FloatArray) -> tuple[FloatArray, float]:
     """Force at the actuator over its travel, and the travel at the touch point."""
     steel = (t.E, t.nu, t.h, worn_parameters(t)["H"], t.R_d, t.r_d, t.R_1, t.r_1)

@@ -31,7 +31,7 @@ class PositionOnlyErrors:
     log_evidence : (hypotheses,)
         Logarithm of the evidence.
     dispersion : 1
-        See `clutchid.smoother.blocks`.
+        See `clutchid.smoother.residuals`.
     misfit : 1/s
         Cost for each second in motion, without a change; NaN if it is not known.
     """

@@ -8,10 +8,9 @@ import pytest
 from clutchid.estimation.shooting.bootstrap import MIN_STROKES, bootstrap, gauss_newton_steps, scatter_ratio, strokes
 from clutchid.log import Log
 from clutchid.numerics.least_squares import triangular
-from clutchid.smoother.linearised_windows import LinearisedWindows
 from clutchid.smoother.problem import Chain, LinearisedProblem, SimulatedWindows, condense, linearise
-from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution
-from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
+from clutchid.smoother.rows import LinearisedWindows
+from clutchid.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
 from clutchid.uncertainty.noise import Noise
 
 STATES = 10

@@ -14,8 +14,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
 from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.stiffness import stiffness
-from clutchid.smoother.projection import UNLIMITED
-from clutchid.smoother.search import ShootingSolution
+from clutchid.smoother.search import UNLIMITED, ShootingSolution
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.change_prior import changeable
 from clutchid.uncertainty.coordinates import Prior

@@ -13,7 +13,7 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.estimation.shooting.result import result
 from clutchid.parameters import Parameters
-from clutchid.smoother import projection
+from clutchid.smoother import search as fine_search
 from clutchid.smoother.search import search
 from clutchid.uncertainty import consider
 from clutchid.uncertainty.calibration import Calibration
@@ -42,7 +42,7 @@ def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log
     monkeypatch.setattr(consider, "drift", lambda actuator, name: 0.0 if name == "A_A" else drift(actuator, name))
     counted = np.sqrt(whole**2 - half_width(result(shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
-    monkeypatch.setattr(projection, "CONVERGED_GAIN", 1e-4)
+    monkeypatch.setattr(fine_search, "CONVERGED_GAIN", 1e-4)
     problem, found = shot.problem, shot.solution
     loads = []
     area = plant.value("A_A")

@@ -18,10 +18,9 @@ from clutchid.estimation.shooting.profile import (
 )
 from clutchid.estimation.shooting.uncertainty import parameter_uncertainty
 from clutchid.numerics.failure import Failure
-from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.problem import condense
-from clutchid.smoother.projection import project
-from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
+from clutchid.smoother.residuals import dispersion
+from clutchid.smoother.search import STAGES_FROM_CALIBRATION, project, search
 from clutchid.uncertainty.coordinates import Prior
 
 pytestmark = pytest.mark.slow

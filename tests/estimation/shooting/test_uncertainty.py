@@ -9,10 +9,9 @@ from clutchid.estimation.shooting import uncertainty as module
 from clutchid.estimation.shooting.uncertainty import parameter_uncertainty, pressure_deviations
 from clutchid.numerics.failure import Failure
 from clutchid.parameters import Parameters, in_order
-from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.problem import linearise
-from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution
-from clutchid.smoother.search import STAGES_FROM_CALIBRATION, search
+from clutchid.smoother.residuals import dispersion
+from clutchid.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.change_prior import drift
 from clutchid.uncertainty.consider import consider_parameters

@@ -1,5 +1,6 @@
 """A bus while its frames arrive: which messages there are, and nothing lost between two looks at it."""
 
+import threading
 import time
 
 import can
@@ -121,19 +122,57 @@ def test_without_a_map_the_signals_need_standard_names(tmp_path):
 
 
 def test_what_is_sent_arrives_under_its_identifier():
-    with opened_bus(NAME) as listener, sender(NAME) as send:
-        assert send(VALVES, b"\1\2") == ""
-        one = listener.recv(1.0)
-    assert (one.arbitration_id, bytes(one.data), one.is_extended_id) == (VALVES, b"\1\2", False)
+    with opened_bus(NAME) as listener:
+        with sender(NAME, Stop()) as send:
+            assert send([(VALVES, b"\1\2"), (CLUTCH, b"\3")]) == ""
+        found = [listener.recv(0.0) for _ in range(2)]
+    assert [(one.arbitration_id, bytes(one.data), one.is_extended_id) for one in found] == [
+        (VALVES, b"\1\2", False),
+        (CLUTCH, b"\3", False),
+    ]
 
 
 def test_a_bus_that_does_not_take_a_frame_says_why(monkeypatch):
-    with sender(NAME) as send:
-        monkeypatch.setattr(
-            "can.interfaces.virtual.VirtualBus.send",
-            lambda *_: (_ for _ in ()).throw(can.CanOperationError("Buffer full")),
-        )
-        assert send(VALVES, b"") == "Buffer full"
+    def fail(*_):
+        raise can.CanOperationError("Buffer full")
+
+    monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", fail)
+    with sender(NAME, Stop()) as send:
+        until = time.monotonic() + 10.0
+        while not (reason := send([(VALVES, b"")])) and time.monotonic() < until:
+            time.sleep(0.01)
+    assert reason == "Buffer full"
+
+
+def test_a_bus_that_blocks_holds_nothing_up_and_gets_what_comes_when_it_goes_on(monkeypatch):
+    blocked, sent = threading.Event(), []
+
+    def wait(_bus, one, timeout=None):
+        blocked.wait()
+        sent.append(one.data[0])
+
+    monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", wait)
+    monkeypatch.setattr(module, "MOST_TO_SEND", 2)
+    monkeypatch.setattr(module, "STALL", 0.2)
+    begin = time.monotonic()
+    with sender(NAME, Stop()) as send:
+        reasons = [send([(VALVES, bytes([i]))]) for i in range(200)]
+        assert time.monotonic() - begin < 2.0
+        assert reasons[0] == ""
+        assert reasons[-1] == "it took none for 0.2 s"
+        blocked.set()
+        until = time.monotonic() + 10.0
+        while send([(VALVES, b"\xff")]) and time.monotonic() < until:
+            time.sleep(0.01)
+    assert sent[:2] == [0, 1]
+    assert sent[-1] == 0xFF
+    begin = time.monotonic()
+    blocked.clear()
+    with sender(NAME, lambda: True) as send:  # stopped: nothing is waited for
+        reasons = [send([(VALVES, b"\0")]) for _ in range(9)]
+        assert reasons[-1] == "it took none for 0.2 s"
+    assert time.monotonic() - begin < 2.0
+    blocked.set()
 
 
 def test_a_bus_is_closed_when_nobody_wants_its_frames_any_more(monkeypatch):

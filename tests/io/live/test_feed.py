@@ -68,6 +68,20 @@ def test_a_file_that_is_replaced_or_removed_is_said(tmp_path):
         next(pieces)
 
 
+def test_a_file_that_is_replaced_is_read_to_its_end_first(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"one\n")
+    pieces = from_growing_file(path, lambda: False)
+    assert next(pieces) == b"one\n"
+    with path.open("ab") as file:
+        file.write(b"two\n")
+    path.rename(tmp_path / "log.csv.1")
+    path.write_bytes(b"three\n")
+    assert next(pieces) == b"two\n"
+    with pytest.raises(DataError, match=r"log\.csv: is another file now"):
+        next(pieces)
+
+
 @pytest.mark.parametrize(
     ("content", "words"), [(b"PAR1\0\0", "is PARQUET; a file that is followed"), (None, "no such file|not found|exist")]
 )

@@ -83,6 +83,15 @@ def test_two_stamps_in_a_row_confirm_a_pause_and_a_slow_stream_goes_on():
     assert counts == [0, 0, 1]
 
 
+@pytest.mark.parametrize("cuts", [[], [1], [1, 2, 3, 10]])
+def test_a_first_stamp_far_below_the_others_costs_one_sample(cuts):
+    stamps = np.arange(2000) * 1e-3
+    stamps[0] = -5.0
+    found, counts, _ = fed(stamps, cuts)
+    assert [t for t, _ in found[0]] == stamps[1:].tolist()
+    assert counts == [0, 0, 1]
+
+
 def test_a_single_sample_needs_no_other():
     found, counts, _ = fed([1e9], [])
     assert (found[0], counts) == ([(1e9, 0.0)], [0, 0, 0])

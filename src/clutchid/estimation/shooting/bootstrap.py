@@ -14,7 +14,7 @@ from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.windows import Track
 from clutchid.smoother.elimination import eliminate
 from clutchid.smoother.problem import FitProblem, LinearisedProblem
-from clutchid.smoother.projection import ShootingSolution
+from clutchid.smoother.search import ShootingSolution
 
 #: The piston is at rest below this fraction of its stroke.
 REST_SHARE = 0.1

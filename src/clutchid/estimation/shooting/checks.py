@@ -14,7 +14,7 @@ from clutchid.estimation.shooting.profile import is_nonquadratic, profile_interv
 from clutchid.estimation.shooting.uncertainty import ParameterUncertainty, parameter_uncertainty
 from clutchid.numerics.failure import Failure
 from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.projection import ShootingSolution
+from clutchid.smoother.search import ShootingSolution
 from clutchid.uncertainty.calibration import Calibration
 
 #: Intervals are too narrow if the bootstrap scatters by this factor more: 8 strokes give a deviation to a quarter only.

@@ -19,12 +19,19 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.windows import initial_states
-from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.problem import FitProblem, data_factor
-from clutchid.smoother.projection import UNLIMITED, Effort, ShootingSolution, settled
-from clutchid.smoother.search import FINE_STAGE, STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
+from clutchid.smoother.residuals import dispersion, noise_scales
+from clutchid.smoother.search import (
+    FINE_STAGE,
+    STAGES_FROM_CALIBRATION,
+    STAGES_FROM_PRIOR,
+    UNLIMITED,
+    Effort,
+    ShootingSolution,
+    search,
+    settled,
+)
 from clutchid.smoother.settling import States
-from clutchid.smoother.trajectory import noise_scales
 from clutchid.uncertainty.calibration import Calibration
 
 #: Correlation time in s of what the model misses in a measurement, so that ten samples at 1 kHz are weighted as one.

@@ -17,7 +17,7 @@ from clutchid.estimation.shooting.uncertainty import ParameterUncertainty
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
 from clutchid.smoother.problem import FitProblem, condense
-from clutchid.smoother.projection import CONVERGED_GAIN, ShootingSolution, project
+from clutchid.smoother.search import CONVERGED_GAIN, ShootingSolution, project
 
 #: Most evaluations per side, relative tolerance of the root to `QUANTILE`, and greatest distance of an end in half
 #: widths of the interval from the covariance.

@@ -13,8 +13,8 @@ from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
 from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.projection import ShootingSolution
-from clutchid.smoother.trajectory import sensor_outputs, trajectory
+from clutchid.smoother.residuals import sensor_outputs, trajectory
+from clutchid.smoother.search import ShootingSolution
 from clutchid.uncertainty.calibration import Calibration
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
-from clutchid.smoother.blocks import dispersion
 from clutchid.smoother.elimination import Eliminated, recover
 from clutchid.smoother.problem import FitProblem, condense, data_factor, linearise
-from clutchid.smoother.projection import ShootingSolution
+from clutchid.smoother.residuals import dispersion
+from clutchid.smoother.search import ShootingSolution
 from clutchid.uncertainty.calibration import Calibration
 from clutchid.uncertainty.consider import consider_parameters
 from clutchid.uncertainty.gaussian import gaussian_posterior, square_root

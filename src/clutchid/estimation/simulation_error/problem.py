@@ -14,6 +14,7 @@ from clutchid.measured import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, compress, triangular
+from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import (
     POSITION_START,
@@ -26,7 +27,6 @@ from clutchid.simulation.run import (
     start_sensitivities,
     start_state,
 )
-from clutchid.simulation.simulation import failure_message
 from clutchid.uncertainty.information import natural_sizes
 
 IntArray = NDArray[np.int64]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,6 +33,9 @@ LEARNT, SLOW, PATIENT, MOST = 1.0, 3.0, 10.0, 1 << 17
 
 _UNREADABLE = "error frame"
 
+#: Entry of the metadata: the stamp of the bus in s that is the time 0 of the recording.
+ORIGIN = "origin_s"
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Bus:
@@ -51,11 +54,12 @@ def bus_blocks(
     channels: ChannelMap | None,
     ambient: float,
     required: Sequence[str],
+    origin: float | None = None,
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording from the frames of a bus, see `clutchid.io.live.arrival.live_blocks`.
 
-    The first second shows which messages there are; its samples count. Stamps are in s from the first frame. Columns of
-    other messages than the position's are held until its stamps.
+    The first second shows which messages there are; its samples count. Stamps are in s from the origin, which the
+    metadata have as `ORIGIN`. Columns of other messages than the position's are held until its stamps.
 
     Parameters
     ----------
@@ -69,6 +73,8 @@ def bus_blocks(
         Absolute pressure that is added to gauge pressures.
     required
         Quantities that the recording must have.
+    origin : s
+        The stamp of the bus that is the time 0, by default that of the first frame.
 
     Raises
     ------
@@ -82,7 +88,9 @@ def bus_blocks(
         raise DataError(f"{name}: a bus has raw frames; give the DBC of it with --dbc FILE.")
     messages = tuple(message for file in dbc for message in read_dbc(plain_file(file, "DBC file")))
     first, found = _learnt(frames, name, messages, channels, required)
+    found = found if origin is None else replace(found, origin=origin)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
+    metadata[ORIGIN] = repr(found.origin)
     pieces = (_piece(each, found, ambient) for each in chain(first, frames))
     yield from live_blocks(pieces, found.picks, name, metadata)
 

@@ -79,7 +79,7 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
     Raises
     ------
     DataError
-        If there is no readable plain file of text, or it becomes shorter or another file.
+        If there is no readable plain file of text, or it becomes shorter or another file, after the rest of the first.
     """
     file = plain_file(path)
     if (kind := kind_of(head_of(file))) != "csv":
@@ -88,15 +88,17 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
     try:
         with file.open("rb", buffering=0) as stream:
             number = os.fstat(stream.fileno()).st_ino
-            ending = False
-            while not ending:
-                ending = stopped()
+            while True:
+                ending, trouble = stopped(), _trouble(file, number, done)
                 part = stream.read(MOST)
                 done += len(part)
                 if part:
                     yield part
-                if len(part) < MOST and not ending:
-                    _check_same(file, number, done)
+                if len(part) < MOST and trouble:
+                    raise DataError(trouble)
+                if ending:
+                    return
+                if len(part) < MOST:
                     time.sleep(PACE)
     except OSError as error:
         if isinstance(error, DataError):
@@ -104,8 +106,13 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
         raise DataError(f"{file}: cannot be read any more ({error.strerror or error}).") from error
 
 
-def _check_same(file: Path, number: int, done: int) -> None:
-    found = file.stat()
-    if found.st_ino != number or found.st_size < done:
-        what = "is another file now" if found.st_ino != number else "has become shorter"
-        raise DataError(f"{file}: {what}; samples can only be appended to a file that is followed. Start again.")
+def _trouble(file: Path, number: int, done: int) -> str:
+    """Why a file is not the one any more that was begun, nothing if it is: what is left of that one is read first."""
+    try:
+        found = file.stat()
+    except OSError as error:
+        return f"{file}: cannot be read any more ({error.strerror or error})."
+    if found.st_ino == number and found.st_size >= done:
+        return ""
+    what = "is another file now" if found.st_ino != number else "has become shorter"
+    return f"{file}: {what}; samples can only be appended to a file that is followed. Start again."

@@ -117,7 +117,8 @@ def _confirmed(waiting: Waiting, found: Sequence[Arrived]) -> tuple[Sequence[Arr
 def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[int]]:
     """Which samples still wait for one that confirms them, and which are invalid, in the order of arrival.
 
-    The next stamp confirms those that wait if it is neither `WINDOW` below nor as far ahead again.
+    The next stamp confirms those that wait if it is neither `WINDOW` below nor as far ahead again. Of the first ones of
+    all, those far below the ones that are confirmed are invalid.
     """
     wait: list[int] = []
     invalid: list[int] = []
@@ -127,7 +128,10 @@ def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[
         if wait:
             last = stamps[wait[-1]]
             earlier = stamps[wait[-2]] if len(wait) > 1 else latest
-            if stamp - last <= max(JUMP, 2.0 * (last - earlier)):
+            step = stamp - last
+            if step <= max(JUMP, 2.0 * (last - earlier) if earlier > -math.inf else 0.0):
+                while latest == -math.inf and len(wait) > 1 and last - stamps[wait[0]] > max(JUMP, 2.0 * step):
+                    invalid.append(wait.pop(0))
                 latest, wait = last, []
         if stamp > latest + JUMP:
             wait.append(i)

@@ -21,7 +21,10 @@ Tree = dict[int, tuple[int, Any]]
 
 
 class Groups(NamedTuple):
-    """Row groups that are in a file up to the byte `end`, and its footer, None before the first."""
+    """Row groups that are in a file up to the byte `end`, and its footer, None before the first.
+
+    Each group of the footer is encoded once, when it is added, so that a footer costs no more the longer a file grows.
+    """
 
     end: int = len(MAGIC)
     footer: Tree | None = None
@@ -34,7 +37,7 @@ def appended(groups: Groups, whole: bytes) -> tuple[Groups, bytes]:
     new, shift = _tree(Compact(whole[cut:-8])), groups.end - len(MAGIC)
     before = [] if groups.footer is None else groups.footer[_GROUPS][1][1]
     kind, (inner, added) = new[_GROUPS]
-    moved = [_moved(group, shift, len(before) + i) for i, group in enumerate(added)]
+    moved = [_struct(_moved(group, shift, len(before) + i)) for i, group in enumerate(added)]
     rows = new[_ROWS][1] + (0 if groups.footer is None else groups.footer[_ROWS][1])
     footer = {**new, _ROWS: (new[_ROWS][0], rows), _GROUPS: (kind, (inner, [*before, *moved]))}
     return Groups(shift + cut, footer), whole[len(MAGIC) : cut]
@@ -99,7 +102,7 @@ def _struct(tree: Mapping[int, tuple[int, Any]]) -> bytes:
 
 def _encoded(kind: int, value: Any) -> bytes:
     if kind == Kind.STRUCT:
-        return _struct(value)
+        return value if isinstance(value, bytes) else _struct(value)
     if kind == Kind.BINARY:
         return _varint(len(value)) + bytes(value)
     if kind == Kind.LIST:

@@ -1,14 +1,57 @@
-"""Stuck sensor: a column that is constant although it should show noise or the valves move the piston."""
+"""Checks of one measured column: saturation, a stuck sensor, quantisation."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from clutchid.inspection.check import Check, Grade
-from clutchid.inspection.reading import Reading, spread_over
-from clutchid.inspection.saturation import LONGER, no_noise
-from clutchid.inspection.signal import LEFT_OUT
+from clutchid.inspection.reading import Reading, shown, spread_over
 from clutchid.log import FloatArray
+from clutchid.signals.sampled import LEFT_OUT, Runs
+
+#: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
+LONGER, SHORTEST = 5, 5
+
+
+def saturation(reading: Reading, name: str) -> Check:
+    """Whether the column `name` is cut off at its largest or smallest value.
+
+    At an end stop the noise remains, so runs of equal values are no longer there than elsewhere. Without visible noise,
+    the check is undetermined.
+    """
+    title, found, (low, high) = f"saturation of {name}", reading.runs[name], reading.ends[name]
+    if not reading.noisy(name):
+        return Check(title, "-", "undetermined", no_noise(name))
+    cut = []
+    for level, side in ((low, "smallest"), (high, "largest")):
+        at = found.value == level
+        usual = found.longest((found.value != low) & (found.value != high), LEFT_OUT)
+        longest = found.longest(at)
+        if longest > max(LONGER * usual, SHORTEST):
+            cut.append((level, side, _total(found, level, LONGER * usual) * reading.step, longest))
+    if not cut:
+        value = f"{shown(low, name)} to {shown(high, name)}"
+        return Check(title, value, "good", f"{name} has noise at both ends of its range, so it is not saturated.")
+    level, side, seconds, _ = max(cut, key=lambda one: one[2])
+    sentence = (
+        f"{name} stays at its {side} value, {shown(level, name)}, without noise for {seconds:.3g} s in total: the "
+        "sensor or its channel saturates there. A fit would take this limit for an end stop and distort the load "
+        "before it; extend the range of the channel, or leave these samples empty."
+    )
+    return Check(title, f"{seconds:.3g} s at {shown(level, name)}", "bad", sentence)
+
+
+def no_noise(name: str) -> str:
+    """The sentence for a column without visible noise."""
+    return f"{name} has no noise above its quantisation step, so repeated values have no meaning."
+
+
+def _total(found: Runs, level: float, longer: int) -> int:
+    """Number of samples in the long runs at one level."""
+    return int(found.length[(found.value == level) & (found.length > longer)].sum())
+
 
 #: Shortest time in s that counts as stuck: shorter ones are lost messages, which a logger fills with the last value.
 LEAST = 0.05
@@ -49,7 +92,7 @@ def stuck(reading: Reading, name: str) -> Check:
 def _frozen(reading: Reading, name: str) -> list[tuple[float, float]]:
     """Start and end times of constant runs, except at the extreme values: those are checked for saturation."""
     found, ends, time = reading.runs[name], reading.ends[name], reading.log.time
-    inner = (found.value != ends[0]) & (found.value != ends[1])
+    inner = (found.value != ends.low) & (found.value != ends.high)
     usual = found.longest(inner, LEFT_OUT)
     long = inner & (found.length > LONGER * usual) & (found.length * reading.step > LEAST)
     return [
@@ -100,3 +143,51 @@ def _joined(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
         else:
             joined.append((start, stop))
     return joined
+
+
+#: Noise of half a step randomises the rounding error (dither): its mean is then below 1 % of the step.
+DITHER = 2.0
+
+#: A step below this fraction of the friction does not matter, with or without noise.
+SMALL = 0.1
+
+#: Least number of steps in the narrowest knot interval of the load curve, and from ambient to supply pressure.
+PER_INTERVAL, PER_RANGE = 4, 40
+
+
+def quantisation(reading: Reading, name: str) -> Check:
+    """Whether the step of the column `name` is too coarse for a fit.
+
+    A step is harmless if noise dithers it, or if it is small compared with the friction: for the position with the seal
+    deflection before sliding, F_C / K_z, for the pressure with F_C / A_A.
+
+    A knot interval of the load curve with fewer than `PER_INTERVAL` steps cannot be fitted.
+    """
+    title, p = f"quantisation of {name}", reading.actuator.parameters
+    step, noise = reading.quanta[name], reading.noises[name]
+    if step == 0.0 or step < 1e-3 * noise:
+        return Check(title, "none", "good", f"{name} has no visible quantisation step.")
+    narrowest = float(np.diff(reading.actuator.load.knots).min())
+    of_position = name == "position"
+    friction = p.F_C / (p.K_z if of_position else p.A_A)
+    most = narrowest / PER_INTERVAL if of_position else (p.P_S - p.P_0) / PER_RANGE
+    undithered = not (math.isfinite(noise) and step <= DITHER * noise)
+    grade: Grade = "good"
+    if undithered and step > SMALL * friction:
+        grade = "bad" if step > most else "suspect"
+    value = f"{_fine(step, name)}, noise {_fine(noise, name)}"
+    if grade == "good":
+        return Check(title, value, grade, f"{name} has a quantisation step of {_fine(step, name)}, which is harmless.")
+    sentence = (
+        f"{name} has a quantisation step of {_fine(step, name)}, noise of {_fine(noise, name)}, and friction in the "
+        f"model is worth {_fine(friction, name)}: the rounding error is not random, so a fit distorts the load and its "
+        "intervals are too narrow; record with more digits or bits."
+    )
+    return Check(title, value, grade, sentence)
+
+
+def _fine(value: float, name: str) -> str:
+    """A small value with its unit, um or mbar."""
+    if not math.isfinite(value):
+        return "unknown"
+    return f"{value * 1e6:.3g} um" if name == "position" else f"{value * 1e-2:.3g} mbar"

@@ -1,16 +1,17 @@
-"""The term of the equations that makes a simulation diverge."""
+"""What a simulation that diverges says: time, state, and the term of the equations that makes it diverge."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
+from clutchid.simulation.plan import Segment
 
 
 class _Term(NamedTuple):
@@ -75,3 +76,24 @@ def _made_of(actuator: Actuator, term: _Term, known: Mapping[str, float]) -> str
     shown = [f"{name} = {known[name]:.3g}" for name in term.made_of]
     shown += [f"{name} = {actuator.value(name):g}{actuator.unit_behind(name)}" for name in term.parameters]
     return f"; it depends on {', '.join(shown)}" if shown else ""
+
+
+def failure_message(
+    log: Log,
+    segment: Segment,
+    states: FloatArray,
+    failed: int,
+    names: Sequence[str],
+    actuator: Actuator | None = None,
+) -> str:
+    """Message of a diverged simulation: time and state, and the `failing_term` of the `actuator`, if given."""
+    bad = [name for name, value in zip(names, states[failed], strict=True) if not np.isfinite(value)]
+    time = log.time[segment.start + failed]
+    why = ""
+    if actuator is not None and failed > 0:
+        last = log.time[segment.start + failed - 1]
+        why = f"; at {last:.3f} s {failing_term(actuator, states[failed - 1], segment.inputs[failed - 1])}"
+    return (
+        f"{log.name}: the simulation diverged at {time:.3f} s in {', '.join(bad) or 'all states'}{why}; "
+        "try other start values or check the units of the recording."
+    )

@@ -11,7 +11,7 @@ from clutchid.model import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.model.variants import VARIANTS
 from clutchid.simulation import simulate
-from clutchid.simulation.failing_term import failing_term
+from clutchid.simulation.divergence import failing_term
 
 pytestmark = pytest.mark.slow
 

@@ -1,4 +1,4 @@
-"""Properties of a sampled column: noise, quantisation step, and runs in which it does not change."""
+"""Properties of a sampled column: velocity, noise, quantisation step, and runs in which it does not change."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import FloatArray
-from clutchid.signals.runs import runs as true_runs
+from clutchid.log import FloatArray, sample_interval
 
 IntArray = NDArray[np.intp]
 
@@ -20,6 +19,39 @@ ENOUGH = 200_000
 
 #: The longest runs are left out of the usual length of a run: they may be the fault that is searched for.
 LEFT_OUT = 3
+
+
+def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Sample ranges (start, stop) in which `mask` is true throughout."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def velocity(time: FloatArray, position: FloatArray, window: float) -> FloatArray:
+    """Velocity in m/s: difference of the mean positions over `window` s after and before each sample.
+
+    Missing positions are left out; NaN where a window has none.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 1.0, 0.01)
+    >>> velocity(t, 0.02 * t, 0.05).round(6)[[0, 50, 99]].tolist()
+    [0.02, 0.02, 0.02]
+    """
+    n = time.size
+    if n < 2:
+        return np.full(n, np.nan)
+    width = max(1, round(window / sample_interval(time)))
+    known = np.isfinite(position)
+    number = np.concatenate([[0], np.cumsum(known)])
+    sums = [np.concatenate([[0.0], np.cumsum(np.where(known, x, 0.0))]) for x in (position, time - time[0])]
+    here = np.arange(n)
+    first, last = np.maximum(here - width, 0), np.minimum(here + width + 1, n)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        after, before = number[last] - number[here], number[here + 1] - number[first]
+        moved, passed = ((s[last] - s[here]) / after - (s[here + 1] - s[first]) / before for s in sums)
+        result: FloatArray = moved / passed
+    return result
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,12 +68,29 @@ class Runs:
         return int(lengths[-1 - left_out]) if lengths.size > left_out else 1
 
 
-def runs(values: FloatArray) -> Runs:
+def difference_velocity(time: FloatArray, position: FloatArray, steps: int) -> FloatArray:
+    """Velocity in m/s: difference of the positions `steps` samples after and before; NaN at the ends.
+
+    For positions that are smooth already, such as medians of bins.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 0.05, 0.01)
+    >>> difference_velocity(t, 0.02 * t, 1).round(6).tolist()
+    [nan, 0.02, 0.02, 0.02, nan]
+    """
+    found, across = np.full(time.size, np.nan), 2 * steps
+    if time.size > across:
+        found[steps:-steps] = (position[across:] - position[:-across]) / (time[across:] - time[:-across])
+    return found
+
+
+def constant_runs(values: FloatArray) -> Runs:
     """Runs in which a column does not change; a missing sample ends a run.
 
     Examples
     --------
-    >>> found = runs(np.array([0.0, 2.0, 2.0, 2.0, 1.0, np.nan, np.nan]))
+    >>> found = constant_runs(np.array([0.0, 2.0, 2.0, 2.0, 1.0, np.nan, np.nan]))
     >>> found.start.tolist(), found.length.tolist(), found.value.tolist()
     ([1], [3], [2.0])
     """
@@ -58,7 +107,7 @@ def run_ends(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
     >>> [ends.tolist() for ends in run_ends(np.array([True, False, True, True]))]
     [[0, 2], [1, 4]]
     """
-    ends: IntArray = np.array(true_runs(mask), dtype=np.intp).reshape(-1, 2)
+    ends: IntArray = np.array(runs(mask), dtype=np.intp).reshape(-1, 2)
     return ends[:, 0], ends[:, 1]
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.inspection.signal import noise, quantum, run_ends, runs
+from clutchid.signals.sampled import constant_runs, noise, quantum, run_ends
 
 
 @given(st.lists(st.sampled_from([0.0, 1.0, float("nan")]), min_size=1, max_size=40))
@@ -18,7 +18,7 @@ def test_runs_are_what_a_plain_loop_finds(values):
         if j - i > 1:
             expected.append((i, j - i, values[i]))
         i = j
-    found = runs(np.array(values))
+    found = constant_runs(np.array(values))
     assert list(zip(found.start, found.length, found.value, strict=True)) == expected
 
 

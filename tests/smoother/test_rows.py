@@ -8,10 +8,8 @@ import pytest
 from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
-from clutchid.smoother import window_rows as module
-from clutchid.smoother.linearised_windows import LinearisedWindows
-from clutchid.smoother.links import link_costs, link_rows, link_sigma
-from clutchid.smoother.window_rows import window_cost, window_rows
+from clutchid.smoother import rows as module
+from clutchid.smoother.rows import LinearisedWindows, link_costs, link_rows, link_sigma, window_cost, window_rows
 from clutchid.states import NOISE_SPAN
 from clutchid.uncertainty.noise import Noise
 
