@@ -25,12 +25,12 @@ from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.hypotheses import explained
 from clutchid.estimation.mixture import BAND, Band, Mixture, mixture
 from clutchid.estimation.shooting.fit import SHOOTING
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
-from clutchid.smoother.problem import FitProblem
 from clutchid.truck import GRID
-from clutchid.uncertainty.calibration import Calibration
 
 #: Columns that the recordings lack.
 CONDITIONS = ("temperature_ambient", "pressure_supply")

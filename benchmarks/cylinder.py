@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import Actuator, Fit, Log, Partition, fit, read_parameters, simulate
-from clutchid.assess.diagnostics import fit_percent
+from clutchid.estimation.assess.diagnostics import fit_percent
 from clutchid.estimation.result import Recording
-from clutchid.uncertainty.switching_band import switching_band
+from clutchid.inference.uncertainty.switching_band import switching_band
 
 ACTUATOR = Path(__file__).resolve().parents[1] / "docs" / "actuators" / "cylinder.toml"
 

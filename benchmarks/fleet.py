@@ -22,10 +22,10 @@ import numpy as np
 import psutil
 
 import clutchid
-from clutchid.fleet.cluster import Place, results
-from clutchid.fleet.jobs import fleet_of
-from clutchid.fleet.run import Options, compile_first, run, tasks
-from clutchid.fleet.store import store
+from clutchid.fleets.cluster import Place, results
+from clutchid.fleets.jobs import fleet_of
+from clutchid.fleets.run import Options, compile_first, run, tasks
+from clutchid.fleets.store import store
 from clutchid.truck import drive, truck
 
 

@@ -29,11 +29,11 @@ import numpy as np
 from foreign_peers import Channels, bus_database, peer_channels
 
 from clutchid.errors import ClutchidError
-from clutchid.io.formats.kinds import ENOUGH, kind_of, refusal
-from clutchid.io.look.look import look
-from clutchid.io.opening import open_source
-from clutchid.io.source import Source
-from clutchid.io.table import Table
+from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
+from clutchid.recordings.look.look import look
+from clutchid.recordings.opening import open_source
+from clutchid.recordings.source import Source
+from clutchid.recordings.table import Table
 
 #: A file for which clutchid and its peer take longer than this in s counts as hung.
 PATIENCE = 180.0

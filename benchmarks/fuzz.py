@@ -31,10 +31,10 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.errors import ClutchidError
-from clutchid.io import read, write
-from clutchid.io.look.look import look
-from clutchid.io.map.channel_map import Channel, ChannelMap
 from clutchid.log import COLUMNS, Log
+from clutchid.recordings import read, write
+from clutchid.recordings.look.look import look
+from clutchid.recordings.map.channel_map import Channel, ChannelMap
 
 #: A case that takes longer has hung, in s; and what clutchid's own process may take, in bytes.
 PATIENCE, MEMORY = 30.0, 1 << 30

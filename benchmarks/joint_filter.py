@@ -14,12 +14,12 @@ from collections.abc import Callable
 import numpy as np
 
 import clutchid
-from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare, tracks_with_steps
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import with_window_steps
 from clutchid.truck import Truck, drive
-from clutchid.uncertainty.coordinates import coordinates
-from clutchid.uncertainty.noise import Noise
 
 FREE = ("F_C", "V_0A", "y_max")
 

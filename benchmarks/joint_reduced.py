@@ -21,10 +21,10 @@ import numpy as np
 from online import WEAR, calibrated
 
 from clutchid.log import FloatArray
-from clutchid.observe import known, observe, observer, start
-from clutchid.observe.methods import METHODS
-from clutchid.observe.observer import Observer
-from clutchid.observe.state import ObserverState
+from clutchid.observer import known, observe, observer, start
+from clutchid.observer.methods import METHODS
+from clutchid.observer.observer import Observer
+from clutchid.observer.state import ObserverState
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import GRID, Truth, drive, truck
 

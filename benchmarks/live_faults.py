@@ -44,9 +44,9 @@ import polars as pl
 import psutil
 
 from clutchid.cli import main as clutchid
-from clutchid.io import read
 from clutchid.log import INPUTS
-from clutchid.text_table import text_table
+from clutchid.recordings import read
+from clutchid.recordings.text_table import text_table
 
 #: Seconds of the recording, and of the one of runs in real time; how much faster than real time the others are.
 SECONDS, REAL_SECONDS, PACE = 20, 130, 20.0

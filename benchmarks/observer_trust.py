@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from online import ANOTHER, FAULTS, WEAR, calibrated
 
-from clutchid.assess.observed import engaging_load, indicators, observed_verdict
-from clutchid.observe.observer import observer
-from clutchid.observe.recording import observe_recording
+from clutchid.estimation.assess.observed import engaging_load, indicators, observed_verdict
+from clutchid.observer.observer import observer
+from clutchid.observer.recording import observe_recording
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import GRID, drive, truck
 

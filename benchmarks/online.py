@@ -27,10 +27,10 @@ from clutchid import fit
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observe.following import observe
-from clutchid.observe.methods import METHODS
-from clutchid.observe.observer import observer, start
-from clutchid.observe.strokes import NO_STROKES, count_strokes
+from clutchid.observer.following import observe
+from clutchid.observer.methods import METHODS
+from clutchid.observer.observer import observer, start
+from clutchid.observer.strokes import NO_STROKES, count_strokes
 from clutchid.study.proving.ground import SECONDS, STROKES
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 

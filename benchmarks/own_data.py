@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid import fit
+from clutchid.inference.uncertainty.change_prior import change_covariance, changeable
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.numerics.interval import QUANTILE
@@ -24,7 +25,6 @@ from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.truck import GRID, Truck, drive
-from clutchid.uncertainty.change_prior import change_covariance, changeable
 
 MODEL, SECONDS, READINGS = "energy-balance-stribeck", 10.0, 2
 

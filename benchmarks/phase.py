@@ -20,7 +20,7 @@ import clutchid
 from clutchid.estimation import phase as estimated
 from clutchid.preparation import pulses
 from clutchid.preparation.carrier import centred
-from clutchid.signals.duty_cycle import grid_phase
+from clutchid.recordings.signals.duty_cycle import grid_phase
 from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import Drive, drive, truck

@@ -23,9 +23,9 @@ from clutchid import Actuator
 from clutchid.log import FloatArray, Log
 from clutchid.model.compiled import kernels
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observe import ObservedRecording, observe, observe_recording, observer, start
-from clutchid.report.figures import draw, fill, label, legend, new_figure
-from clutchid.report.style import Line
+from clutchid.observer import ObservedRecording, observe, observe_recording, observer, start
+from clutchid.reports.figures import draw, fill, label, legend, new_figure
+from clutchid.reports.style import Line
 from clutchid.study.paper.pressure import measured_motion
 from clutchid.study.proving.ground import STROKES
 from clutchid.truck import drive, truck

@@ -25,7 +25,7 @@ from typing import Any
 import clutchid
 from clutchid import Actuator, Log
 from clutchid.cli import main as command
-from clutchid.fleet.reading import How, read_recording
+from clutchid.fleets.reading import How, read_recording
 from clutchid.truck import drive, truck
 
 os.environ["OMP_NUM_THREADS"] = "1"  # windows that other threads simulate are not seen here

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.assess.half_load import half_load
-from clutchid.fleet.virtual import POSITIONS, STEPS, STROKES_A_METRE, engaging, true_load
+from clutchid.estimation.assess.half_load import half_load
+from clutchid.fleets.virtual import POSITIONS, STEPS, STROKES_A_METRE, engaging, true_load
 from clutchid.log import FloatArray
 from clutchid.truck.ageing import aged
 from clutchid.truck.fleet import truck

@@ -17,10 +17,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from clutchid import Fit, fit
-from clutchid.assess.engaging import ENGAGING
-from clutchid.assess.half_load import half_load
 from clutchid.errors import ClutchidError
-from clutchid.strokes.vented_rest import rest_shift, vented_rest
+from clutchid.estimation.assess.engaging import ENGAGING
+from clutchid.estimation.assess.half_load import half_load
+from clutchid.recordings.strokes.vented_rest import rest_shift, vented_rest
 from clutchid.truck import GRID, MANOEUVRES, Drive, drive, truck
 
 #: Length of a recording in s, and strokes for a metre of wear.

@@ -12,8 +12,8 @@ import numpy as np
 
 from clutchid import fit
 from clutchid.estimation.result import LoadCurve
-from clutchid.report.figures import draw, fill, label, legend, mark_span, new_figure
-from clutchid.report.style import MM, STYLE, Line
+from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure
+from clutchid.reports.style import MM, STYLE, Line
 from clutchid.truck import Drive, drive, truck
 
 IMAGE = Path(__file__).parent / "images" / "loads.png"

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.errors import MissingExtra
-from clutchid.extras import install_command, missing, requirements
+from clutchid.errors import MissingExtra, install_command, missing, requirements
 
 ROOT = Path(__file__).resolve().parents[1]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
@@ -28,7 +27,7 @@ def test_a_command_names_the_libraries_of_an_extra_and_the_interpreter_at_hand(e
 def test_an_interpreter_with_a_blank_in_its_path_is_quoted_and_one_without_pip_has_uv(monkeypatch):
     monkeypatch.setattr(sys, "executable", "/my programs/python")
     assert shlex.split(install_command("mdf"))[0] == "/my programs/python"
-    monkeypatch.setattr("clutchid.extras.find_spec", lambda name: None)
+    monkeypatch.setattr("clutchid.errors.find_spec", lambda name: None)
     assert shlex.split(install_command("mdf"))[:5] == ["uv", "pip", "install", "--python", "/my programs/python"]
 
 

@@ -13,27 +13,25 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from clutchid.attached import attach
-
 if TYPE_CHECKING:
     __version__: str
     from clutchid.errors import ClutchidError, DataError, ExportError, MissingExtra, ParameterError, SolveError
     from clutchid.estimation import Fit, fit
     from clutchid.estimation.parameter_file import read_parameters, write_parameters
-    from clutchid.io import read, read_pieces, write
-    from clutchid.io.look.look import look
+    from clutchid.inference.uncertainty.calibration import Calibration
+    from clutchid.inference.uncertainty.coordinates import Prior
     from clutchid.log import Log
     from clutchid.model import Actuator, Load
     from clutchid.parameters import Parameters
+    from clutchid.recordings import read, read_pieces, write
+    from clutchid.recordings.look.look import look
     from clutchid.simulation import Partition, Simulation, simulate
     from clutchid.study import bundled_recording
-    from clutchid.uncertainty.calibration import Calibration
-    from clutchid.uncertainty.coordinates import Prior
     from clutchid.workflow.verbs import calibrate, estimate, parameter_file
 
 _HOME = {
     "Actuator": "clutchid.model",
-    "Calibration": "clutchid.uncertainty.calibration",
+    "Calibration": "clutchid.inference.uncertainty.calibration",
     "ClutchidError": "clutchid.errors",
     "DataError": "clutchid.errors",
     "ExportError": "clutchid.errors",
@@ -44,20 +42,20 @@ _HOME = {
     "ParameterError": "clutchid.errors",
     "Parameters": "clutchid.parameters",
     "Partition": "clutchid.simulation",
-    "Prior": "clutchid.uncertainty.coordinates",
+    "Prior": "clutchid.inference.uncertainty.coordinates",
     "Simulation": "clutchid.simulation",
     "SolveError": "clutchid.errors",
     "bundled_recording": "clutchid.study",
     "calibrate": "clutchid.workflow.verbs",
     "estimate": "clutchid.workflow.verbs",
     "fit": "clutchid.estimation",
-    "look": "clutchid.io.look.look",
+    "look": "clutchid.recordings.look.look",
     "parameter_file": "clutchid.workflow.verbs",
-    "read": "clutchid.io",
-    "read_pieces": "clutchid.io",
+    "read": "clutchid.recordings",
+    "read_pieces": "clutchid.recordings",
     "read_parameters": "clutchid.estimation.parameter_file",
     "simulate": "clutchid.simulation",
-    "write": "clutchid.io",
+    "write": "clutchid.recordings",
     "write_parameters": "clutchid.estimation.parameter_file",
 }
 
@@ -99,6 +97,8 @@ def __getattr__(name: str) -> Any:
         return version("clutchid")
     if name not in _HOME:
         raise AttributeError(f"module 'clutchid' has no attribute '{name}'")
+    from clutchid.workflow.attached import attach
+
     found = getattr(import_module(_HOME[name]), name)
     attach()
     return found

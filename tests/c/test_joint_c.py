@@ -15,9 +15,9 @@ from numba import njit, types
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
-from clutchid.filter.arrays import LEAST, LOW, MEAN, MOST
-from clutchid.filter.joint_c99 import JointSize, joint_c99
-from clutchid.filter.setup import scratch
+from clutchid.inference.filter.arrays import LEAST, LOW, MEAN, MOST
+from clutchid.inference.filter.joint_c99 import JointSize, joint_c99
+from clutchid.inference.filter.setup import scratch
 from fixtures.joint_c import JointC, as_written
 
 pytestmark = pytest.mark.slow
@@ -296,7 +296,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def kernels():
-    return kernels_in("clutchid.filter.joint")
+    return kernels_in("clutchid.inference.filter.joint")
 
 
 @pytest.fixture(scope="module")

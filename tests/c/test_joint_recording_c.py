@@ -6,16 +6,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from clutchid.filter.joint import STROKE_ENDS
-from clutchid.filter.joint_c99 import joint_c99
-from clutchid.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.inference.filter.joint import STROKE_ENDS
+from clutchid.inference.filter.joint_c99 import joint_c99
+from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.log import Log
 from clutchid.model.compiled import system
-from clutchid.observe.methods import MODES
-from clutchid.observe.prior import online_prior
+from clutchid.observer.methods import MODES
+from clutchid.observer.prior import online_prior
 from clutchid.preparation.prepare import prepare
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import tracks
-from clutchid.uncertainty.noise import Noise
 from fixtures.joint_c import FilterC, JointC, as_written, derived_of, size_of
 
 pytestmark = pytest.mark.slow

@@ -7,9 +7,9 @@ import pytest
 
 from clutchid.cli.common import partition_of
 from clutchid.errors import DataError, ParameterError
-from clutchid.io import write
 from clutchid.log import Log
 from clutchid.model.equipment import Equipment
+from clutchid.recordings import write
 from clutchid.simulation import Partition
 from clutchid.workflow import Reading, read_recordings
 

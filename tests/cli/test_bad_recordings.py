@@ -7,9 +7,9 @@ import pytest
 from clutchid.cli import main
 from clutchid.errors import DataError
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
-from clutchid.inspection import inspect
-from clutchid.io import read, write
 from clutchid.model import Actuator
+from clutchid.preparation.inspection import inspect
+from clutchid.recordings import read, write
 from clutchid.truck import MANOEUVRES, drive, truck
 from clutchid.workflow import inspected
 

@@ -11,8 +11,8 @@ import pytest
 
 from clutchid import truck as virtual
 from clutchid.cli import main
-from clutchid.io import read
 from clutchid.log import Log
+from clutchid.recordings import read
 
 asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid.assess import evidence, verdict
 from clutchid.cli import main
 from clutchid.cli.common import guarded
+from clutchid.estimation.assess import evidence, verdict
 
 pytestmark = pytest.mark.slow
 
@@ -97,7 +97,7 @@ def test_what_a_verdict_rests_on_is_computed_once(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     calls, plain = [], evidence.evidence
-    # clutchid.report offers a function by the name of its module
+    # clutchid.reports offers a function by the name of its module
     for module in (evidence, verdict):
         monkeypatch.setattr(module, "evidence", lambda fit: calls.append(fit) or plain(fit))
     for option in (["--json"], []):

@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 from clutchid import Fit, fit, read_parameters, write
-from clutchid.assess.states import States, states_of_wear
 from clutchid.cli.fit_output import MOST_WARNINGS, answer, answer_json
 from clutchid.cli.terminal import OutputLost
 from clutchid.errors import ExportError
-from clutchid.report.next_step import Command
+from clutchid.estimation.assess.states import States, states_of_wear
+from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.reports.next_step import Command
 from clutchid.truck import Truck, drive
-from clutchid.uncertainty.calibration import Origin
 from clutchid.workflow import Outcome
 from fixtures.baselines import with_baseline
 

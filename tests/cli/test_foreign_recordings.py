@@ -13,8 +13,8 @@ import pytest
 
 from clutchid import truck as virtual
 from clutchid.cli import main
-from clutchid.io import read, write
 from clutchid.log import INPUTS, Log
+from clutchid.recordings import read, write
 
 DBC = """VERSION ""
 BU_: TCU

@@ -1,4 +1,4 @@
-"""``clutchid friction``: tables, sentence and the one JSON object. Reading is `clutchid.io`'s and not tested here."""
+"""``clutchid friction``: tables, sentence and the one JSON object. Reading is not tested here."""
 
 import importlib
 import json
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from clutchid.cli import main
-from clutchid.io import write
 from clutchid.log import Log
+from clutchid.recordings import write
 from fixtures.friction import simulated_force
 
 # the package's name `friction` is the verb

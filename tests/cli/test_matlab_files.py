@@ -11,7 +11,7 @@ from scipy.io import loadmat
 from clutchid import truck as virtual
 from clutchid.cli import main
 from clutchid.estimation.parameter_file import read_parameters
-from clutchid.io import write
+from clutchid.recordings import write
 from fixtures.matlab_text import struct_in
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from clutchid.cli import main
 from clutchid.estimation.parameter_file import read_parameters
-from clutchid.io import read, write
-from clutchid.io.look.look import look
 from clutchid.parameters import Parameters
+from clutchid.recordings import read, write
+from clutchid.recordings.look.look import look
 from clutchid.truck import drive, truck
 
 ESCAPE, TURN = "\x1b[31m", "\u202e"

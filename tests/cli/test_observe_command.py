@@ -9,9 +9,9 @@ import pytest
 
 from clutchid.cli import main
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
-from clutchid.io import write
 from clutchid.log import Log
-from clutchid.observe.health import FLAGS
+from clutchid.observer.health import FLAGS
+from clutchid.recordings import write
 
 CUT = 2345
 

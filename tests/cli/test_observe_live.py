@@ -20,8 +20,8 @@ import pytest
 
 from clutchid.cli import main
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
-from clutchid.io import write
-from clutchid.observe.health import FLAGS, LIVE_FLAGS
+from clutchid.observer.health import FLAGS, LIVE_FLAGS
+from clutchid.recordings import write
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
 
@@ -181,7 +181,7 @@ def test_a_folder_that_is_removed_costs_no_result(call, folder, tmp_path, as_jso
 
 
 def test_a_full_disk_costs_what_comes_later_and_the_right_file_is_named(call, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("clutchid.io.spool.PIECE", 1 << 14)
+    monkeypatch.setattr("clutchid.recordings.spool.PIECE", 1 << 14)
     before, limit = resource.getrlimit(resource.RLIMIT_FSIZE), 400_000
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
     try:
@@ -254,7 +254,7 @@ def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_th
     file = {name: pl.read_parquet(folder / "file" / name) for name in OUTPUTS[:2]}
     for name, frame in file.items():  # samples after the state was saved, and before the run was killed
         frame.filter(pl.col("time [s]") < 3.0).write_parquet(tmp_path / f"left.{name}")
-    monkeypatch.setattr("clutchid.io.spool.recovered", lambda path: [tmp_path / f"left.{path.name}"])
+    monkeypatch.setattr("clutchid.recordings.spool.recovered", lambda path: [tmp_path / f"left.{path.name}"])
     rest = head + b"".join(lines[2345:])
     assert call(rest, "--save", "state.toml", "--resume", "state.toml")[0] == 0
     for name, frame in file.items():

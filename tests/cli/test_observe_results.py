@@ -15,7 +15,7 @@ import pytest
 
 from clutchid.cli import main
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
-from clutchid.io import write
+from clutchid.recordings import write
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ KERNELS = "clutchid.simulation.comparison"
 
 
 def test_a_process_that_runs_no_kernel_does_not_import_the_compiler():
-    code = "import sys, clutchid.estimation, clutchid.report; sys.exit('numba' in sys.modules)"
+    code = "import sys, clutchid.estimation, clutchid.reports; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -31,7 +31,7 @@ def test_a_module_that_is_not_there_is_told_by_name():
         kernels_in("clutchid.estimation.no_such_kernels")
 
 
-#: A kernel that takes the number of a column from a module without kernels, as those of `clutchid.filter` do.
+#: A kernel that takes the number of a column from a module without kernels, as those of `clutchid.inference.filter` do.
 TAKING = """
 from clutchid.codegen.kernels import kernel
 from clutchid.layout_of_test import COLUMN

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import clutchid
-from clutchid.inspection import inspect
+from clutchid.preparation.inspection import inspect
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src" / "clutchid"
@@ -68,7 +68,10 @@ def test_every_message_that_the_pages_quote_is_one_of_the_program():
 
 
 def test_every_reason_that_a_verdict_can_give_is_explained():
-    trees = [ast.parse((SOURCE / "assess" / name).read_text(encoding="utf-8")) for name in ("reasons.py", "reading.py")]
+    trees = [
+        ast.parse((SOURCE / "estimation" / "assess" / name).read_text(encoding="utf-8"))
+        for name in ("reasons.py", "reading.py")
+    ]
     explained = {piece for message in messages(section(PAGES["result"], "Reasons")) for piece in pieces(message)}
     reasons = [
         reason
@@ -87,7 +90,7 @@ def test_every_check_of_a_recording_is_explained():
 
 
 def test_every_section_of_the_page_of_a_fit_is_explained():
-    files = ("report/fit_page.py", "report/comparison_page.py")
+    files = ("reports/fit_page.py", "reports/comparison_page.py")
     headings = [heading for file in files for heading in first_arguments(file, "Section")]
     explained = section(PAGES["result"], "The page")
     assert len(headings) >= 6
@@ -95,7 +98,7 @@ def test_every_section_of_the_page_of_a_fit_is_explained():
 
 
 def test_every_line_that_a_fit_prints_is_explained():
-    labels = {label for file in ("report/summary.py", "cli/fit_output.py") for label in first_arguments(file, "Row")}
+    labels = {label for file in ("reports/summary.py", "cli/fit_output.py") for label in first_arguments(file, "Row")}
     assert labels >= {"trust", "load", "errors", "next"}
     assert labels - {""} - set(messages(section(PAGES["result"], "The lines"))) == set()
 

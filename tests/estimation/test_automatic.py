@@ -19,7 +19,7 @@ from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.preparation.carrier import centred
-from clutchid.signals.duty_cycle import duty_grid
+from clutchid.recordings.signals.duty_cycle import duty_grid
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.truck import drive, truck

@@ -13,9 +13,9 @@ from clutchid.estimation.parameter_file import (
     read_parameters,
     write_parameters,
 )
+from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
+from clutchid.inference.uncertainty.conditions import NOT_RECORDED, Conditions
 from clutchid.model import Actuator
-from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
-from clutchid.uncertainty.conditions import NOT_RECORDED, Conditions
 
 #: A calibration of one parameter and of the load, and its section in a file.
 KEPT = Calibration(

@@ -12,8 +12,8 @@ from clutchid.errors import ParameterError
 from clutchid.estimation.parameter_file import search_in, search_section
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.search_state import Continuation, SearchState, ended
-from clutchid.smoother import search
-from clutchid.uncertainty.coordinates import Prior
+from clutchid.inference.smoother import search
+from clutchid.inference.uncertainty.coordinates import Prior
 
 MEASURE, FREE = ("position", "pressure_a"), ("load", "P_S", "C_vs", "F_C")
 STATE = SearchState("limit", 7, ("load", "P_S"), {"P_S": Prior(9e5, 4e4), "s_pwm@a": Prior(0.1, 0.03)})

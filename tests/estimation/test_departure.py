@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.departure import departure, misfit
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.inference.uncertainty.change_prior import change_covariance, change_priors
+from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.parameters import GROUPS
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.uncertainty.change_prior import change_covariance, change_priors
-from clutchid.uncertainty.coordinates import coordinates
-from clutchid.uncertainty.noise import Noise
+from clutchid.simulation.noise import Noise
 
 PLANT = Actuator(model="energy-balance-stribeck")
 NAMES = ("P_S", "T_0", "D_v")

@@ -12,16 +12,16 @@ import polars as pl
 import pytest
 
 import clutchid
-from clutchid.assess.evidence import evidence
-from clutchid.assess.verdict import verdict
 from clutchid.errors import DataError, SolveError
+from clutchid.estimation.assess.evidence import evidence
+from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Estimate
-from clutchid.io import write
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment
 from clutchid.parameters import Parameters
-from clutchid.report.html import escape
+from clutchid.recordings import write
+from clutchid.reports.html import escape
 
 
 @pytest.fixture(scope="module")

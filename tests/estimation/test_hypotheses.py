@@ -12,10 +12,10 @@ from clutchid.estimation.mixture import mixture
 from clutchid.estimation.problem import fit_problem, with_hypothesis
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES, change_covariance, changeable
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.failure import Failure
-from clutchid.report.changes import change_sentences
-from clutchid.uncertainty.change_prior import HYPOTHESES, change_covariance, changeable
-from clutchid.uncertainty.coordinates import Prior
+from clutchid.reports.changes import change_sentences
 
 Y = np.linspace(0.5e-3, 20e-3, 40)
 

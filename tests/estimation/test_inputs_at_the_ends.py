@@ -8,11 +8,11 @@ import pytest
 import clutchid
 from clutchid import fit
 from clutchid.estimation.verification import starts_of as estimated_starts
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import INPUTS, Log
-from clutchid.observe.observer import observer
-from clutchid.observe.recording import observe_recording
+from clutchid.observer.observer import observer
+from clutchid.observer.recording import observe_recording
 from clutchid.simulation import Partition
-from clutchid.uncertainty.calibration import Calibration
 
 EXACT = Calibration((), np.zeros((0, 0)))
 FIRST, LAST = 2, 3

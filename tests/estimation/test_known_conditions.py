@@ -13,11 +13,11 @@ from clutchid.estimation.mixture import mixture
 from clutchid.estimation.problem import fit_problem, with_hypothesis
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
-from clutchid.smoother.problem import prior_rows
-from clutchid.uncertainty.change_prior import HYPOTHESES
-from clutchid.uncertainty.conditions import Conditions
-from clutchid.uncertainty.coordinates import Prior
-from clutchid.uncertainty.gaussian import gaussian_posterior
+from clutchid.inference.smoother.problem import prior_rows
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES
+from clutchid.inference.uncertainty.conditions import Conditions
+from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.inference.uncertainty.gaussian import gaussian_posterior
 
 Y = np.linspace(0.5e-3, 20e-3, 40)
 CALIBRATED = Conditions(293.0, 9.5e5)

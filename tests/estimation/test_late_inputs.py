@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import clutchid
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import INPUTS, Log
 from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.sensors import lagged
-from clutchid.uncertainty.calibration import Calibration
 
 EXACT = Calibration((), np.zeros((0, 0)))
 PERIOD, FINE, SECONDS = 0.01, 1e-4, 8.0

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.assess.reading import departs
+from clutchid.estimation.assess.reading import departs
 from clutchid.estimation.calibrate import fit_with_priors
 from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import fit as module
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
+from clutchid.inference.smoother.search import UNLIMITED
+from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.model import Actuator, Load
-from clutchid.smoother.search import UNLIMITED
-from clutchid.uncertainty.change_prior import changeable
 from clutchid.wear.measurement import leak_of
 
 LEAK = 4e-11

@@ -10,14 +10,14 @@ from clutchid.estimation.hypotheses import Explanation, errors_in_x, flattened, 
 from clutchid.estimation.mixture import BAND, ERRORS_REPEAT, Mixture, changes, mixture
 from clutchid.estimation.problem import with_hypothesis
 from clutchid.estimation.search_result import SearchResult
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES as ALL
+from clutchid.inference.uncertainty.change_prior import change_priors, log_odds, prior_probability
+from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.model import Actuator
 from clutchid.parameters import GROUPS
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.uncertainty.change_prior import HYPOTHESES as ALL
-from clutchid.uncertainty.change_prior import change_priors, log_odds, prior_probability
-from clutchid.uncertainty.coordinates import coordinates
-from clutchid.uncertainty.noise import Noise
+from clutchid.simulation.noise import Noise
 
 NAMES = ("theta_1", "P_S@w", "C_vs@w", "D_v@w")
 NONE, SUPPLY, VALVES = (), ("supply pressure",), ("valves",)

@@ -6,9 +6,9 @@ import pytest
 import clutchid
 from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.phase import filtered_phase, phase_finder
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.preparation.carrier import centred
 from clutchid.preparation.pulses import find_phase
-from clutchid.uncertainty.calibration import Calibration
 
 EXACT = Calibration((), np.zeros((0, 0)))
 PHASE = 0.3

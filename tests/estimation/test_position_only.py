@@ -13,9 +13,9 @@ from clutchid.estimation.position_only import position_only_errors
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.estimation.shooting.uncertainty import parameter_uncertainty
+from clutchid.inference.uncertainty.calibration import PositionOnlyErrors
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES, changeable
 from clutchid.numerics.failure import Failure
-from clutchid.uncertainty.calibration import PositionOnlyErrors
-from clutchid.uncertainty.change_prior import HYPOTHESES, changeable
 
 Y = np.linspace(0.5e-3, 20e-3, 40)
 

@@ -1,7 +1,7 @@
 """The request of a fit, and that of one of its recordings alone."""
 
 from clutchid.estimation.request import FitRequest
-from clutchid.uncertainty.coordinates import Prior
+from clutchid.inference.uncertainty.coordinates import Prior
 
 
 def test_alone_a_recording_has_its_own_and_the_shared_parameters_and_no_checks():

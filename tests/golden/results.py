@@ -83,7 +83,7 @@ def sampled(values: FloatArray) -> list[float]:
 
 def of_fit(result: Fit) -> Numbers:
     """The JSON object of a fit, its parameter file (with the covariance) and its simulations."""
-    from clutchid.report.fit_json import fit_json
+    from clutchid.reports.fit_json import fit_json
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "fit.toml"

@@ -4,9 +4,9 @@ import importlib.util
 import re
 from pathlib import Path
 
+from clutchid.inference.uncertainty.change_prior import directions
+from clutchid.log.states import STATES
 from clutchid.parameters import GROUPS, Parameters
-from clutchid.states import STATES
-from clutchid.uncertainty.change_prior import directions
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -35,11 +35,11 @@ import json, runpy, sys
 import numpy as np
 from clutchid import Actuator, Log, read_parameters, simulate
 from clutchid.estimation.automatic import freed
-from clutchid.observe.methods import METHODS
-from clutchid.observe.prior import online_prior
-from clutchid.uncertainty.change_prior import change_covariance, changeable
-from clutchid.uncertainty.consider import consider_parameters
-from clutchid.uncertainty.coordinates import coordinates
+from clutchid.observer.methods import METHODS
+from clutchid.observer.prior import online_prior
+from clutchid.inference.uncertainty.change_prior import change_covariance, changeable
+from clutchid.inference.uncertainty.consider import consider_parameters
+from clutchid.inference.uncertainty.coordinates import coordinates
 
 actuator = Actuator(model="energy-balance-stribeck-proportional")
 names = ("T_0", "D_q")

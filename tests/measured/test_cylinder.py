@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from clutchid import Fit, Log, Partition, fit, simulate
-from clutchid.assess.diagnostics import fit_percent
 from clutchid.cli import main
-from clutchid.io import read
+from clutchid.estimation.assess.diagnostics import fit_percent
+from clutchid.recordings import read
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT.parent / "shared" / "data" / "wbident_pneumatic_cylinder" / "cylinder_1kHz.csv"

@@ -8,13 +8,13 @@ from sympy import Function, Piecewise, symbols
 
 from clutchid.errors import ParameterError
 from clutchid.log import Log
+from clutchid.log.states import STATES
 from clutchid.model import Actuator, OwnModel, OwnParameter, OwnState
 from clutchid.model.compiled import system
 from clutchid.model.own.units import TERM_UNITS, dimension_of
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
-from clutchid.states import STATES
 
 pytestmark = pytest.mark.slow
 

@@ -7,12 +7,12 @@ import pytest
 
 from clutchid.errors import ParameterError
 from clutchid.log import Log
+from clutchid.log.states import STATES
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels, system
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import Partition, simulate
-from clutchid.states import STATES
 
 THETA = (9e5, -0.3e5, 0.6e5)
 GAS = ["isothermal", "energy-balance"]

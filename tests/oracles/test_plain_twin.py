@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
+from clutchid.log.states import STATES
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels, system
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
-from clutchid.states import STATES
 
 pytestmark = pytest.mark.slow
 

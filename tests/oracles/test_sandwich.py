@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
+from clutchid.inference.uncertainty.covariance import sandwich
 from clutchid.numerics.least_squares import compress
-from clutchid.uncertainty.covariance import sandwich
 
 pytestmark = pytest.mark.slow
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
+from clutchid.log.states import STATES
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels, system
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
-from clutchid.states import STATES
 
 #: A smooth stretch: chamber B sealed (no change of direction in its orifice), the supply weak enough for r > B_0 (no
 #: choking), a slow rise between the knots t_2 and t_3 with v > 0 throughout. The second one has everything that goes

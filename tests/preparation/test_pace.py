@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.inference.smoother.rows import link_sigma
 from clutchid.preparation.prepare import MAX_STEP, SPEED_MARGIN, with_steps
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.run import KernelArrays, run
 from clutchid.simulation.stiffness import STABLE_STEP, local_stiffness, stiffness
-from clutchid.smoother.rows import link_sigma
-from clutchid.uncertainty.noise import Noise
 
 
 @pytest.fixture(scope="module")

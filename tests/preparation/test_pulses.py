@@ -11,10 +11,10 @@ from clutchid.estimation.calibrate import fit_with_priors
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING
 from clutchid.estimation.verification import on_samples
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.preparation.carrier import centred
 from clutchid.preparation.pulses import GRID_STEP, STAMP_STD, Duties, duties_in, find_phase, lacks_changes, pulsed
 from clutchid.simulation.sensors import lagged
-from clutchid.uncertainty.calibration import Calibration
 
 #: The carrier of the drives in these tests: a new duty cycle every 10 ms.
 PERIOD = 0.01

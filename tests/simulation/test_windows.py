@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from clutchid.inference.smoother.rows import downweight_outliers, first_rows
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import prepare
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.windows import initial_states, tracks
-from clutchid.smoother.rows import downweight_outliers, first_rows
-from clutchid.uncertainty.noise import Noise
 
 BOTH = ("position", "pressure_a")
 

@@ -5,8 +5,8 @@ import pytest
 
 from clutchid.cli.drive import drive as command
 from clutchid.errors import ParameterError
-from clutchid.inspection import inspect
-from clutchid.io import read
+from clutchid.preparation.inspection import inspect
+from clutchid.recordings import read
 from clutchid.truck import CHANGES, GRID, Truck, TruckB, aged, changed, drive, life, respond, truck
 from clutchid.truck.families import FAMILIES, family_of
 from clutchid.truck.fleet import ranges

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.report.wear_text import alarm_words
+from clutchid.reports.wear_text import alarm_words
 from clutchid.wear.forecast import remaining
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import wear_of

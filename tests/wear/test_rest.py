@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clutchid.report.wear_text import alarm_words, left_words, wear_lines
-from clutchid.strokes.vented_rest import RestShift
+from clutchid.recordings.strokes.vented_rest import RestShift
+from clutchid.reports.wear_text import alarm_words, left_words, wear_lines
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import wear_of
 from clutchid.wear.measurement import Measurement, Reading

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.assess.engaging import SHARES
+from clutchid.estimation.assess.engaging import SHARES
 from clutchid.wear.measurement import Measurement
 from clutchid.wear.settings import FALSE_ALARMS, GROWTH, LIFE, REFERENCE
 from clutchid.wear.trend import WearTable, follow, smoothed, trend_model

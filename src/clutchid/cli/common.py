@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, Literal, TextIO
 from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentences
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
 from clutchid.log import Log
+from clutchid.log.units import UNITS, known_units
 from clutchid.names import printable
-from clutchid.units import UNITS, known_units
 
 if TYPE_CHECKING:
+    from clutchid.inference.uncertainty.coordinates import Prior
     from clutchid.model.compiled import Model
     from clutchid.simulation import Partition
-    from clutchid.uncertainty.coordinates import Prior
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 
@@ -101,7 +101,7 @@ def pieces_of(
     path: Path, ambient: float, map_: Path | None, dbc: Sequence[Path], show: Callable[[str, float], None]
 ) -> Iterator[Log]:
     """A recording of any length in pieces, with its warnings on standard error and a progress bar."""
-    from clutchid.io import read_pieces
+    from clutchid.recordings import read_pieces
 
     def shown(done: int, size: int) -> None:
         show(f"{done:,} samples", done / max(size, 1))
@@ -164,7 +164,7 @@ def bounds(items: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 def priors(items: Sequence[str]) -> dict[str, Prior]:
     """``NAME=VALUE±STD`` options."""
-    from clutchid.uncertainty.coordinates import Prior
+    from clutchid.inference.uncertainty.coordinates import Prior
 
     result = {}
     for item in items:
@@ -213,7 +213,7 @@ def check_outputs(
 
     `outputs` are a path, or several, by option; `inputs` are (description, path).
     """
-    from clutchid.io.files import check_writable
+    from clutchid.recordings.files import check_writable
 
     taken = [(what, path) for what, path in inputs if path is not None]
     for option, path in _each(outputs):

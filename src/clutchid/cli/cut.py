@@ -17,7 +17,7 @@ from clutchid.errors import DataError
 from clutchid.parameters import Parameters
 
 if TYPE_CHECKING:
-    from clutchid.strokes import Section
+    from clutchid.recordings.strokes import Section
 
 
 def cut(
@@ -57,9 +57,9 @@ def cut(
     """
 
     def work() -> int:
-        from clutchid.io import atomic_write, write
-        from clutchid.strokes import choose, joined, sections_table
-        from clutchid.strokes import cut as sections_of
+        from clutchid.recordings import atomic_write, write
+        from clutchid.recordings.strokes import choose, joined, sections_table
+        from clutchid.recordings.strokes import cut as sections_of
 
         check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
         counts: Counter[str] = Counter()

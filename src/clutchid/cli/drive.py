@@ -112,7 +112,7 @@ def drive(
 
 def _drive(types: Types, out: Path, seconds: float, alone: Alone, truth: Path | None) -> None:
     from clutchid import truck as virtual
-    from clutchid.io import write
+    from clutchid.recordings import write
 
     _check(out, truth)
     kind = virtual.truck(types.first, types.family)
@@ -132,7 +132,7 @@ def _print(json: bool, message: str, *files: Path | None) -> None:
 
 def _check(out: Path, truth: Path | None) -> None:
     """Check before the simulation that recording and truth can be written."""
-    from clutchid.io.files import check_writable
+    from clutchid.recordings.files import check_writable
 
     check_writable(out)
     if truth is not None:

@@ -71,9 +71,9 @@ def drive_fleet(service: Service, types: Types, out: Path, seconds: float, alone
     Raises
     ------
     ExportError, ParameterError
-        As `clutchid.fleet.virtual.write_fleet`.
+        As `clutchid.fleets.virtual.write_fleet`.
     """
-    from clutchid.fleet.virtual import write_fleet
+    from clutchid.fleets.virtual import write_fleet
     from clutchid.truck.service import visits
 
     extra = [name for name, usual in Alone()._asdict().items() if getattr(alone, name) != usual]

@@ -196,7 +196,7 @@ def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path
 
 
 def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, options: FitOptions) -> int:
-    from clutchid.report.next_step import Command
+    from clutchid.reports.next_step import Command
 
     saves, verify = tuple(options.save or ()), tuple(options.verify or ())
     check_outputs({"--save": saves, "--report": options.report}, _inputs(logs, verify, start))

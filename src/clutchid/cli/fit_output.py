@@ -14,7 +14,7 @@ from clutchid.errors import ExportError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.report.next_step import Command
+    from clutchid.reports.next_step import Command
     from clutchid.workflow import Outcome
 
 #: Most warnings of a summary.
@@ -25,7 +25,7 @@ Writers = Mapping[Path | None, Callable[[Path], None]]
 
 def answer_json(outcome: Outcome, writers: Writers) -> int:
     """Write the files, and print the JSON object; the exit code."""
-    from clutchid.report.fit_json import fit_json
+    from clutchid.reports.fit_json import fit_json
 
     _, failures = _write(writers)
     lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
@@ -35,8 +35,8 @@ def answer_json(outcome: Outcome, writers: Writers) -> int:
 
 def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
-    from clutchid.report.next_step import next_step
-    from clutchid.report.summary import Row, other_warnings
+    from clutchid.reports.next_step import next_step
+    from clutchid.reports.summary import Row, other_warnings
 
     written, failures = _write(writers)
     _complain(failures)
@@ -53,8 +53,8 @@ def answer(outcome: Outcome, writers: Writers, command: Command, verbose: bool) 
 
 
 def _print_result(outcome: Outcome, verbose: bool) -> None:
-    from clutchid.report.fit_text import fit_text
-    from clutchid.report.summary import summary
+    from clutchid.reports.fit_text import fit_text
+    from clutchid.reports.summary import summary
 
     print_rows(summary(outcome.fit, in_full=verbose))
     if verbose:

@@ -20,11 +20,11 @@ from clutchid.errors import ParameterError
 from clutchid.names import as_text, printable
 
 if TYPE_CHECKING:
-    from clutchid.fleet.cluster import Place
-    from clutchid.fleet.jobs import Fleet
-    from clutchid.fleet.run import Task
-    from clutchid.fleet.store import Store
-    from clutchid.fleet.tracking import Limits
+    from clutchid.fleets.cluster import Place
+    from clutchid.fleets.jobs import Fleet
+    from clutchid.fleets.run import Task
+    from clutchid.fleets.store import Store
+    from clutchid.fleets.tracking import Limits
 
 #: Statuses in the order in which they are said.
 STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
@@ -109,9 +109,9 @@ def fleet(
     """
 
     def work() -> int:
-        from clutchid.fleet.jobs import fleet_of
-        from clutchid.fleet.run import Options, tasks
-        from clutchid.fleet.store import store
+        from clutchid.fleets.jobs import fleet_of
+        from clutchid.fleets.run import Options, tasks
+        from clutchid.fleets.store import store
         from clutchid.workflow import start_file
 
         if limit is not None and verb != "track":
@@ -136,7 +136,7 @@ def fleet(
 
 def _place(pool: WorkerLimits, where: Scheduler) -> Place:
     """Where the work is done, in SI."""
-    from clutchid.fleet.cluster import Place
+    from clutchid.fleets.cluster import Place
     from clutchid.processes import check_workers
 
     check_workers(pool.workers)
@@ -144,7 +144,7 @@ def _place(pool: WorkerLimits, where: Scheduler) -> Place:
 
 
 def _run(place: Place, todo: list[Task], kept: Store) -> None:
-    from clutchid.fleet.run import compile_first, run
+    from clutchid.fleets.run import compile_first, run
 
     if not place.scheduler:
         with progress_bar("fleet"):
@@ -157,8 +157,8 @@ def _written(
     found: Fleet, kept: Store, out: Path, ends: dict[str, Limits], *, trends: bool
 ) -> tuple[Counter[str], int]:
     """Write tables and pages; recordings by status, and the number of vehicles."""
-    from clutchid.fleet.output import write_results
-    from clutchid.fleet.vehicles import vehicles_of, write_vehicles
+    from clutchid.fleets.output import write_results
+    from clutchid.fleets.vehicles import vehicles_of, write_vehicles
 
     command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
     statuses = write_results(found, kept, out)
@@ -167,7 +167,7 @@ def _written(
 
 def _limits(found: Fleet, start: Path, shift: float | None) -> dict[str, Limits]:
     """What ends a life, by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
-    from clutchid.fleet.tracking import Limits
+    from clutchid.fleets.tracking import Limits
     from clutchid.wear.tables import read_wear_table
 
     tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in found.jobs}}

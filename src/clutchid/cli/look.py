@@ -17,8 +17,8 @@ from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.io.look.overview import Look
-    from clutchid.io.map.channel_map import ChannelMap
+    from clutchid.recordings.look.overview import Look
+    from clutchid.recordings.map.channel_map import ChannelMap
 
 
 def look(
@@ -53,8 +53,8 @@ def look(
     """
 
     def work() -> int:
-        from clutchid.io.look.look import look as look_at
-        from clutchid.io.map.channel_map import read_map, write_map
+        from clutchid.recordings.look.look import look as look_at
+        from clutchid.recordings.map.channel_map import read_map, write_map
 
         check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
         content = None if start is None else start_file(start, None)
@@ -81,8 +81,8 @@ def _checks(
 
     A file that needs a channel map and has none is read with the proposed one.
     """
-    from clutchid.inspection import inspect
-    from clutchid.io import read_pieces
+    from clutchid.preparation.inspection import inspect
+    from clutchid.recordings import read_pieces
 
     if contents.problems:
         return "\nNot checked: the recording has problems."

@@ -17,8 +17,8 @@ from clutchid.workflow import Reading, inspected, read_recordings
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
-    from clutchid.observe.recording import ObservedRecording
-    from clutchid.strokes.vented_rest import Zero
+    from clutchid.observer.recording import ObservedRecording
+    from clutchid.recordings.strokes.vented_rest import Zero
 
 
 def observe(
@@ -123,8 +123,8 @@ def _checked(path: Path, content: ParameterFile, reading: Reading, force: bool, 
 
 def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
     """The recording with its warnings; one that is too slow is bad input unless it is forced."""
-    from clutchid.observe.recording import too_slow
-    from clutchid.observe.supply import unused_supply
+    from clutchid.observer.recording import too_slow
+    from clutchid.observer.supply import unused_supply
 
     slow = too_slow(log, content.actuator)
     if slow and not force:
@@ -134,9 +134,9 @@ def _fast_enough(log: Log, content: ParameterFile, force: bool) -> Log:
 
 
 def _followed(log: Log, content: ParameterFile, options: LiveOptions) -> ObservedRecording:
-    from clutchid.observe.observer import observer
-    from clutchid.observe.recording import observe_recording, spacing
-    from clutchid.observe.state_file import read_state, saved_spacing
+    from clutchid.observer.observer import observer
+    from clutchid.observer.recording import observe_recording, spacing
+    from clutchid.observer.state_file import read_state, saved_spacing
 
     resume = options.resume
     every = spacing(log) if resume is None else saved_spacing(resume)

@@ -17,10 +17,10 @@ from clutchid.errors import ExportError
 if TYPE_CHECKING:
     from clutchid.cli.observe_output import Files
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.io.spool import Add
     from clutchid.log import Log
-    from clutchid.observe.live import LiveRun
-    from clutchid.observe.recording import ObservedRecording
+    from clutchid.observer.live import LiveRun
+    from clutchid.observer.recording import ObservedRecording
+    from clutchid.recordings.spool import Add
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Kept:
         ExportError
             If the file cannot be begun.
         """
-        from clutchid.io.spool import spooled
+        from clutchid.recordings.spool import spooled
 
         begun, open_, before = False, True, _number(path)
         try:
@@ -74,7 +74,7 @@ class Kept:
 
     def cut(self, left: Sequence[Path], time: float) -> None:
         """Cut from files that an earlier run left what comes again, from a time in s on."""
-        from clutchid.io.spool import cut_behind
+        from clutchid.recordings.spool import cut_behind
 
         for path in left:
             try:
@@ -84,7 +84,7 @@ class Kept:
 
     def save(self, path: Path | None, run: LiveRun) -> None:
         """Save the state while the recording goes on, if it is asked for."""
-        from clutchid.observe.state_file import write_state
+        from clutchid.observer.state_file import write_state
 
         if path is not None:
             try:
@@ -121,7 +121,7 @@ def _number(path: Path) -> int | None:
 
 def offer(files: Files) -> list[Path]:
     """What an earlier run left that ended without writing its files; says so, and how to go on from it."""
-    from clutchid.io.spool import recovered
+    from clutchid.recordings.spool import recovered
 
     found = [path for each in (files.out, files.by_stroke) for path in recovered(each)]
     if not found:

@@ -33,18 +33,18 @@ from clutchid.cli.observe_sinks import (
     view,
 )
 from clutchid.errors import DataError, ExportError, ParameterError
-from clutchid.io.live.bus import BusName, bus_name
 from clutchid.log import INPUTS, Log
 from clutchid.names import printable
+from clutchid.recordings.live.bus import BusName, bus_name
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.io.live.arrival import LiveBlock
-    from clutchid.observe.live import LiveRun
-    from clutchid.observe.observer import Observer
-    from clutchid.observe.state import ObserverState
-    from clutchid.observe.tail import Tail
-    from clutchid.strokes.vented_rest import Zero
+    from clutchid.observer.live import LiveRun
+    from clutchid.observer.observer import Observer
+    from clutchid.observer.state import ObserverState
+    from clutchid.observer.tail import Tail
+    from clutchid.recordings.live.arrival import LiveBlock
+    from clutchid.recordings.strokes.vented_rest import Zero
 
 #: What stands for standard input, and for standard output.
 STANDARD_INPUT = STANDARD_OUTPUT = "-"
@@ -149,7 +149,7 @@ def _answered(
 
 
 def _check_format(files: Files) -> None:
-    from clutchid.io.spool import SPOOLED
+    from clutchid.recordings.spool import SPOOLED
 
     if files.out.suffix.lower() not in SPOOLED:
         raise ExportError(f"--out {files.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
@@ -182,12 +182,12 @@ def stop_signals() -> Iterator[Stopped]:
 
 def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Generator[LiveBlock]:
     """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
-    from clutchid.io.live.bus import from_bus
-    from clutchid.io.live.bus_recording import bus_blocks
-    from clutchid.io.live.feed import from_descriptor, from_growing_file
-    from clutchid.io.live.text_recording import text_blocks
-    from clutchid.io.map.channel_map import read_map
-    from clutchid.observe.state_file import saved_origin
+    from clutchid.observer.state_file import saved_origin
+    from clutchid.recordings.live.bus import from_bus
+    from clutchid.recordings.live.bus_recording import bus_blocks
+    from clutchid.recordings.live.feed import from_descriptor, from_growing_file
+    from clutchid.recordings.live.text_recording import text_blocks
+    from clutchid.recordings.map.channel_map import read_map
 
     channels = None if options.channel_map is None else read_map(options.channel_map)
     equipment = content.actuator.equipment
@@ -224,8 +224,8 @@ def _followed(
 
     `left` are files of an earlier run; what comes again is cut from them where this one goes on from it.
     """
-    from clutchid.observe.live import checked, gone_on, live_run
-    from clutchid.observe.recording import no_sample
+    from clutchid.observer.live import checked, gone_on, live_run
+    from clutchid.observer.recording import no_sample
 
     first = next(blocks)
     one, state = _start(first, content, options)
@@ -265,9 +265,9 @@ def _followed(
 
 def _start(first: LiveBlock, content: ParameterFile, options: LiveOptions) -> tuple[Observer, ObserverState]:
     """The observer for a recording with these first samples, and the state that it starts from."""
-    from clutchid.observe.observer import observer, start
-    from clutchid.observe.recording import check_pace, spacing
-    from clutchid.observe.state_file import read_state, saved_spacing
+    from clutchid.observer.observer import observer, start
+    from clutchid.observer.recording import check_pace, spacing
+    from clutchid.observer.state_file import read_state, saved_spacing
 
     every = spacing(first.log) if options.resume is None else saved_spacing(options.resume)
     one = observer(content.actuator, options.method, every, content.calibration, options.zero)

@@ -19,7 +19,7 @@ from clutchid.workflow import start_file
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
-    from clutchid.observe.recording import ObservedRecording
+    from clutchid.observer.recording import ObservedRecording
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Files:
 
     def write(self, run: ObservedRecording, content: ParameterFile) -> None:
         """Write all files."""
-        from clutchid.io import write
+        from clutchid.recordings import write
 
         write(run.estimates(), self.out)
         write(run.load_by_stroke(), self.by_stroke)
@@ -71,8 +71,8 @@ class Files:
 
     def rest(self, run: ObservedRecording, content: ParameterFile) -> list[tuple[Path, Callable[[Path], None]]]:
         """Paths of the state and of the page, those that are asked for, and the functions that write them."""
-        from clutchid.observe.state_file import write_state
-        from clutchid.report.observe_page import observe_page
+        from clutchid.observer.state_file import write_state
+        from clutchid.reports.observe_page import observe_page
 
         origin = origin_of(run.log)
         command = printable(f"clutchid {shlex.join(sys.argv[1:])}")
@@ -85,14 +85,14 @@ class Files:
 
 def origin_of(log: Log) -> float | None:
     """Stamp of the bus in s that is the time 0 of a live recording, None for any other recording."""
-    from clutchid.io.live.bus_recording import ORIGIN
+    from clutchid.recordings.live.bus_recording import ORIGIN
 
     return float(log.metadata[ORIGIN]) if ORIGIN in log.metadata else None
 
 
 def calibration_file(path: Path) -> ParameterFile:
     """The calibration, whose file must have a load."""
-    from clutchid.io.toml_file import read_toml
+    from clutchid.recordings.toml_file import read_toml
 
     content = start_file(path, None)
     if not set(read_toml(path, "parameter file").get("parameters", {})) & set(content.actuator.load.names):
@@ -124,8 +124,8 @@ def answer(
     moved
         Places of files that could not be written where they were asked for; None is nowhere.
     """
-    from clutchid.report.observe_json import observe_json
-    from clutchid.report.observe_text import end_rows, observe_sentence
+    from clutchid.reports.observe_json import observe_json
+    from clutchid.reports.observe_text import end_rows, observe_sentence
 
     if as_json:
         ended = dict(zip(("status", "message"), trouble, strict=True)) if trouble[1] else {}

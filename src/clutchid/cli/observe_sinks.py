@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Protocol, TextIO
 from clutchid.cli.terminal import discard_output, printable_lines, put
 
 if TYPE_CHECKING:
-    from clutchid.io.live.bus import BusName
-    from clutchid.observe.live import LiveRun
-    from clutchid.observe.recording import ObservedRecording
+    from clutchid.observer.live import LiveRun
+    from clutchid.observer.recording import ObservedRecording
+    from clutchid.recordings.live.bus import BusName
 
 #: Takes the recording before a block, after it, and the block.
 Sink = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
@@ -45,7 +45,7 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Sink]:
     Where standard output is closed, full or fails, the recording goes on without it; where nobody reads it, what does
     not fit is left out until somebody does. Once `stopped`, nothing waits for a reader.
     """
-    from clutchid.report.observe_lines import observe_lines
+    from clutchid.reports.observe_lines import observe_lines
 
     with _own_descriptor(sys.stdout) as descriptor:
         send = _as_printed if descriptor is None else _sender(descriptor, stopped)
@@ -150,14 +150,14 @@ def _sent(descriptor: int, text: bytes, stopped: Stopped, patience: float) -> by
 
 @contextmanager
 def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Stopped) -> Iterator[Sink]:
-    """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.report.observe_frames.PERIOD`.
+    """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.reports.observe_frames.PERIOD`.
 
     Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
     the bus is open.
     """
-    from clutchid.io.files import write_text
-    from clutchid.io.live.bus import sender
-    from clutchid.report.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
+    from clutchid.recordings.files import write_text
+    from clutchid.recordings.live.bus import sender
+    from clutchid.reports.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
 
     sent, failed = 0, False
     with sender(name, stopped) as send:
@@ -206,7 +206,7 @@ def view(stopped: Stopped) -> Iterator[Sink]:
     from rich.live import Live
     from rich.text import Text
 
-    from clutchid.report.observe_view import observe_view
+    from clutchid.reports.observe_view import observe_view
 
     shown = -FRAME
     last: Callable[[], Text] | None = None

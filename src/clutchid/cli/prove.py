@@ -55,9 +55,9 @@ def prove(
     """
 
     def work() -> int:
-        from clutchid.fleet.cluster import Place
-        from clutchid.io.files import write_text
-        from clutchid.report.tables import to_csv, to_text
+        from clutchid.fleets.cluster import Place
+        from clutchid.recordings.files import write_text
+        from clutchid.reports.tables import to_csv, to_text
         from clutchid.study.proving.ground import Conditions, kept
         from clutchid.study.proving.ground import prove as run
         from clutchid.study.proving.standings import every_recording, standings

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.estimation.parameter_tables import Starts
     from clutchid.log import Log
+    from clutchid.recordings.strokes.vented_rest import Rested
     from clutchid.simulation import Partition, Simulation
-    from clutchid.strokes.vented_rest import Rested
 
 
 def simulate(
@@ -86,7 +86,7 @@ def simulate(
     """
 
     def work() -> int:
-        from clutchid.io import write
+        from clutchid.recordings import write
         from clutchid.simulation import simulate as simulate_log
 
         check_outputs({"--out": out}, _inputs(log, parameters, band))
@@ -117,8 +117,8 @@ def _moved(rested: Rested) -> tuple[str, ...]:
 def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path, json: bool) -> None:
     """Print the errors of the simulation against what was measured, and its warnings."""
     from clutchid.estimation.result import errors_over
-    from clutchid.report.fit_json import errors_json
-    from clutchid.report.fit_text import errors_text
+    from clutchid.reports.fit_json import errors_json
+    from clutchid.reports.fit_text import errors_text
 
     errors = errors_over([(recording, done.log)]) if "position" in recording else None
     distinct = list(dict.fromkeys(warnings))
@@ -141,8 +141,8 @@ def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, P
 def _banded(simulated: Log, others: list[Log], content: ParameterFile, partition: Partition | None) -> Log:
     """`simulated` with an interval of its pressure from the recordings `others`, simulated in the same way."""
     from clutchid.estimation.verification import starts_of
+    from clutchid.inference.uncertainty.switching_band import switching_band
     from clutchid.simulation import simulate as simulate_log
-    from clutchid.uncertainty.switching_band import switching_band
 
     known = []
     for other in others:

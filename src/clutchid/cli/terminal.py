@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.report.summary import Row
+    from clutchid.reports.summary import Row
 
 #: Most columns of a terminal that are used.
 WIDTH = 80

@@ -17,7 +17,7 @@ from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.fleet.tracking import Tracked
+    from clutchid.fleets.tracking import Tracked
 
 
 def track(
@@ -76,8 +76,8 @@ def track(
 
     def work() -> int:
         from clutchid import workflow
-        from clutchid.fleet import tracking
-        from clutchid.fleet.reading import How
+        from clutchid.fleets import tracking
+        from clutchid.fleets.reading import How
         from clutchid.wear.tables import read_table, read_wear_table
 
         shift = life_limit(limit)
@@ -98,8 +98,8 @@ def track(
 
 
 def _write(found: Tracked, out: Path, report: Path | None) -> None:
-    from clutchid.fleet.tracking import write_tracked
-    from clutchid.report.wear_page import wear_page
+    from clutchid.fleets.tracking import write_tracked
+    from clutchid.reports.wear_page import wear_page
 
     write_tracked(found, out)
     if report is not None:
@@ -108,8 +108,8 @@ def _write(found: Tracked, out: Path, report: Path | None) -> None:
 
 def _say(found: Tracked, written: Sequence[Path | None], *, as_json: bool) -> None:
     """Print the result, warnings apart."""
-    from clutchid.report.wear_json import wear_json
-    from clutchid.report.wear_text import wear_lines
+    from clutchid.reports.wear_json import wear_json
+    from clutchid.reports.wear_text import wear_lines
 
     if as_json:
         print_json(wear_json(found.wear))

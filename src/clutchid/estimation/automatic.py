@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.errors import DataError
+from clutchid.inference.uncertainty.coordinates import Prior, far_stop
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.parameters import in_order
 from clutchid.preparation.carrier import centred, find_carrier
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
-from clutchid.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
-from clutchid.signals.excitation import VENTED_POSITION
-from clutchid.signals.sampled import runs
-from clutchid.uncertainty.coordinates import Prior, far_stop
+from clutchid.recordings.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
+from clutchid.recordings.signals.excitation import VENTED_POSITION
+from clutchid.recordings.signals.sampled import runs
 
 #: The default model of a calibration, and the one in its place where the valves have a carrier.
 AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balance-stribeck"

@@ -22,16 +22,9 @@ from clutchid.estimation.search_result import SearchMethod, SearchResult, Soluti
 from clutchid.estimation.search_state import Continuation
 from clutchid.estimation.slow_logs import with_slow_logs
 from clutchid.estimation.verification import on_samples
-from clutchid.log import Log
-from clutchid.model.actuator import Actuator
-from clutchid.names import ParameterName, base_of
-from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress
-from clutchid.preparation.prepare import FROM_POSITION_ALONE
-from clutchid.smoother.problem import FitProblem
-from clutchid.strokes.vented_rest import merged, vented_rest
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.conditions import (
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import (
     CONDITIONS,
     Conditions,
     assumed_conditions,
@@ -39,8 +32,15 @@ from clutchid.uncertainty.conditions import (
     conditions_of,
     with_estimated_supply,
 )
-from clutchid.uncertainty.consider import calibrated_deviation
-from clutchid.uncertainty.coordinates import Prior
+from clutchid.inference.uncertainty.consider import calibrated_deviation
+from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.log import Log
+from clutchid.model.actuator import Actuator
+from clutchid.names import ParameterName, base_of
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+from clutchid.preparation.prepare import FROM_POSITION_ALONE
+from clutchid.recordings.strokes.vented_rest import merged, vented_rest
 
 
 def fit_with_priors(
@@ -98,7 +98,7 @@ def _with_calibration(
     progress: Progress | None,
 ) -> Fit:
     """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""
-    from clutchid.observe.usual import usual_nis  # on use: readings do without an observer
+    from clutchid.observer.usual import usual_nis  # on use: readings do without an observer
 
     kept = calibration_of(result, actuator)
     simulated = [result.recordings[log.name].simulated for log in logs]

@@ -19,7 +19,7 @@ class Change:
     probability : 1
         That its group has changed.
     group : str
-        Parameters that change together, see `clutchid.uncertainty.change_prior`.
+        Parameters that change together, see `clutchid.inference.uncertainty.change_prior`.
     """
 
     recording: str

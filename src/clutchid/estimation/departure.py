@@ -8,12 +8,12 @@ import numpy as np
 
 from clutchid.estimation.changes import Departure
 from clutchid.estimation.problem import with_hypothesis
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import GROUPS
-from clutchid.signals.excitation import HOLD_SPEED, SLOW_WINDOW
-from clutchid.signals.sampled import velocity
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration
+from clutchid.recordings.signals.excitation import HOLD_SPEED, SLOW_WINDOW
+from clutchid.recordings.signals.sampled import velocity
 
 
 def departure(

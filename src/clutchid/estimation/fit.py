@@ -15,16 +15,16 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.estimation.verification import on_samples, verified
 from clutchid.estimation.zero import with_rests
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
 from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.simulation.inputs import with_inputs
 from clutchid.simulation.partition import Partition
-from clutchid.strokes.vented_rest import Zero, from_rest
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.coordinates import Prior
 
 MethodName = Literal["simulation", "shooting", "prediction-error"]
 
@@ -82,7 +82,7 @@ def fit(
         By default that of the calibration, or 'prediction-error' if duty cycles change between the samples; without a
         calibration 'shooting' if 'auto', priors or parameters of single recordings need it, else 'simulation'.
     priors : {name: Prior}, optional
-        Priors in SI; defaults in `clutchid.uncertainty.coordinates`.
+        Priors in SI; defaults in `clutchid.inference.uncertainty.coordinates`.
     calibration : Calibration, optional
         ``fit.calibration`` of a fit with pressure, by the same method, for this actuator.
     profile : names
@@ -156,7 +156,7 @@ def _several(logs: LogOrPath | Sequence[LogOrPath]) -> list[LogOrPath]:
 
 def _read(logs: Sequence[LogOrPath], actuator: Actuator) -> list[Log]:
     """The logs, with those read that are given as paths; a `DataError` lists the problems of all files."""
-    from clutchid.io import read, read_each
+    from clutchid.recordings import read, read_each
 
     ambient, required = actuator.parameters.P_0, ("time", "position", *actuator.equipment.recorded)
     return read_each(logs, lambda log: log if isinstance(log, Log) else read(log, ambient=ambient, required=required))

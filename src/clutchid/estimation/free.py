@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from clutchid.errors import ParameterError
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.model.actuator import Actuator
 from clutchid.names import EVERY_RECORDING, ParameterName, base_of, unknown_name
-from clutchid.uncertainty.coordinates import Prior
 
 #: Default bounds of a magnitude and of an own parameter: this factor below and above the start value. The others have
 #: their whole range; where its lower end does not belong to it, the distance to that end may shrink by this factor.

@@ -1,7 +1,7 @@
 """What may have changed since a calibration, as hypotheses that are weighed by their evidence.
 
-The load is read from position alone under each hypothesis of `clutchid.uncertainty.change_prior`. All are first judged
-by the linearisation of the most probable one so far; a search follows only for those that may matter.
+The load is read from position alone under each hypothesis of `clutchid.inference.uncertainty.change_prior`. All are
+first judged by the linearisation of the most probable one so far; a search follows only for those that may matter.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ import numpy as np
 
 from clutchid.estimation.problem import with_hypothesis
 from clutchid.estimation.search_result import Hypotheses, SearchResult, SolutionT
+from clutchid.inference.smoother.problem import FitProblem, prior_rows
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES, LOG_ODDS_TOGETHER, Hypothesis, log_odds
+from clutchid.inference.uncertainty.coordinates import Coordinate
+from clutchid.inference.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
-from clutchid.smoother.problem import FitProblem, prior_rows
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import HYPOTHESES, LOG_ODDS_TOGETHER, Hypothesis, log_odds
-from clutchid.uncertainty.coordinates import Coordinate
-from clutchid.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
 
 #: A hypothesis is searched if its probability may be above this.
 LEAST_PROBABILITY = 0.05
@@ -30,8 +30,9 @@ LEAST_PROBABILITY = 0.05
 class Explanation(Generic[SolutionT]):
     """The recordings explained under a hypothesis: search, and factor ``[R | q]`` of the data at its solution.
 
-    Where the dispersion of the data, see `clutchid.smoother.residuals`, is above 1, their rows are divided by its root;
-    `scatter` is the dispersion where it is below. Weighting such data more made the loads of changed trucks worse.
+    Where the dispersion of the data, see `clutchid.inference.smoother.residuals`, is above 1, their rows are divided by
+    its root; `scatter` is the dispersion where it is below. Weighting such data more made the loads of changed trucks
+    worse.
     """
 
     result: SearchResult[SolutionT]

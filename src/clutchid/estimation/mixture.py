@@ -10,11 +10,11 @@ import numpy as np
 from clutchid.estimation.changes import Change
 from clutchid.estimation.hypotheses import Explanations, errors_in_x, flattened, probabilities
 from clutchid.estimation.search_result import SolutionT
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES, Hypothesis, prior_probability
 from clutchid.log import FloatArray
 from clutchid.parameters import GROUPS, Row
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import HYPOTHESES, Hypothesis, prior_probability
 
 #: Part of the errors of a fit to position alone that is different in another recording.
 ERRORS_REPEAT = 0.5

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.estimation.result import Estimate, Fit, LoadCurve, Recording, errors_over
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import base_of
 from clutchid.numerics.interval import QUANTILE
 from clutchid.simulation.plan import Plan
 from clutchid.simulation.simulation import simulated_log
-from clutchid.uncertainty.calibration import Calibration
 
 #: Points of a load curve, from 0 to the full stroke.
 POINTS = 101

@@ -26,18 +26,18 @@ from clutchid.estimation.parameter_tables import (
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.estimation.search_state import Continuation, SearchState
-from clutchid.io.files import small_file, write_text
-from clutchid.io.records import Rule, covariance_problem, plain, read, table
-from clutchid.io.toml_file import LARGEST, toml_of
+from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
-from clutchid.strokes.vented_rest import Rested, from_rest
-from clutchid.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
+from clutchid.recordings.files import small_file, write_text
+from clutchid.recordings.records import Rule, covariance_problem, plain, read, table
+from clutchid.recordings.strokes.vented_rest import Rested, from_rest
+from clutchid.recordings.toml_file import LARGEST, toml_of
 
-#: Suffixes of files for MATLAB, which `clutchid.report.matlab` writes and nothing reads.
+#: Suffixes of files for MATLAB, which `clutchid.reports.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")
 
 #: No standard deviation is larger, in SI: ten times the largest admissible value, that of a stiffness.
@@ -200,7 +200,7 @@ def started(content: ParameterFile, request: FitRequest) -> FitRequest:
 
 
 def parameter_file(fitted: Fit, trust: str) -> ParameterFile:
-    """Contents of a parameter file for a fit with a `trust`, see `clutchid.assess.verdict`."""
+    """Contents of a parameter file for a fit with a `trust`, see `clutchid.estimation.assess.verdict`."""
     about = {
         "format": FORMAT,
         "status": fitted.status,

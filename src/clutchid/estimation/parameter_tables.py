@@ -9,7 +9,6 @@ from dataclasses import fields
 from typing import Any, Literal, NamedTuple
 
 from clutchid.errors import ParameterError
-from clutchid.io.records import Rule, collected, read, table
 from clutchid.model.actuator import Actuator
 from clutchid.model.b_spline import DEFAULT_KNOTS
 from clutchid.model.compiled import Model
@@ -18,7 +17,8 @@ from clutchid.model.own import OwnModel
 from clutchid.model.weighted_load import MOST_KNOTS, Load
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
-from clutchid.strokes.vented_rest import FURTHEST
+from clutchid.recordings.records import Rule, collected, read, table
+from clutchid.recordings.strokes.vented_rest import FURTHEST
 
 #: The entry of ``[actuator]`` that is no field of `Equipment`: a constant load in N, against positive motion.
 _GRAVITY = "gravity_load"

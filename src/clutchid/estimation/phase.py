@@ -12,6 +12,8 @@ import numpy as np
 from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.prediction_error.problem import predict_errors
 from clutchid.estimation.problem import fit_problem
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
@@ -21,8 +23,6 @@ from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare
 from clutchid.preparation.pulses import Duties, FindPhase, duties_in, find_phase
 from clutchid.simulation.stiffness import stiffness
 from clutchid.simulation.windows import tracks, with_window_steps
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration
 
 #: Phases that are tried, Gauss-Newton steps at each, and the length in s of the part of a recording that they are tried
 #: on. Provenance: docs/derivations.md.

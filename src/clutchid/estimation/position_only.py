@@ -10,12 +10,12 @@ from clutchid.estimation.departure import misfit
 from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.hypotheses import explanation
 from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult, SolutionT
+from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.inference.uncertainty.change_prior import HYPOTHESES, Hypothesis
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
-from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.uncertainty.change_prior import HYPOTHESES, Hypothesis
 
 
 def position_only_errors(

@@ -11,14 +11,14 @@ from clutchid.estimation.outcome import Compared, load_curve, physical_limits, p
 from clutchid.estimation.result import Estimate, Fit, errors_over
 from clutchid.estimation.search_result import SearchResult, SolutionT
 from clutchid.estimation.search_state import SearchState, ended
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.consider import DEVIATION_FACTOR
+from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.inference.uncertainty.identifiability import listed
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.consider import DEVIATION_FACTOR
-from clutchid.uncertainty.coordinates import Prior
-from clutchid.uncertainty.identifiability import listed
 
 #: A parameter is not identifiable if its standard deviation exceeds this fraction of that of its prior.
 PRIOR_DOMINATES = 0.9

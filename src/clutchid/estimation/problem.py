@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.estimation.free import FreeParameters
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import Hypothesis, change_covariance, change_priors
+from clutchid.inference.uncertainty.conditions import known_conditions
+from clutchid.inference.uncertainty.coordinates import CURVATURE, Prior, coordinates, far_stop
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, MARGIN, prepare, tracks_with_steps
 from clutchid.preparation.pulses import FindPhase, find_phase
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import Plan
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import Hypothesis, change_covariance, change_priors
-from clutchid.uncertainty.conditions import known_conditions
-from clutchid.uncertainty.coordinates import CURVATURE, Prior, coordinates, far_stop
-from clutchid.uncertainty.noise import Noise
 
 
 def fit_problem(

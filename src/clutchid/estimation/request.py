@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 from clutchid.errors import ParameterError
 from clutchid.estimation.search_state import Continuation
-from clutchid.measured import MEASURED
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.log.measured import MEASURED
 from clutchid.names import EVERY_RECORDING, ParameterName, unknown_name
+from clutchid.recordings.strokes.vented_rest import VentedRest, Zero
 from clutchid.simulation.partition import Partition
-from clutchid.strokes.vented_rest import VentedRest, Zero
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.coordinates import Prior
 
 #: Fewest draws of a bootstrap for a standard deviation.
 FEWEST_DRAWS = 10

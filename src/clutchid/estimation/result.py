@@ -12,11 +12,11 @@ import numpy as np
 from clutchid.errors import SolveError
 from clutchid.estimation.changes import Change, Departure
 from clutchid.estimation.search_state import SearchState
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.strokes.vented_rest import RestShift
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.conditions import Assumption
+from clutchid.recordings.strokes.vented_rest import RestShift
 
 if TYPE_CHECKING:
     import polars as pl
@@ -147,7 +147,7 @@ class Fit:
     assumed: tuple[Assumption, ...] = ()
     readings: Mapping[str, Fit] = field(default_factory=dict)
 
-    if TYPE_CHECKING:  # attached by `clutchid.attached`
+    if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`
 
         @property
         def evidence(self) -> Any: ...

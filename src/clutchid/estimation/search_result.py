@@ -8,14 +8,14 @@ from typing import Generic, Literal, Protocol, TypeVar
 
 from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.result import Fit
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.smoother.search import UNLIMITED, Effort
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.plan import Plan
-from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.search import UNLIMITED, Effort
-from clutchid.uncertainty.calibration import Calibration
 
 
 class Solution(Protocol):
@@ -58,8 +58,8 @@ class Hypotheses(Generic[SolutionT]):
     """How a method of search weighs hypotheses about what has changed.
 
     `cost` is that of a solution. `refine` goes on from a result with another prior, from x; `data_factor` is the
-    triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of `clutchid.smoother.residuals`;
-    `settle` moves a solution to x, with the states that belong to it.
+    triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of
+    `clutchid.inference.smoother.residuals`; `settle` moves a solution to x, with the states that belong to it.
     """
 
     cost: Callable[[SolutionT], float]

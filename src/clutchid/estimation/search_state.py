@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from clutchid.uncertainty.coordinates import Prior
+from clutchid.inference.uncertainty.coordinates import Prior
 
 SearchStatus = Literal["converged", "stalled", "limit"]
 

@@ -11,7 +11,7 @@ from clutchid.estimation.result import Fit
 from clutchid.log import Log
 from clutchid.names import base_of
 from clutchid.numerics.interval import QUANTILE
-from clutchid.signals.duty_cycle import is_slow
+from clutchid.recordings.signals.duty_cycle import is_slow
 
 #: Standard deviation of a load that is read from a slow recording, as a share of it, beside that of a recording with
 #: every change of the duty cycles. Provenance: `benchmarks/slow_logs.py`, docs/derivations.md, "What a slow log

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from clutchid.estimation.result import Fit, Recording
-from clutchid.strokes.vented_rest import Rested
+from clutchid.recordings.strokes.vented_rest import Rested
 
 
 def with_rests(result: Fit, rested: Sequence[Rested]) -> Fit:

@@ -9,14 +9,14 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.measured import SENSOR_PARAMETERS
+from clutchid.log.measured import SENSOR_PARAMETERS
+from clutchid.log.states import State
 from clutchid.model.compiled import Model, check_model, kernels, parameter_names, state_rows
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter
 from clutchid.model.weighted_load import Load, in_metres
 from clutchid.names import unknown_name
 from clutchid.parameters import Parameters, Row
-from clutchid.states import State
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any, TypeAlias
 
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.system import System
+from clutchid.log.states import STATES, State
 from clutchid.model.own.model import OwnModel
 from clutchid.model.variants import VARIANTS, check_variant, variant_system
 from clutchid.parameters import Parameters
-from clutchid.states import STATES, State
 
 #: A variant by name, or a model of the user's own.
 Model: TypeAlias = str | OwnModel

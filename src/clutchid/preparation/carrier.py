@@ -14,7 +14,7 @@ from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.numerics.threads import map_pairs
-from clutchid.signals.duty_cycle import duty_grid, on_off, resolves_carrier
+from clutchid.recordings.signals.duty_cycle import duty_grid, on_off, resolves_carrier
 from clutchid.simulation.inputs import carrier
 
 #: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.

@@ -14,17 +14,17 @@ from enum import Enum
 
 import numpy as np
 
+from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
 from clutchid.preparation.time_grid import in_clock, interpolated, latched
-from clutchid.signals.duty_cycle import grid_phase, is_slow, on_off, resolves_carrier
+from clutchid.recordings.signals.duty_cycle import grid_phase, is_slow, on_off, resolves_carrier
 from clutchid.simulation import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.sensors import without_sensors
 from clutchid.simulation.stiffness import stiffness
-from clutchid.uncertainty.coordinates import coordinates
 
 #: Shortest period in samples with duty cycles of its own: in a sample of 10 ms the middle of a period of 2 ms is known
 #: to 1 ms, as are the time stamps.

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from clutchid.log import HOLE, FloatArray, Log
+from clutchid.recordings.signals.sampled import runs, velocity
 from clutchid.rig.compiled import NAMES, kernels
-from clutchid.signals.sampled import runs, velocity
 
 #: Least number of samples of a segment.
 _FEWEST = 10

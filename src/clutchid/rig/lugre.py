@@ -8,14 +8,16 @@ from typing import Literal
 
 import numpy as np
 
-from clutchid.assess.diagnostics import fit_percent
 from clutchid.errors import DataError, ParameterError
+from clutchid.estimation.assess.diagnostics import fit_percent
 from clutchid.estimation.result import Estimate
 from clutchid.estimation.search_state import ended
+from clutchid.inference.uncertainty.covariance import Covariance, sandwich
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.names import unknown_name
 from clutchid.numerics.least_squares import Solution, minimise
 from clutchid.parameters import Parameters
+from clutchid.recordings.signals.residual_colour import effective_samples
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import Segment, free_run, segments
 from clutchid.rig.lugre_problem import (
@@ -29,8 +31,6 @@ from clutchid.rig.lugre_problem import (
     starts,
 )
 from clutchid.rig.lugre_warnings import DAMPINGS, at_bound, poor, softened, unit_of
-from clutchid.signals.residual_colour import effective_samples
-from clutchid.uncertainty.covariance import Covariance, sandwich
 
 #: Half window in s over which the velocity is computed; averages quantisation and noise of the position sensor.
 WINDOW = 0.02

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.least_squares import Linearisation, compress
+from clutchid.recordings.signals.sampled import velocity
 from clutchid.rig.compiled import NAMES
 from clutchid.rig.free_run import Segment, free_run, segments
-from clutchid.signals.sampled import velocity
 
 #: Parameters that a fit estimates or keeps fixed: the friction, and the zero of the load cell.
 FREE = (*NAMES, "force_zero")

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from clutchid.log import HOLE, FloatArray, Log
-from clutchid.signals.sampled import runs, velocity
+from clutchid.recordings.signals.sampled import runs, velocity
 
 #: Fractions of the reach between which a stroke is averaged: without pre-sliding and the reversals at its ends.
 BAND = (0.3, 0.8)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import HOLE, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.signals.excitation import VENTED_POSITION
+from clutchid.recordings.signals.excitation import VENTED_POSITION
 from clutchid.simulation.inputs import held_inputs, input_span
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps

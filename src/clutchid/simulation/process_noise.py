@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.log.states import NOISE_SPAN
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import Segment
-from clutchid.states import NOISE_SPAN
-from clutchid.uncertainty.noise import Noise
 
 
 def process_noise(segment: Segment, actuator: Actuator, noise: Noise) -> FloatArray:

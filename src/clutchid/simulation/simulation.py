@@ -49,7 +49,7 @@ class Simulation:
         sensitivities = f"; sensitivities to {', '.join(self.sensitivities)}" if self.sensitivities else ""
         return f"Simulation({self.status}: {self.message}; {self.log!r}{sensitivities})"
 
-    if TYPE_CHECKING:  # attached by `clutchid.attached`
+    if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`
 
         def plot(self) -> Figure: ...
 
@@ -146,7 +146,7 @@ def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
 
 
 def _read(path: str | PathLike[str], actuator: Actuator) -> Log:
-    from clutchid.io import read
+    from clutchid.recordings import read
 
     return read(path, ambient=actuator.parameters.P_0, required=("time", *actuator.equipment.recorded))
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.io.files import write_text
 from clutchid.log import COLUMNS, FloatArray, Log
+from clutchid.recordings.files import write_text
 from clutchid.truck.families import family_of
 from clutchid.truck.load_table import LoadCurve
 from clutchid.truck.running import Run

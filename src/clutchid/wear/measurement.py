@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from clutchid.assess.comparison import comparison
-from clutchid.assess.engaging import Measurement, change_of, measured
-from clutchid.assess.verdict import verdict
+from clutchid.estimation.assess.comparison import comparison
+from clutchid.estimation.assess.engaging import Measurement, change_of, measured
+from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
-from clutchid.strokes.vented_rest import RestShift
+from clutchid.recordings.strokes.vented_rest import RestShift
 
 __all__ = ["Leak", "Measurement", "Reading", "leak_of", "measured", "unmeasured"]
 

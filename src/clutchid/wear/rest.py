@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from clutchid.log import FloatArray
-from clutchid.strokes.vented_rest import RestShift
+from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.wear.measurement import Measurement
 from clutchid.wear.settings import FALL, FALSE_ALARMS, FASTER
 

@@ -15,8 +15,8 @@ from typing import TypeVar
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.io.files import small_file
 from clutchid.log import FloatArray
+from clutchid.recordings.files import small_file
 from clutchid.wear.history import Listed
 from clutchid.wear.trend import WearTable
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from clutchid.assess.engaging import SHARES, WORTH
+from clutchid.estimation.assess.engaging import SHARES, WORTH
 from clutchid.log import FloatArray
 from clutchid.wear.measurement import Measurement
 from clutchid.wear.settings import FALSE_ALARMS, GROWTH, REFERENCE, SCATTER

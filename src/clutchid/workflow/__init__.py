@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from clutchid.model.compiled import Model
     from clutchid.model.equipment import Equipment
     from clutchid.numerics.least_squares import Progress
-    from clutchid.strokes.vented_rest import VentedRest, Zero
+    from clutchid.recordings.strokes.vented_rest import VentedRest, Zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +57,17 @@ def read_recordings(
     DataError
         The text lists the problems of all files.
     """
-    from clutchid.io import read, read_each
+    from clutchid.recordings import read, read_each
 
     channels = None
     if reading.channel_map is not None:
-        from clutchid.io.map.channel_map import read_map
+        from clutchid.recordings.map.channel_map import read_map
 
         channels = read_map(reading.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
     fitted = needed
     if channels is not None:
-        from clutchid.io.map.picking import OPTIONAL
+        from clutchid.recordings.map.picking import OPTIONAL
 
         fitted = (*needed, *(name for name in measured if name in OPTIONAL))
 
@@ -96,8 +96,8 @@ def inspected(
     DataError
         If a check is bad, unless with `force`; the text has the sentences of `clutchid look`.
     """
-    from clutchid.inspection import inspect
-    from clutchid.strokes.vented_rest import from_rest
+    from clutchid.preparation.inspection import inspect
+    from clutchid.recordings.strokes.vented_rest import from_rest
 
     found = [inspect(from_rest(log, rest, zero).log, actuator) for log in logs]
     bad = [str(DataError.of(one.name, list(one.bad))) for one in found if one.bad]
@@ -175,7 +175,7 @@ def check_save(path: Path) -> None:
         If the suffix is unknown, or MATLAB cannot use the name.
     """
     from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
-    from clutchid.report.matlab import check_name
+    from clutchid.reports.matlab import check_name
 
     suffix = path.suffix.lower()
     if suffix in MATLAB_SUFFIXES:
@@ -196,7 +196,7 @@ def save(outcome: Outcome, path: Path) -> None:
         If the suffix is unknown or the file cannot be written; an existing file is unchanged.
     """
     from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, write_parameters
-    from clutchid.report.matlab import write_matlab
+    from clutchid.reports.matlab import write_matlab
     from clutchid.workflow.verbs import parameter_file
 
     check_save(path)
@@ -214,6 +214,6 @@ def report(outcome: Outcome, command: str, path: Path) -> None:
     ExportError
         If the file cannot be written; an existing file is unchanged.
     """
-    from clutchid.report.fit_page import fit_page
+    from clutchid.reports.fit_page import fit_page
 
     fit_page(outcome.fit, printable(command), path)

@@ -6,18 +6,18 @@ from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Literal
 
-from clutchid.assess.verdict import verdict
+from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.fit import LogOrPath, MethodName, fit, fit_any
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
 from clutchid.estimation.parameter_file import parameter_file as with_trust
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.model.actuator import Actuator
 from clutchid.names import listed_names
 from clutchid.numerics.least_squares import Progress
+from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.partition import Partition
-from clutchid.strokes.vented_rest import Zero
-from clutchid.uncertainty.coordinates import Prior
 
 
 def calibrate(

@@ -15,10 +15,10 @@ from clutchid.estimation.prediction_error import fit as module
 from clutchid.estimation.prediction_error.fit import PREDICTION_ERROR, predict
 from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FitRequest
+from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation
-from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.uncertainty.change_prior import changeable
 
 pytestmark = pytest.mark.slow
 

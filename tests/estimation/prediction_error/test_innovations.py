@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from clutchid.estimation.prediction_error.innovations import innovations, noise_scales
 from clutchid.estimation.prediction_error.problem import predict_errors
-from clutchid.uncertainty.noise import Noise
+from clutchid.simulation.noise import Noise
 
 pytestmark = pytest.mark.slow
 

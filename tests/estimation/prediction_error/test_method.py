@@ -13,11 +13,11 @@ from clutchid.estimation.prediction_error import fit as module
 from clutchid.estimation.prediction_error.fit import PREDICTION_ERROR
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.verification import verification
-from clutchid.filter import filtering
+from clutchid.inference.filter import filtering
 from clutchid.model import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.simulation import Partition
-from clutchid.uncertainty.noise import Noise
+from clutchid.simulation.noise import Noise
 
 pytestmark = pytest.mark.slow
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.shooting.bootstrap import MIN_STROKES, bootstrap, gauss_newton_steps, scatter_ratio, strokes
+from clutchid.inference.smoother.problem import Chain, LinearisedProblem, SimulatedWindows, condense, linearise
+from clutchid.inference.smoother.rows import LinearisedWindows
+from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
 from clutchid.log import Log
 from clutchid.numerics.least_squares import triangular
-from clutchid.smoother.problem import Chain, LinearisedProblem, SimulatedWindows, condense, linearise
-from clutchid.smoother.rows import LinearisedWindows
-from clutchid.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
-from clutchid.uncertainty.noise import Noise
+from clutchid.simulation.noise import Noise
 
 STATES = 10
 

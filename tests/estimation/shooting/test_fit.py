@@ -9,15 +9,15 @@ from clutchid.errors import DataError
 from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.shooting import fit as module
 from clutchid.estimation.shooting.fit import MEMORY, shoot
+from clutchid.inference.smoother.search import UNLIMITED, ShootingSolution
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import changeable
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.numerics.failure import Failure
 from clutchid.preparation.prepare import prepare
 from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.stiffness import stiffness
-from clutchid.smoother.search import UNLIMITED, ShootingSolution
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import changeable
-from clutchid.uncertainty.coordinates import Prior
 
 EXACT = Calibration((), np.zeros((0, 0)))
 

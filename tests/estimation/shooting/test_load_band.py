@@ -12,12 +12,12 @@ from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.estimation.shooting.result import result
+from clutchid.inference.smoother import search as fine_search
+from clutchid.inference.smoother.search import search
+from clutchid.inference.uncertainty import consider
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import changeable, drift
 from clutchid.parameters import Parameters
-from clutchid.smoother import search as fine_search
-from clutchid.smoother.search import search
-from clutchid.uncertainty import consider
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import changeable, drift
 
 #: Parameters whose drift is not estimated.
 CONSIDERED = ("A_A", "P_0", "m_ve")

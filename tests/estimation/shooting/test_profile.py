@@ -17,11 +17,11 @@ from clutchid.estimation.shooting.profile import (
     profile_interval,
 )
 from clutchid.estimation.shooting.uncertainty import parameter_uncertainty
+from clutchid.inference.smoother.problem import condense
+from clutchid.inference.smoother.residuals import dispersion
+from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, project, search
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.failure import Failure
-from clutchid.smoother.problem import condense
-from clutchid.smoother.residuals import dispersion
-from clutchid.smoother.search import STAGES_FROM_CALIBRATION, project, search
-from clutchid.uncertainty.coordinates import Prior
 
 pytestmark = pytest.mark.slow
 

@@ -10,9 +10,9 @@ from clutchid.estimation.outcome import failed_fit
 from clutchid.estimation.posterior import QUANTILE, corrected
 from clutchid.estimation.shooting.fit import shoot
 from clutchid.estimation.shooting.result import result
+from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
+from clutchid.inference.uncertainty.consider import DEVIATION_FACTOR
 from clutchid.numerics.failure import Failure
-from clutchid.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.uncertainty.consider import DEVIATION_FACTOR
 
 #: Calibrated parameters that do not change between recordings, and their standard deviations: m², Pa, N/m.
 NAMES = ("A_A", "P_0", "K_z")

@@ -7,14 +7,14 @@ import pytest
 
 from clutchid.estimation.shooting import uncertainty as module
 from clutchid.estimation.shooting.uncertainty import parameter_uncertainty, pressure_deviations
+from clutchid.inference.smoother.problem import linearise
+from clutchid.inference.smoother.residuals import dispersion
+from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import drift
+from clutchid.inference.uncertainty.consider import consider_parameters
 from clutchid.numerics.failure import Failure
 from clutchid.parameters import Parameters, in_order
-from clutchid.smoother.problem import linearise
-from clutchid.smoother.residuals import dispersion
-from clutchid.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.change_prior import drift
-from clutchid.uncertainty.consider import consider_parameters
 
 NAMES = ("C_vs", "P_S", "F_C")
 

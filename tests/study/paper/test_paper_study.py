@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
-from clutchid.report.tables import to_csv
+from clutchid.reports.tables import to_csv
 from clutchid.study import PaperStudy, halves, paper_study
 from clutchid.study.paper import study as paper
 from clutchid.study.paper.deviations import DEVIATIONS

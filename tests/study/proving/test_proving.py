@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from clutchid import processes
-from clutchid.assess.half_load import half_load
 from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
-from clutchid.fleet.cluster import Place
-from clutchid.report.tables import to_text
+from clutchid.estimation.assess.half_load import half_load
+from clutchid.fleets.cluster import Place
+from clutchid.reports.tables import to_text
 from clutchid.study.proving import answers, workflows
 from clutchid.study.proving import ground as proving
 from clutchid.study.proving.answers import Answer, score

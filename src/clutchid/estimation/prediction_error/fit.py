@@ -14,12 +14,12 @@ from clutchid.estimation.prediction_error.problem import FilterSolution, Predict
 from clutchid.estimation.prediction_error.result import result
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.search_result import SearchMethod, SearchResult
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration
 
 #: Relative decrease of the cost below which a round has converged.
 TOLERANCE = 1e-5

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.estimation.prediction_error.problem import Prediction
+from clutchid.inference.smoother.problem import FitProblem
 from clutchid.log import FloatArray
-from clutchid.measured import MEASURED
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.noise import noise_scale
+from clutchid.log.measured import MEASURED
+from clutchid.simulation.noise import noise_scale
 
 #: Largest lag of the autocorrelation in samples.
 MAX_LAG = 200

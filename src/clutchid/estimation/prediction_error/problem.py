@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from clutchid.filter.filtering import Filtered, filtered
+from clutchid.inference.filter.filtering import Filtered, filtered
+from clutchid.inference.smoother.problem import FitProblem, prior_rows
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, triangular
-from clutchid.smoother.problem import FitProblem, prior_rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ def predict_errors(problem: FitProblem, x: FloatArray, fixed_gains: Prediction |
     problem : FitProblem
         Free parameters, recordings and noise, as for multiple shooting; its windows have no influence.
     x : 1
-        Free parameters as coordinates, see `clutchid.uncertainty.coordinates`.
+        Free parameters as coordinates, see `clutchid.inference.uncertainty.coordinates`.
     fixed_gains : Prediction, optional
         Use its gains and variances: the errors are then a smooth function of x with these derivatives.
 

@@ -12,14 +12,14 @@ from clutchid.estimation.prediction_error.innovations import innovations
 from clutchid.estimation.prediction_error.problem import FilterSolution, predict_errors
 from clutchid.estimation.result import Fit
 from clutchid.estimation.search_result import SearchResult
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.consider import DEVIATION_FACTOR, consider_parameters
 from clutchid.log import FloatArray
-from clutchid.measured import MEASURED
+from clutchid.log.measured import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import triangular
-from clutchid.smoother.problem import FitProblem
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.consider import DEVIATION_FACTOR, consider_parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)

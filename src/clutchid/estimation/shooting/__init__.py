@@ -1,1 +1,1 @@
-"""Fits by multiple shooting with soft continuity: search, result, checks; the smoother is `clutchid.smoother`."""
+"""Fits by multiple shooting with soft continuity: search, result, checks; see `clutchid.inference.smoother`."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.inference.smoother.elimination import eliminate
+from clutchid.inference.smoother.problem import FitProblem, LinearisedProblem
+from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log import FloatArray
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.windows import Track
-from clutchid.smoother.elimination import eliminate
-from clutchid.smoother.problem import FitProblem, LinearisedProblem
-from clutchid.smoother.search import ShootingSolution
 
 #: The piston is at rest below this fraction of its stroke.
 REST_SHARE = 0.1

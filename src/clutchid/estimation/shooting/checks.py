@@ -12,10 +12,10 @@ from clutchid.estimation.search_result import SearchResult
 from clutchid.estimation.shooting.bootstrap import bootstrap, scatter_ratio, strokes
 from clutchid.estimation.shooting.profile import is_nonquadratic, profile_interval
 from clutchid.estimation.shooting.uncertainty import ParameterUncertainty, parameter_uncertainty
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.smoother.search import ShootingSolution
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.numerics.failure import Failure
-from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.search import ShootingSolution
-from clutchid.uncertainty.calibration import Calibration
 
 #: Intervals are too narrow if the bootstrap scatters by this factor more: 8 strokes give a deviation to a quarter only.
 TOO_NARROW = 1.5

@@ -14,14 +14,9 @@ from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult
 from clutchid.estimation.shooting.checks import checked
 from clutchid.estimation.shooting.result import result
-from clutchid.log import FloatArray, Log
-from clutchid.model.actuator import Actuator
-from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress
-from clutchid.simulation.windows import initial_states
-from clutchid.smoother.problem import FitProblem, data_factor
-from clutchid.smoother.residuals import dispersion, noise_scales
-from clutchid.smoother.search import (
+from clutchid.inference.smoother.problem import FitProblem, data_factor
+from clutchid.inference.smoother.residuals import dispersion, noise_scales
+from clutchid.inference.smoother.search import (
     FINE_STAGE,
     STAGES_FROM_CALIBRATION,
     STAGES_FROM_PRIOR,
@@ -31,8 +26,13 @@ from clutchid.smoother.search import (
     search,
     settled,
 )
-from clutchid.smoother.settling import States
-from clutchid.uncertainty.calibration import Calibration
+from clutchid.inference.smoother.settling import States
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+from clutchid.simulation.windows import initial_states
 
 #: Correlation time in s of what the model misses in a measurement, so that ten samples at 1 kHz are weighted as one.
 #: A load from position alone comes closer to the truth, and calibrations converge, see docs/derivations.md.

@@ -14,10 +14,10 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.estimation.shooting.uncertainty import ParameterUncertainty
+from clutchid.inference.smoother.problem import FitProblem, condense
+from clutchid.inference.smoother.search import CONVERGED_GAIN, ShootingSolution, project
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
-from clutchid.smoother.problem import FitProblem, condense
-from clutchid.smoother.search import CONVERGED_GAIN, ShootingSolution, project
 
 #: Most evaluations per side, relative tolerance of the root to `QUANTILE`, and greatest distance of an end in half
 #: widths of the interval from the covariance.

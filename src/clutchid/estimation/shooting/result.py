@@ -9,13 +9,13 @@ from clutchid.estimation.posterior import posterior
 from clutchid.estimation.result import Fit
 from clutchid.estimation.search_result import SearchResult
 from clutchid.estimation.shooting.uncertainty import ParameterUncertainty, parameter_uncertainty, pressure_deviations
+from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.smoother.residuals import sensor_outputs, trajectory
+from clutchid.inference.smoother.search import ShootingSolution
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
-from clutchid.smoother.problem import FitProblem
-from clutchid.smoother.residuals import sensor_outputs, trajectory
-from clutchid.smoother.search import ShootingSolution
-from clutchid.uncertainty.calibration import Calibration
 
 
 def result(search_result: SearchResult[ShootingSolution], calibration: Calibration | None) -> Fit | Failure:

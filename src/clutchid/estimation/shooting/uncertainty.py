@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from clutchid.inference.smoother.elimination import Eliminated, recover
+from clutchid.inference.smoother.problem import FitProblem, condense, data_factor, linearise
+from clutchid.inference.smoother.residuals import dispersion
+from clutchid.inference.smoother.search import ShootingSolution
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.consider import consider_parameters
+from clutchid.inference.uncertainty.gaussian import gaussian_posterior, square_root
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.windows import units
-from clutchid.smoother.elimination import Eliminated, recover
-from clutchid.smoother.problem import FitProblem, condense, data_factor, linearise
-from clutchid.smoother.residuals import dispersion
-from clutchid.smoother.search import ShootingSolution
-from clutchid.uncertainty.calibration import Calibration
-from clutchid.uncertainty.consider import consider_parameters
-from clutchid.uncertainty.gaussian import gaussian_posterior, square_root
 
 #: Draws from the distribution of the states for the interval of the pressure.
 DRAWS = 48

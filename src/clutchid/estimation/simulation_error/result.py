@@ -11,13 +11,13 @@ from clutchid.estimation.outcome import Compared, compare, load_curve, plan_warn
 from clutchid.estimation.result import Estimate, Fit, Recording, errors_over
 from clutchid.estimation.search_state import ended
 from clutchid.estimation.simulation_error.problem import Problem, residuals, simulated_states
+from clutchid.inference.uncertainty.covariance import Covariance, sandwich
+from clutchid.inference.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.simulation.run import PRESSURE_START
-from clutchid.uncertainty.covariance import Covariance, sandwich
-from clutchid.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 
 
 def result(problem: Problem, solution: Solution, scales: Mapping[str, float]) -> Fit:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from clutchid.codegen.system import Expr
+from clutchid.log.states import STATES, State
 from clutchid.parameters import Adapting, Drift, Freed, GroupChange, Row, Spread
-from clutchid.states import STATES, State
 
 #: Defaults of a new state relative to its scale: process noise over 0.1 s, standard deviation at a vented start and at
 #: any other, and a large rate in 1/s. They are those of the deflection z of the seals.

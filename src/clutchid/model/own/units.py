@@ -11,10 +11,10 @@ from typing import TypeAlias
 import sympy as sp
 
 from clutchid.codegen.system import Expr, System
+from clutchid.log.states import STATES
 from clutchid.model.own.rows import Physics
 from clutchid.model.own.system import BEFORE, canonical, combined_terms, ordered
 from clutchid.parameters import Parameters
-from clutchid.states import STATES
 
 #: Exponents of kg, m, s and K; None is the unit of 0, which fits every one.
 Dimension: TypeAlias = tuple[Fraction, ...] | None

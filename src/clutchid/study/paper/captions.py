@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.report.style import MM
+from clutchid.reports.style import MM
 from clutchid.study.paper.figures import SLOW
 from clutchid.study.paper.fits import Method, best_possible, load_error
 from clutchid.study.paper.results import StudyResults, bars, millimetres

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from clutchid.model.weighted_load import PAPER_KNOTS
-from clutchid.report.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, Table
 from clutchid.study.paper.printed import PRINTED_SLOPE, XI_1, XI_2, XI_3, XI_3_ORDER
 
 _NAMES = ("a_1", "b_1", "c_1", "a_2", "b_2", "c_2", "d_2", *(f"{letter}_3" for letter in "abcdefgh"))

@@ -9,8 +9,8 @@ import numpy as np
 
 from clutchid.log import FloatArray, Log
 from clutchid.model.weighted_load import Load
-from clutchid.report.figures import draw, label, legend, mark_span, new_figure, shared_legend
-from clutchid.report.style import BAR, MM, STYLE, Line
+from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, shared_legend
+from clutchid.reports.style import BAR, MM, STYLE, Line
 from clutchid.study.paper.fits import Case, chosen
 from clutchid.study.paper.pressure import static_estimate
 from clutchid.study.paper.printed import PRINTED_SLOPE, TABLE_1

@@ -6,9 +6,9 @@ import numpy as np
 
 from clutchid.estimation import Fit
 from clutchid.log import Log
-from clutchid.report.html import Bullets, Notice, Page, Picture, Section, Text, escape
-from clutchid.report.provenance import provenance
-from clutchid.report.style import MM
+from clutchid.reports.html import Bullets, Notice, Page, Picture, Section, Text, escape
+from clutchid.reports.provenance import provenance
+from clutchid.reports.style import MM
 from clutchid.study.paper.captions import captions
 from clutchid.study.paper.deviations import DEVIATIONS
 from clutchid.study.paper.fits import Method, load_error

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from clutchid.log import Log
-from clutchid.report.figures import png
-from clutchid.report.style import BAR, MM
-from clutchid.report.tables import Table
+from clutchid.reports.figures import png
+from clutchid.reports.style import BAR, MM
+from clutchid.reports.tables import Table
 from clutchid.study.paper import figures, state_figures, tables
 from clutchid.study.paper.equation_21 import equation_21
 from clutchid.study.paper.fits import Case, Method, Progress, all_cases

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.log import FloatArray, Log
-from clutchid.report.figures import draw, label, legend, new_figure
-from clutchid.report.style import BAR, MM, STYLE, Line
+from clutchid.reports.figures import draw, label, legend, new_figure
+from clutchid.reports.style import BAR, MM, STYLE, Line
 from clutchid.study.paper.fits import Case
 from clutchid.study.paper.pressure import Pressures, measured_motion
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from clutchid.errors import ExportError
-from clutchid.io.files import check_writable, write_bytes
 from clutchid.log import Log
-from clutchid.report.html import render
-from clutchid.report.tables import Table, to_csv
+from clutchid.recordings.files import check_writable, write_bytes
+from clutchid.reports.html import render
+from clutchid.reports.tables import Table, to_csv
 from clutchid.study.paper.fits import Case, Progress
 from clutchid.study.paper.page import study_page
 from clutchid.study.paper.results import FIGURES, TABLES, StudyResults, find

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from clutchid.estimation.result import Errors
-from clutchid.report.style import BAR, MM
-from clutchid.report.tables import Cell, Column, Table
+from clutchid.reports.style import BAR, MM
+from clutchid.reports.tables import Cell, Column, Table
 from clutchid.study.paper.fits import Carry, Case, Method, chosen, load_error
 from clutchid.study.paper.pressure import Pressures
 from clutchid.study.paper.printed import TABLE_1, TABLE_2

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.assess.half_load import half_load
+from clutchid.estimation.assess.half_load import half_load
 from clutchid.log import FloatArray, Log
 from clutchid.truck import GRID, Truth
 

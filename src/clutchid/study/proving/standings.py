@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.numerics.interval import QUANTILE
-from clutchid.report.tables import Cell, Column, Table
+from clutchid.reports.tables import Cell, Column, Table
 
 Results = Sequence[Mapping[str, Any]]
 

@@ -14,7 +14,7 @@ from clutchid.estimation.fit import MethodName
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
-from clutchid.report.changes import notes_of
+from clutchid.reports.changes import notes_of
 from clutchid.simulation import Partition, simulate
 from clutchid.study.proving.answers import Answer, Workflow
 

@@ -1,0 +1,115 @@
+"""Evidence for the verdict on a fit: residuals through the sensor models, simulations over 1 s, missing excitation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.estimation.assess.diagnostics import Diagnosis, diagnose, fit_percent
+from clutchid.estimation.assess.missing_excitation import missing
+from clutchid.estimation.assess.once import once_a_fit
+from clutchid.estimation.result import Fit, Recording
+from clutchid.inference.uncertainty.information import Information, natural_sizes
+from clutchid.log import Log, sample_interval
+from clutchid.model.actuator import Actuator
+from clutchid.recordings.signals.excitation import excitation, joined
+from clutchid.simulation import Partition
+from clutchid.simulation.sensors import with_sensors
+from clutchid.simulation.simulation import simulate
+
+#: Horizon in s of the simulations that a verdict uses, and greatest number of them from the start of a recording.
+HORIZON, MOST_HORIZONS = 1.0, 120
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Evidence for a verdict.
+
+    `diagnoses` are those of the residuals of every fitted recording, `predictions` the fits in % of the position in
+    simulations over `HORIZON` s, `missing` the missing excitation of the recordings.
+    """
+
+    diagnoses: Mapping[str, Diagnosis]
+    predictions: Mapping[str, float]
+    missing: tuple[str, ...]
+
+
+@once_a_fit
+def evidence(fit: Fit) -> Evidence:
+    """Evidence for a verdict on `fit`; none if the fit failed."""
+    diagnoses = {name: diagnosed(fit, name) for name in fit.recordings if has_position(fit.recordings[name])}
+    if fit.status == "failed" or not diagnoses:
+        return Evidence({}, {}, ())
+    actuator = fit.actuator
+    moved = joined([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
+    # with B-splines, which are local, and with priors, only the motion shows what is missing
+    known = information(fit) if actuator.load.basis == "paper" and not fit.follows else None
+    sentences = missing(moved, actuator, known and _identifiable_if_known(known))
+    return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(sentences))
+
+
+def actuator_of(fit: Fit, name: str) -> Actuator:
+    """The fitted actuator with the parameters of the recording `name`."""
+    own = {key.partition("@")[0]: e.value for key, e in fit.parameters.items() if key.endswith(f"@{name}")}
+    return fit.actuator.replace(own) if own else fit.actuator
+
+
+def as_recorded(fit: Fit, name: str, simulated: Log) -> Log:
+    """A simulation as the sensors would record it, unless the fit has no sensor models, as in the paper."""
+    if not fit.follows:
+        return simulated
+    return with_sensors(simulated, actuator_of(fit, name).parameters)
+
+
+def diagnosed(fit: Fit, name: str) -> Diagnosis:
+    """Diagnosis of the residuals of the fitted recording `name`.
+
+    Raises
+    ------
+    DataError
+        If no position can be compared.
+    """
+    recording = fit.recordings[name]
+    return diagnose(recording.measured, as_recorded(fit, name, recording.simulated))
+
+
+def predicted_fit(fit: Fit, name: str) -> float:
+    """Fit in % of the position of the recording `name` in simulations over `HORIZON` s; NaN if there is no position.
+
+    Each simulation starts at the measured position; the masses of air are continuous.
+    """
+    measured = fit.recordings[name].measured
+    every = max(1, round(HORIZON / sample_interval(measured.time)))
+    part = measured.slice(0, min(len(measured), every * MOST_HORIZONS + 1))
+    if not np.isfinite(part["position"]).any():
+        return float("nan")
+    done = simulate(actuator_of(fit, name), part, partition=Partition(every=every, carry="q"), on_failure="return")
+    return fit_percent(part["position"], as_recorded(fit, name, done.log)["position"])
+
+
+def information(fit: Fit) -> Information | None:
+    """Information about the shared free parameters; None if there is none."""
+    names = [name for name in fit.parameters if "@" not in name]
+    at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
+    found = Information.of_covariance(names, fit.covariance[np.ix_(at, at)], natural_sizes(fit.actuator, names))
+    return found if found.known else None
+
+
+def _identifiable_if_known(found: Information) -> Information:
+    """`found` scaled so that every parameter with a finite variance counts as identifiable."""
+    smallest = min(float(np.linalg.norm(column)) for column in found.columns(found.known).T)
+    return Information(found.names, found.R * (10.0 / smallest))
+
+
+def reach(fit: Fit) -> float:
+    """Largest measured position in m in the fitted recordings; NaN without one."""
+    tops = [np.nanmax(r.measured["position"]) for r in fit.recordings.values() if has_position(r)]
+    return float(max(tops)) if tops else float("nan")
+
+
+def has_position(recording: Recording) -> bool:
+    """Whether any sample of a recording has both a measured and a simulated position."""
+    both = np.isfinite(recording.measured["position"]) & np.isfinite(recording.simulated["position"])
+    return bool(both.any())

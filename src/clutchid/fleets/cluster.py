@@ -1,0 +1,255 @@
+"""Where work on many items is done: by worker processes of this machine, or of others, through Dask.
+
+Dask only spreads the items: each of its workers has a worker process of clutchid that does the work, so that what an
+item does to its process is the same everywhere.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import psutil
+
+from clutchid import processes
+from clutchid.errors import ClutchidError, ParameterError, SolveError, missing
+from clutchid.fleets.scheduler import Tls, answered, check_scheduler, security_of
+from clutchid.processes import Done, Limits, Lost, Pool, check_workers
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+#: Items at the scheduler at a time: enough for hundreds of workers, and its memory does not grow with the fleet.
+WINDOW = 1000
+
+#: Items that are given to the scheduler together.
+BATCH = 100
+
+#: Time in s that a scheduler, its first worker, and then all of its workers have to answer.
+ANSWER = 4.0
+
+#: How often an item is given out whose worker of Dask was lost, which is not ended by the item but from outside.
+ATTEMPTS = 5
+
+#: Files in which Linux says what memory the processes of a container may have together.
+_CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where work is done: processes on this machine, or the workers of the scheduler at an address.
+
+    `memory` is that of one item in bytes; 0 for this machine's by the number of its processors, or for what the workers
+    of the scheduler have. `seconds` is what one item may take; 0 for no limit. `tls` has the files of certificates of a
+    scheduler at a tls:// address.
+    """
+
+    workers: int = 1
+    scheduler: str = ""
+    memory: int = 0
+    seconds: float = 0.0
+    tls: Tls | None = None
+
+
+def results(work: Callable[[Item], Result], items: Iterable[Item], place: Place) -> Iterator[Done[Item, Result]]:
+    """Results in order of completion; what ends its process, or takes too long, is `Lost` with a sentence.
+
+    Parameters
+    ----------
+    work
+        A function of a module, or a partial of one.
+    items
+        Are asked for as workers become free, so that there may be any number.
+
+    Raises
+    ------
+    ClutchidError
+        If the work raises one.
+    MissingExtra
+        Without Dask, for a scheduler.
+    ParameterError
+        If there is no worker, the scheduler does not answer, or its workers have another version of clutchid.
+    SolveError
+        If the connection to the scheduler is lost.
+    """
+    if place.scheduler:
+        with connected(place) as client:
+            yield from _spread(client, work, items, place)
+    else:
+        check_workers(place.workers)
+        limits = Limits(place.seconds, place.memory or _memory_of_machine() // (os.cpu_count() or 1))
+        yield from processes.results(work, items, place.workers, limits)
+
+
+@contextmanager
+def connected(place: Place) -> Iterator[Client]:
+    """The connection to a scheduler whose workers are ready.
+
+    Raises
+    ------
+    MissingExtra, ParameterError
+        As `results`.
+    """
+    try:
+        import dask
+        import distributed  # noqa: F401
+    except ImportError as error:
+        raise missing("sharing the work between machines", "Dask", "fleet") from error
+    settings = {
+        "distributed.comm.timeouts.connect": f"{ANSWER:g}s",
+        "distributed.comm.retry.count": 0,
+        "distributed.admin.tick.limit": "1h",
+    }
+    with _quiet(), dask.config.set(settings), _client(place) as client:
+        check_scheduler(client, place.scheduler, ANSWER)
+        yield client
+
+
+@contextmanager
+def _client(place: Place) -> Iterator[Client]:
+    from distributed import Client
+
+    security = security_of(place.scheduler, place.tls)
+    try:
+        asyncio.run(answered(place.scheduler, security, ANSWER))
+        client = Client(place.scheduler, timeout=f"{ANSWER:g}s", security=security)
+    except Exception as error:  # whatever listens there may answer anything
+        raise ParameterError(
+            f"--scheduler {place.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an address "
+            "is like tcp://host:8786, or tls://host:8786 for one with certificates, and the scheduler is started with "
+            "`dask scheduler`."
+        ) from error
+    with client:
+        yield client
+
+
+def _spread(
+    client: Client, work: Callable[[Item], Result], items: Iterable[Item], place: Place
+) -> Iterator[Done[Item, Result]]:
+    """Results of the workers of a scheduler; an item whose worker is lost is given out again."""
+    from distributed import as_completed
+
+    waiting, todo = iter(items), as_completed()
+    attempts: dict[Future[Any], tuple[Item, int]] = {}
+    there = partial(_done_there, work, Limits(place.seconds, place.memory))
+
+    def submit(some: Sequence[Item], attempt: int) -> None:
+        futures = client.map(there, some, pure=False)
+        attempts.update((future, (item, attempt)) for future, item in zip(futures, some, strict=True))
+        todo.update(futures)
+
+    submit(list(islice(waiting, WINDOW)), 1)
+    for batch in todo.batches():
+        for future, found in _outcomes(client, batch, place.scheduler):
+            item, attempt = attempts.pop(future)
+            if found is None and attempt < ATTEMPTS:
+                submit([item], attempt + 1)
+            elif isinstance(found, Done):
+                yield found
+            else:
+                yield Done(item, found or Lost("killed", f"{ATTEMPTS} workers that were given it were lost."), 0.0)
+        if len(attempts) <= WINDOW - BATCH:
+            submit(list(islice(waiting, WINDOW - len(attempts))), 1)
+    with suppress(TimeoutError, OSError):
+        client.sync(client._run, _rest, callback_timeout=ANSWER)
+
+
+def _done_there(work: Callable[[Item], Result], limits: Limits, item: Item) -> Done[Item, Result]:
+    """On a worker of Dask: the result of its worker process, which has the memory of its worker where none is said."""
+    from distributed import get_worker
+
+    memory = limits.memory or get_worker().memory_manager.memory_limit or 0
+    return _pool_there(limits._replace(memory=memory)).do(work, item)
+
+
+@cache
+def _pool_there(limits: Limits) -> Pool:
+    """The worker processes of a worker of Dask, kept from item to item."""
+    pool = Pool(limits)
+    _pools.append(pool)
+    return pool
+
+
+_pools: list[Pool] = []
+
+
+def _rest() -> None:
+    """On a worker of Dask: end the worker processes that have no work."""
+    for pool in _pools:
+        pool.rest()
+
+
+def _outcomes(
+    client: Client, futures: Sequence[Future[Any]], scheduler: str
+) -> list[tuple[Future[Any], Done[Any, Any] | Lost | None]]:
+    """Results of futures that are done, brought here together; None for one whose worker of Dask was lost.
+
+    Raises
+    ------
+    ClutchidError
+        If the work raised one.
+    SolveError
+        If the connection to the scheduler is lost.
+    """
+    from distributed import CancelledError
+
+    finished = {future: future for future in futures if future.status == "finished"}
+    found: dict[Future[Any], Done[Any, Any]] = {}
+    with suppress(TimeoutError, OSError, KeyError, CancelledError):  # a worker went with a result
+        found = client.sync(client._gather, finished, errors="skip", callback_timeout=ANSWER)
+    return [(one, found[one] if one in found else _lost(client, one, scheduler)) for one in futures]
+
+
+def _lost(client: Client, future: Future[Any], scheduler: str) -> Lost | None:
+    """How the result of a future was lost; None with its worker."""
+    from distributed import KilledWorker
+
+    error = future.exception() if future.status == "error" else None
+    if isinstance(error, ClutchidError):
+        raise error
+    if error is None and not (client.status == "running" and future.status in ("finished", "lost", "pending")):
+        raise SolveError(
+            f"the connection to the scheduler {scheduler} was lost; what is done is kept, run the same command again "
+            "to go on."
+        )
+    if error is None or isinstance(error, KilledWorker):
+        return None
+    return Lost("failed", f"an error that clutchid did not expect, {type(error).__name__}: {error}.")
+
+
+def _memory_of_machine() -> int:
+    """Bytes of memory of this machine, or of the container that this process is in."""
+    total = int(psutil.virtual_memory().total)
+    for name in _CONTAINER:
+        with suppress(OSError, ValueError):  # "max" is no number
+            total = min(total, int(Path(name).read_text()))
+    return total
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """No lines of Dask's own on standard error: what goes wrong with a worker is a row of the results."""
+    roots = {"distributed", "tornado", "asyncio", "bokeh"}
+    below = {
+        name for name in logging.root.manager.loggerDict if name.split(".")[0] in roots
+    }  # have levels of their own
+    loggers = [logging.getLogger(name) for name in sorted(roots | below)]
+    levels = [one.level for one in loggers]
+    for one in loggers:
+        one.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for one, level in zip(loggers, levels, strict=True):
+            one.setLevel(level)

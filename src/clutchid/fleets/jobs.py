@@ -1,0 +1,152 @@
+"""The recordings of a fleet: which there are, of which vehicle and type, and the calibration that each starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.fleets.reading import ABSENT
+from clutchid.fleets.tracking import SUFFIXES, name_of, recording_files
+from clutchid.names import as_text
+from clutchid.recordings.files import is_there
+from clutchid.wear.history import Listed
+from clutchid.wear.tables import read_fleet_table
+
+#: A folder with this file is a fleet with a table, as `clutchid drive --fleet` writes it.
+TABLE = "recordings.csv"
+
+
+class Job(NamedTuple):
+    """A recording to be read: `path` and `start`, its calibration, are None where `problem` says why it cannot be."""
+
+    vehicle: str
+    recording: str
+    type: str
+    path: Path | None
+    start: Path | None
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fleet:
+    """Recordings of a fleet in the order of vehicle and name, and the rows of its table by (vehicle, recording)."""
+
+    source: Path
+    jobs: tuple[Job, ...]
+    rows: Mapping[tuple[str, str], Listed]
+
+
+def fleet_of(source: Path, start: Path) -> Fleet:
+    """The recordings of a fleet, each with the calibration that it starts from.
+
+    Parameters
+    ----------
+    source
+        A table of recordings, whose files lie in its folder or below; or a folder, in which each folder of recordings
+        is a vehicle, or which has such a table as ``recordings.csv``.
+    start
+        A calibration for all, or a folder with one for each type, ``TYPE.toml``, or each vehicle, ``VEHICLE.toml``.
+
+    Raises
+    ------
+    DataError
+        If there is no recording, two vehicles have one name, or the table contradicts itself.
+    ParameterError
+        If no recording has a calibration.
+    """
+    if not is_there(source):
+        raise DataError(f"{source}: there is no such folder or table.")
+    table = source if source.is_file() else source / TABLE
+    if table.is_file():
+        rows = read_fleet_table(table)
+        _check_vehicles(rows.values(), table)
+        found = _listed(rows, recording_files(table.parent))
+    else:
+        rows, found = {}, _in_folders(source)
+    if not found:
+        raise DataError(f"{source}: has no recordings; they are files with {', '.join(SUFFIXES)}, or rows of a table.")
+    if all(path is None for path in found.values()):
+        raise DataError(f"{source}: none of the files of its {len(found):,} recordings is there.")
+    calibrations = _calibrations(start)
+    jobs = tuple(_job(key, path, rows.get(key), start, calibrations) for key, path in sorted(found.items()))
+    if all(job.start is None for job in jobs):
+        raise ParameterError(f"--start {start}: {jobs[0].problem}")
+    return Fleet(source, jobs, rows)
+
+
+def _in_folders(source: Path) -> dict[tuple[str, str], Path | None]:
+    """Recordings by (vehicle, name): the vehicle is their folder."""
+    folders: dict[str, Path] = {}
+    found: dict[tuple[str, str], Path | None] = {}
+    for path in recording_files(source):
+        vehicle = as_text(path.parent.resolve().name)
+        other = folders.setdefault(vehicle, path.parent)
+        if other != path.parent:
+            raise DataError(
+                f"{source}: '{other}' and '{path.parent}' are two vehicles under one name, '{vehicle}'; rename one, or "
+                "say in a table which recordings belong together."
+            )
+        one = found.setdefault((vehicle, name_of(path)), path)
+        if one is not path:
+            raise DataError(f"{one} and {path}: have the same name; every recording of a vehicle needs its own.")
+    return found
+
+
+def _check_vehicles(rows: Iterable[Listed], table: Path) -> None:
+    """Check that every row has a vehicle, and that a vehicle has one type."""
+    types: dict[str, str] = {}
+    for row in rows:
+        if not row.vehicle:
+            raise DataError(f"{table}: '{row.recording}' has no vehicle; a fleet needs the column 'vehicle'.")
+        kind = types.setdefault(row.vehicle, row.type)
+        if kind != row.type:
+            raise DataError(
+                f"{table}: vehicle '{row.vehicle}' is of type '{kind}' and of type '{row.type}', so it is two vehicles "
+                "under one name; rename one."
+            )
+
+
+def _listed(rows: Mapping[tuple[str, str], Listed], files: Sequence[Path]) -> dict[tuple[str, str], Path | None]:
+    """The file of every row: with the name of the recording, in a folder of the vehicle if several have it."""
+    by_name: dict[str, list[Path]] = {}
+    for path in files:
+        by_name.setdefault(name_of(path), []).append(path)
+    found: dict[tuple[str, str], Path | None] = {}
+    for key in rows:
+        same = by_name.get(key[1], [])
+        own = [path for path in same if as_text(path.parent.name) == key[0]]
+        chosen = own or same
+        found[key] = chosen[0] if len(chosen) == 1 else None
+    return found
+
+
+def _calibrations(start: Path) -> dict[str, Path] | None:
+    """Calibrations by type or vehicle; None where one serves all."""
+    if not is_there(start):
+        raise ParameterError(f"--start {start}: there is no such file or folder.")
+    if start.is_file():
+        return None
+    found = {as_text(path.stem): path for path in sorted(start.glob("*.toml"))}
+    if not found:
+        raise ParameterError(
+            f"--start {start}: has no calibrations (TYPE.toml); `clutchid calibrate --save` writes them."
+        )
+    return found
+
+
+def _job(
+    key: tuple[str, str], path: Path | None, row: Listed | None, start: Path, calibrations: Mapping[str, Path] | None
+) -> Job:
+    vehicle, recording = key
+    kind = row.type if row else ""
+    calibration = start if calibrations is None else calibrations.get(vehicle) or calibrations.get(kind)
+    problem = ""
+    if path is None:
+        problem = ABSENT
+    elif calibration is None:
+        what = f"type '{kind}'" if kind else f"vehicle '{vehicle}'"
+        problem = as_text(f"there is no calibration of {what}: {start / (kind or vehicle)}.toml.")
+    return Job(vehicle, recording, kind, path, calibration, problem)

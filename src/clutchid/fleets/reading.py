@@ -1,0 +1,163 @@
+"""Read the load of one recording from a calibration; whatever happens is a value."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from clutchid import workflow
+from clutchid.errors import ClutchidError, DataError, ParameterError
+from clutchid.estimation.assess.comparison import comparison
+from clutchid.estimation.assess.half_load import HalfLoad, half_load_band
+from clutchid.estimation.assess.reading import departs
+from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.request import FitRequest
+from clutchid.estimation.result import LoadCurve
+from clutchid.names import as_text
+from clutchid.processes import Lost
+from clutchid.recordings.files import digest
+from clutchid.recordings.strokes.vented_rest import Zero, from_rest
+from clutchid.wear.life import Curve
+from clutchid.wear.measurement import Reading, leak_of, measured, unmeasured
+
+if TYPE_CHECKING:
+    from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.log import Log
+
+#: What is wrong with a row of a table without a file.
+ABSENT = "the table names it, but its file is not there, or several have its name."
+
+#: Why a recording that was observed gives no measurement.
+_ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
+
+#: No half-load position.
+UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
+
+
+class How(NamedTuple):
+    """The calibration to start from, and how recordings are read: ambient pressure in Pa, channel map, DBC files.
+
+    The ambient pressure is P_0 of the calibration where it is NaN; `verb` is what reads the load: "observe", or "fit";
+    `zero` says whether a vented rest that has moved is subtracted from the position.
+    """
+
+    start: Path
+    ambient: float
+    channel_map: Path | None = None
+    dbc: tuple[Path, ...] = ()
+    verb: str = "fit"
+    zero: Zero = "subtract"
+
+
+class Read(NamedTuple):
+    """A recording that was read: what came of it, the start time in its file, its checksum, its load, and changes."""
+
+    path: Path
+    reading: Reading
+    clock: str = ""
+    sha256: str = ""
+    curve: Curve | None = None
+    half_load: HalfLoad = UNKNOWN
+    changes: tuple[str, ...] = ()
+
+
+def read_recording(how: How, path: Path) -> Read:
+    """Read the load of a recording from position alone; a fault is a status with its sentence."""
+    read = _read(how, path)
+    reading = read.reading  # its sentences name the file
+    return read._replace(reading=reading._replace(message=as_text(reading.message), reason=as_text(reading.reason)))
+
+
+def _read(how: How, path: Path) -> Read:
+    clock = checksum = ""
+    try:
+        checksum = digest(path)
+        content = _calibration(how.start, digest(how.start))
+        actuator = content.actuator
+        ambient = actuator.parameters.P_0 if np.isnan(how.ambient) else how.ambient
+        reading = workflow.Reading(ambient, how.channel_map, how.dbc)
+        (log,) = workflow.read_recordings([path], reading, actuator.equipment)
+        clock = str(log.metadata.get("start", ""))
+        read = (_observed if how.verb == "observe" else _fitted)(log, content, path, how.zero)
+    except ClutchidError as error:
+        status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
+        return Read(path, Reading(status, str(error), "none", None), clock, checksum)
+    except Exception as error:  # a fleet goes on
+        sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
+        return Read(path, Reading("failed", sentence, "none", None), clock, checksum)
+    return read._replace(clock=clock, sha256=checksum)
+
+
+def without_result(path: Path, lost: Lost) -> Read:
+    """A recording whose process was lost."""
+    return Read(path, Reading(lost.status, lost.message, "none", None), "", checksum_of(path))
+
+
+def without_file(recording: str) -> Read:
+    """A row of a table whose file is not there."""
+    return Read(Path(recording), Reading("bad_input", ABSENT, "none", None))
+
+
+def counted_as(read: Read, other: str) -> Read:
+    """A recording that is the same as another one, and gives no measurement of its own."""
+    sentence = f"the same recording as {other}; it counts once."
+    return read._replace(
+        reading=read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
+    )
+
+
+def checksum_of(path: Path) -> str:
+    """SHA-256 of a file, or an empty string where it cannot be read."""
+    try:
+        return digest(path)
+    except DataError:
+        return ""
+
+
+def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
+    """The load as `clutchid estimate` reads it."""
+    request = FitRequest(calibration=content.calibration, zero=zero)
+    fit = workflow.fit_recordings([log], content.actuator, request).fit
+    curve = fit.load_curve
+    judged, compared = verdict(fit), comparison(fit)
+    half, trust = compared.half_now if compared else UNKNOWN, judged.trust
+    message = fit.message if trust == "good" or not judged.reasons else judged.reasons[0]
+    status = "warning" if fit.warnings or trust != "good" else "ok"
+    # a load that is only uncertain counts in the trend by its band
+    reason = unmeasured(fit)
+    measurement = None if reason else measured(fit, log)
+    changes = tuple(dict.fromkeys(change.group for change in fit.changes))
+    curves = Curve(curve.position, curve.force, curve.low, curve.high)
+    rest = next((one.rest for one in fit.recordings.values()), None)
+    reading = Reading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
+    return Read(path, reading, curve=curves, half_load=half, changes=changes)
+
+
+def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Read:
+    """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
+    from clutchid.estimation.assess.observed import indicators, observed_verdict
+    from clutchid.observer.observer import observer
+    from clutchid.observer.recording import observe_recording, spacing, too_slow
+    from clutchid.reports.observe_text import loads, observe_sentence
+
+    rest = content.calibration.rest if content.calibration else None
+    (checked,) = workflow.inspected([log], content.actuator, rest=rest, zero=zero)
+    if slow := too_slow(checked, content.actuator):
+        raise DataError(slow)
+    one = observer(content.actuator, "joint", spacing(checked), content.calibration, zero)
+    run = observe_recording(one, checked)
+    after = loads(run).after
+    half = half_load_band(LoadCurve(*after), float(np.nanmax(checked["position"])))
+    status = "warning" if checked.warnings or any(run.health.values()) else "ok"
+    trust, shift = observed_verdict(indicators(run)).trust, from_rest(log, rest, zero).shift
+    reading = Reading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
+    return Read(path, reading, curve=Curve(*after), half_load=half)
+
+
+@lru_cache(maxsize=64)
+def _calibration(path: Path, _checksum: str) -> ParameterFile:
+    """A calibration, read once a process; the workers of a scheduler outlive a change of its file."""
+    return workflow.start_file(path, None)

@@ -1,0 +1,325 @@
+"""What a run over a fleet has done so far: an SQLite file, so that what was done before is whole however a run ends."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from clutchid.errors import ExportError
+from clutchid.estimation.assess.half_load import HalfLoad
+from clutchid.fleets.reading import Read
+from clutchid.recordings.files import atomic_write, make_folder
+from clutchid.recordings.strokes.vented_rest import RestShift
+from clutchid.wear.life import Curve
+from clutchid.wear.measurement import Leak, Measurement, Reading
+
+#: The file in the folder of a run.
+STORE = "run.sqlite"
+
+#: Time in s after which results are on the disk at the latest.
+COMMIT = 0.5
+
+#: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
+_CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS done (
+    vehicle TEXT, recording TEXT, inputs TEXT NOT NULL, file TEXT NOT NULL, status TEXT NOT NULL, message TEXT NOT NULL,
+    sha256 TEXT NOT NULL, content TEXT NOT NULL, curve BLOB, seconds REAL NOT NULL, checksum TEXT NOT NULL DEFAULT '',
+    PRIMARY KEY (vehicle, recording)
+);
+"""
+
+
+_COLUMNS = (
+    "vehicle",
+    "recording",
+    "inputs",
+    "file",
+    "status",
+    "message",
+    "sha256",
+    "content",
+    "curve",
+    "seconds",
+    "checksum",
+)
+
+#: What is said of the run, beside what it is about: the checksum of that.
+_CHECKSUM = "checksum"
+
+#: A row of what is done, without and with its checksum.
+_Row = tuple[str | float | bytes | None, ...]
+
+
+class Kept(NamedTuple):
+    """A result: `inputs` are version and calibration that it came from, `file` size and time of its recording."""
+
+    vehicle: str
+    recording: str
+    inputs: str
+    file: str
+    read: Read
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Store:
+    """An open store, of which no other run has a hand in the file.
+
+    A row whose checksum is not that of its content does not count, so that its recording is read again.
+    """
+
+    path: Path
+    base: sqlite3.Connection
+
+    def keys(self) -> dict[tuple[str, str], tuple[str, str, str, str]]:
+        """Inputs, file, checksum and status of what is done, by vehicle and recording."""
+        return {(row[0], row[1]): (row[2], row[3], row[6], row[4]) for row in self._rows()}
+
+    def results(self) -> Iterator[Kept]:
+        """All results, in the order of vehicle and recording."""
+        return map(_kept, self._rows())
+
+    def _rows(self) -> Iterator[tuple[Any, ...]]:
+        """The rows that are whole, in the order of vehicle and recording."""
+        with _room(self.path):
+            yield from filter(_is_whole, self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"))
+
+    def put(self, kept: Kept) -> None:
+        """Keep a result; it is on the disk after `saved`."""
+        with _room(self.path):
+            _insert(self.base, [_row(kept)])
+
+    def same_file(self, key: tuple[str, str], file: str) -> None:
+        """Note that a recording's file has another time, but the same content."""
+        with _room(self.path):
+            where = "SELECT * FROM done WHERE vehicle = ? AND recording = ?"
+            _insert(self.base, [_row(_kept(row)._replace(file=file)) for row in self.base.execute(where, key)])
+
+    def saved(self, last: float = 0.0) -> float:
+        """Bring results to the disk, unless that was done a moment before; the time when it was."""
+        now = monotonic()
+        if now - last < COMMIT:
+            return last
+        with _room(self.path):
+            self.base.commit()
+        return now
+
+
+@contextmanager
+def store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
+    """The store of the run in a folder, new or to go on with.
+
+    Parameters
+    ----------
+    about
+        What the run is about, which must be the same to go on.
+
+    Raises
+    ------
+    ExportError
+        If the folder has other files, the run of something else, a run that is going on, or cannot be written.
+    """
+    path = folder / STORE
+    make_folder(folder, "--out")
+    try:
+        occupied = not path.exists() and any(folder.iterdir())
+    except OSError as error:
+        raise ExportError(f"--out {folder}: cannot be read ({error.strerror}); name another folder.") from error
+    if occupied:
+        raise ExportError(f"--out {folder}: is not empty and has no run of a fleet; name a new folder.")
+    with _room(path):
+        base = _whole(path)
+    try:
+        with _room(path):
+            base.executescript(_SCHEMA)
+            base.execute("BEGIN IMMEDIATE")
+            _check_columns(base, folder)
+            _check_about(base, folder, about)
+        opened = Store(path, base)
+        opened.saved()
+        yield opened
+        opened.saved()
+    finally:
+        base.close()
+
+
+def _whole(path: Path) -> sqlite3.Connection:
+    """An open file without faults, of which no other run has a hand; of a damaged one the rows that are whole."""
+    try:
+        return _connected(path)
+    except sqlite3.DatabaseError as error:
+        if getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF != sqlite3.SQLITE_CORRUPT:
+            raise
+    rows = _readable(path)
+    with atomic_write(path) as temporary, closing(sqlite3.connect(temporary)) as new:
+        new.executescript(_SCHEMA)
+        _insert(new, rows)
+        new.commit()
+    path.with_name(f"{path.name}-journal").unlink(missing_ok=True)  # of the damaged file
+    return _connected(path)
+
+
+def _connected(path: Path) -> sqlite3.Connection:
+    """An open file, of which no other run has a hand.
+
+    Raises
+    ------
+    sqlite3.DatabaseError
+        If it is in use, no store, or damaged.
+    """
+    base = sqlite3.connect(path, timeout=1.0)
+    try:
+        base.text_factory = _text
+        base.execute("PRAGMA locking_mode = EXCLUSIVE")
+        base.execute("BEGIN IMMEDIATE")
+        _check_integrity(base)
+    except BaseException:
+        base.close()
+        raise
+    return base
+
+
+def _check_integrity(base: sqlite3.Connection) -> None:
+    fault = base.execute("PRAGMA integrity_check(1)").fetchone()[0]
+    if fault != "ok":
+        raise sqlite3.DatabaseError(fault)
+
+
+def _readable(path: Path) -> list[_Row]:
+    """The rows of a damaged file that are whole: those before its first fault, and those behind its last one."""
+    found: dict[object, _Row] = {}
+    for order in ("ASC", "DESC"):
+        with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=1.0)) as base:
+            base.text_factory = _text
+            for row in base.execute(f"SELECT * FROM done NOT INDEXED ORDER BY rowid {order}"):
+                if _is_whole(row):
+                    found[row[:2]] = row
+    return list(found.values())
+
+
+def _text(content: bytes) -> str:
+    """Text of a file that may be damaged."""
+    return content.decode("utf-8", "replace")
+
+
+def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
+    names = [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description]
+    if names == list(_COLUMNS[:-1]):  # of an earlier version, whose results are read again
+        base.execute("ALTER TABLE done ADD COLUMN checksum TEXT NOT NULL DEFAULT ''")
+        names.append(_COLUMNS[-1])
+    if names != list(_COLUMNS):
+        raise ExportError(f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder.")
+
+
+def _check_about(base: sqlite3.Connection, folder: Path, about: dict[str, str]) -> None:
+    """Check that the run is about the same, unless nothing has been done yet, or what it is about was damaged."""
+    begun = base.execute("SELECT 1 FROM done LIMIT 1").fetchone() is not None
+    known = dict(base.execute("SELECT what, value FROM about")) if begun else {}
+    checksum = known.pop(_CHECKSUM, None)  # an earlier version kept none
+    if checksum not in (None, _checksum(sorted(known.items()))):
+        known = {}
+        base.execute("DELETE FROM about")
+    for what, value in about.items():
+        if known.setdefault(what, value) != value:
+            raise ExportError(
+                f"--out {folder}: has a run whose {what} is {known[what]}, not {value}; name another folder."
+            )
+    known[_CHECKSUM] = _checksum(sorted(known.items()))
+    base.executemany("INSERT OR REPLACE INTO about VALUES (?, ?)", known.items())
+
+
+@contextmanager
+def _room(path: Path) -> Iterator[None]:
+    """Errors of the disk as one sentence."""
+    try:
+        yield
+    except sqlite3.DatabaseError as error:
+        if "locked" in str(error):
+            raise ExportError(
+                f"--out {path.parent}: another run is going on in this folder; wait until it ends."
+            ) from error
+        if "not a database" in str(error) or "malformed" in str(error):
+            raise ExportError(
+                f"{path}: is not the file of a run, or was damaged ({error}); name another folder."
+            ) from error
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in _CLOSED:
+            raise ExportError(
+                f"--out {path.parent}: cannot be written ({error}); allow writing in it, or name another folder."
+            ) from error
+        raise ExportError(
+            f"{path}: cannot be written ({error}); what was written before is whole. Make room on the disk, and run "
+            "the same command again to go on."
+        ) from error
+
+
+def _checksum(values: Iterable[object]) -> str:
+    total = hashlib.sha256()
+    for value in values:
+        total.update(value if isinstance(value, bytes) else f"{value!r}\n".encode())
+    return total.hexdigest()
+
+
+def _is_whole(row: _Row) -> bool:
+    """Whether a row is as it was kept."""
+    return row[-1] == _checksum(row[:-1])
+
+
+def _insert(base: sqlite3.Connection, rows: Iterable[_Row]) -> None:
+    base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(_COLUMNS))})", rows)
+
+
+def _row(kept: Kept) -> _Row:
+    read = kept.read
+    row = (
+        kept.vehicle, kept.recording, kept.inputs, kept.file, read.reading.status, read.reading.message,
+        read.sha256, json.dumps(_content(read)), _packed(read.curve), float(kept.seconds),
+    )  # fmt: skip
+    return (*row, _checksum(row))
+
+
+def _kept(row: tuple[Any, ...]) -> Kept:
+    vehicle, recording, inputs, file, status, message, sha256, content, curve, seconds, _ = row
+    read = _read(recording, status, message, sha256, json.loads(content), curve)
+    return Kept(vehicle, recording, inputs, file, read, seconds)
+
+
+def _content(read: Read) -> dict[str, object]:
+    one = read.reading
+    return {
+        "trust": one.trust, "measurement": one.measurement and list(one.measurement), "clock": read.clock,
+        "half_load": list(read.half_load), "changes": list(read.changes), "leak": one.leak and list(one.leak),
+        "departs": one.departs, "rest": one.rest and list(one.rest), "reason": one.reason,
+    }  # fmt: skip
+
+
+def _read(
+    recording: str, status: str, message: str, sha256: str, content: dict[str, list[float]], curve: bytes | None
+) -> Read:
+    measured, leak, rest = content["measurement"], content.get("leak"), content.get("rest")
+    reading = Reading(
+        status, message, str(content["trust"]), Measurement(*measured) if measured else None,
+        Leak(*leak) if leak else None, bool(content.get("departs")), RestShift(*rest) if rest else None,
+        str(content.get("reason", "")),
+    )  # fmt: skip
+    half, changes = HalfLoad(*content["half_load"]), tuple(map(str, content["changes"]))
+    return Read(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)
+
+
+def _packed(curve: Curve | None) -> bytes | None:
+    return None if curve is None else np.array(curve, dtype="<f8").tobytes()
+
+
+def _unpacked(content: bytes | None) -> Curve | None:
+    return None if content is None else Curve(*np.frombuffer(content, dtype="<f8").reshape(4, -1))

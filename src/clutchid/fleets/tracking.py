@@ -1,0 +1,270 @@
+"""Track the wear of one clutch: from recordings to its life, and the files that hold it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.fleets.reading import How, Read, counted_as, read_recording, without_file, without_result
+from clutchid.fleets.store import STORE
+from clutchid.names import as_text
+from clutchid.processes import Lost, check_workers, results
+from clutchid.recordings.files import write_frame
+from clutchid.wear.history import History, Listed, arranged
+from clutchid.wear.life import Curve, Wear, wear_of
+from clutchid.wear.trend import WearTable
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Suffixes of the files that are taken from a folder.
+SUFFIXES = (".parquet", ".csv", ".mf4", ".dat", ".mat", ".blf", ".asc", ".h5")
+
+
+class Limits(NamedTuple):
+    """What ends a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
+
+    shift: float | None = None
+    table: WearTable | None = None
+
+
+NO_LIMIT = Limits()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tracked:
+    """The wear of a clutch, and its recordings as they were read, in the order of its life."""
+
+    wear: Wear
+    reads: tuple[Read, ...]
+
+    @property
+    def curves(self) -> list[tuple[str, Curve]]:
+        """The loads of the recordings that count in the trend, by name."""
+        reads = zip(self.reads, self.wear.counted, strict=True)
+        return [(name_of(one.path), one.curve) for one, counts in reads if one.curve and counts]
+
+
+def recording_files(folder: Path) -> list[Path]:
+    """Files below a folder that can be recordings, in order, also links to files that are gone.
+
+    Results of a fleet are none, nor is what is hidden, as what a write that was cut off has left.
+    """
+    below = [path for path in sorted(folder.rglob("*")) if not _is_hidden(path.relative_to(folder))]
+    runs = {path.parent for path in below if path.name == STORE}
+    found = [path for path in below if path.suffix.lower() in SUFFIXES and (path.is_file() or _is_dangling(path))]
+    return [path for path in found if runs.isdisjoint(path.parents)] if runs else found
+
+
+def _is_hidden(path: Path) -> bool:
+    return any(part.startswith(".") for part in path.parts)
+
+
+def name_of(recording: Path) -> str:
+    """The name of a recording in tables: that of its file, without the suffix."""
+    return as_text(recording.stem)
+
+
+def _is_dangling(path: Path) -> bool:
+    return path.is_symlink() and not path.exists()
+
+
+def recordings_of(paths: Sequence[Path], results: Sequence[Path] = ()) -> list[Path]:
+    """The recordings: files as they are, and of a folder all files below it that can be recordings.
+
+    Parameters
+    ----------
+    results
+        Files that an earlier run may have left in the folder.
+
+    Raises
+    ------
+    DataError
+        If there is none, one is not there, or two have the same name.
+    """
+    found: list[Path] = []
+    left = {path.resolve() for path in results}
+    for path in paths:
+        if not path.exists():
+            raise DataError(f"{path}: there is no such file or folder.")
+        if path.is_dir():
+            found += [one for one in recording_files(path) if one.resolve() not in left]
+        else:
+            found.append(path)
+    if not found:
+        where = ", ".join(map(str, paths)) or "no folder"
+        raise DataError(f"{where}: has no recordings; they are files with {', '.join(SUFFIXES)}.")
+    names: dict[str, Path] = {}
+    for path in found:
+        other = names.setdefault(name_of(path), path)
+        if other is not path:
+            raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own.")
+    return found
+
+
+def vehicle_of(paths: Sequence[Path], table: Mapping[str, Listed], source: str) -> str:
+    """The one vehicle of all recordings: that of the table, else of their folder.
+
+    Raises
+    ------
+    DataError
+        If they belong to several vehicles, or to none of the table.
+    """
+    if not table:
+        folders = {path.resolve().parent for path in paths}
+        return as_text(folders.pop().name) if len(folders) == 1 else ""
+    names = set(map(name_of, paths))
+    vehicles = {table[name].vehicle for name in names if name in table}
+    if not vehicles:
+        raise DataError(f"{source}: names none of the {len(names)} recordings; its column 'recording' has their names.")
+    if len(vehicles) > 1:
+        some = ", ".join(sorted(vehicles)[:3])
+        raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}, ...); track follows one.")
+    (vehicle,) = vehicles
+    return vehicle
+
+
+def track(
+    paths: Sequence[Path],
+    how: How,
+    table: Mapping[str, Listed],
+    limits: Limits = NO_LIMIT,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    vehicle: str = "",
+) -> Tracked:
+    """Read all recordings of a vehicle, and follow the wear of its clutch through them.
+
+    Parameters
+    ----------
+    paths
+        Recordings, see `recordings_of`; one that cannot be read is a row with its reason, the same one twice counts
+        once.
+    table
+        Rows of the table of recordings by stem, see `clutchid.wear.tables.read_table`; one of the vehicle whose file is
+        not there is a row with that reason.
+
+    Raises
+    ------
+    ParameterError
+        If there is no worker.
+    """
+    check_workers(workers)
+    found: dict[Path, Read] = {}
+    for done in results(partial(read_recording, how), paths, workers):
+        read = done.result
+        found[done.item] = without_result(done.item, read) if isinstance(read, Lost) else read
+        if progress:
+            progress(len(found), len(paths))
+    names = [name_of(path) for path in paths]
+    absent = sorted(name for name, row in table.items() if row.vehicle == vehicle and name not in set(names))
+    reads = [*_once([found[path] for path in paths]), *(without_file(name) for name in absent)]
+    history = arranged([*names, *absent], [read.clock for read in reads], table)
+    history = _with_folders(history, paths, table)
+    wear = wear_of(vehicle, history, [read.reading for read in reads], limits.table, limits.shift)
+    return Tracked(wear, tuple(reads[i] for i in history.order))
+
+
+def _with_folders(history: History, paths: Sequence[Path], table: Mapping[str, Listed]) -> History:
+    """The history with a warning of recordings in several folders, of which no table says that they belong together."""
+    folders = sorted({path.resolve().parent for path in paths})
+    if table or len(folders) < 2:
+        return history
+    names = ", ".join([*(as_text(one.name) for one in folders[:3]), *(["..."] if len(folders) > 3 else [])])
+    warning = (
+        f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
+        "with the vehicle of each, or one folder."
+    )
+    return replace(history, warnings=(warning, *history.warnings))
+
+
+def _once(reads: Sequence[Read]) -> list[Read]:
+    """A recording that was sent twice counts once: the second is a warning without a measurement."""
+    first: dict[str, Path] = {}
+    found = []
+    for read in reads:
+        other = first.setdefault(read.sha256, read.path) if read.sha256 and read.reading.has_result else read.path
+        if other != read.path:
+            read = counted_as(read, as_text(other.name))  # noqa: PLW2901
+        found.append(read)
+    return found
+
+
+def table_of(tracked: Tracked) -> pl.DataFrame:
+    """A row a recording: when, what came of it, its reading, and the trend there, as known then and given all."""
+    import polars as pl
+
+    wear, nothing = tracked.wear, float("nan")
+    measured = [one.measurement for one in wear.readings]
+    columns: dict[str, object] = {
+        "recording": [one.name for one in wear.dated],
+        "vehicle": [wear.vehicle] * len(wear.dated),
+        "begin": [one.begin.isoformat() if one.begin else None for one in wear.dated],
+        "odometer [km]": [one.odometer for one in wear.dated],
+        "strokes [1]": [one.strokes for one in wear.dated],
+        "status": [one.status for one in wear.readings],
+        "message": [one.message for one in wear.readings],
+        "trust": [one.trust for one in wear.readings],
+        "outcome": list(wear.outcomes),
+        "reason": list(wear.reasons),
+        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == one.name) or None for one in wear.dated],
+        "half_load [m]": [read.half_load[0] for read in tracked.reads],
+        "half_load low [m]": [read.half_load[1] for read in tracked.reads],
+        "half_load high [m]": [read.half_load[2] for read in tracked.reads],
+        "shift measured [m]": [one.shift if one else nothing for one in measured],
+        "shift measured std [m]": [one.shift_std if one else nothing for one in measured],
+        "load measured [1]": [one.load if one else nothing for one in measured],
+        "load measured std [1]": [one.load_std if one else nothing for one in measured],
+        "temperature_ambient [K]": [one.temperature if one else nothing for one in measured],
+        "changes": [", ".join(read.changes) for read in tracked.reads],
+        "leak [m³/(Pa·s)]": [one.leak.conductance if one.leak else 0.0 for one in wear.readings],
+        "leak probability [1]": [one.leak.probability if one.leak else 0.0 for one in wear.readings],
+        "rest shift [m]": [one.rest.value if one.rest else nothing for one in wear.readings],
+        "rest shift low [m]": [one.rest.low if one.rest else nothing for one in wear.readings],
+        "rest shift high [m]": [one.rest.high if one.rest else nothing for one in wear.readings],
+        "rest cause": [one.cause for one in wear.rests],
+        "sha256": [read.sha256 for read in tracked.reads],
+    }
+    units = {"shift": "m", "wear": "m", "load": "1"}
+    for when, bands in (("", wear.then), (" smoothed", wear.now)):
+        for name, band in bands.items():
+            columns |= {
+                f"{name}{when}{part} [{units[name]}]": values
+                for part, values in (("", band.value), (" low", band.low), (" high", band.high))
+            }
+    return pl.DataFrame(columns)
+
+
+def curves_of(tracked: Tracked) -> pl.DataFrame:
+    """The load of every recording that was read: position, force and its 95 % band."""
+    import polars as pl
+
+    read = [one for one in tracked.reads if one.curve is not None]
+    values = np.concatenate([np.column_stack(one.curve) for one in read if one.curve]) if read else np.zeros((0, 4))
+    names = [name_of(one.path) for one in read for _ in range(one.curve.position.size if one.curve else 0)]
+    heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
+    return pl.DataFrame({"recording": names, **dict(zip(heads, values.T, strict=True))})
+
+
+def write_tracked(tracked: Tracked, out: Path) -> None:
+    """Write the rows, and beside them the loads as OUT.load.parquet.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written; an existing one is then unchanged.
+    """
+    write_frame(table_of(tracked), out)
+    write_frame(curves_of(tracked), curves_path(out))
+
+
+def curves_path(out: Path) -> Path:
+    """The file of the loads, beside the rows."""
+    return out.with_name(f"{out.stem}.load{out.suffix}")

@@ -1,0 +1,167 @@
+"""The recursion of the adaptive observer: constant gains by a Lyapunov function, no covariance.
+
+What the piston has moved further than predicted since the last sample, e, is the integral of the velocity's error. The
+position becomes the measured one; e corrects the velocity, the air q_A = p_A V_A of chamber A along A_A / V_A, and the
+load weights along -phi(y). See docs/derivations_online.md for the function that does not grow. Nothing is allocated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from clutchid.codegen.kernels import kernel
+from clutchid.inference.filter.arrays import (
+    Derived,
+    FreeArrays,
+    IntArray,
+    Intervals,
+    JointOutput,
+    JointScratch,
+    ModelArrays,
+    StateArrays,
+)
+from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
+from clutchid.inference.filter.recursion import OUTPUT, STATE, move
+from clutchid.log import FloatArray
+from clutchid.simulation.stiffness import Pace
+
+#: What the rule adds to the settings: gains of the velocity in 1/s; of p_A V_A, in N m by m of motion times area over
+#: volume; of the weights, which multiplies T T', in 1/(N m); share of a sample in the average position; places of p_A
+#: in x, of V_0A and A_A in p.
+AdaptiveNumbers = tuple[float, float, float, float, tuple[int, int, int]]
+
+#: Settings of the recursion: those of `arrays.SettingsArrays`, and `AdaptiveNumbers`.
+AdaptiveSettings = tuple[int, float, float, tuple[int, int], AdaptiveNumbers]
+
+
+@kernel
+def adapt_weights(
+    theta: FloatArray, T: FloatArray, free: FreeArrays, slopes: FloatArray, h: FloatArray, e: float, w: FloatArray
+) -> None:
+    """Move theta by -T T' h e within its bounds; h (k,) is phi(y), w (m,) is scratch."""
+    w[:] = 0.0
+    for i in range(T.shape[0]):
+        if h[i] != 0.0:
+            for j in range(min(i + 1, w.size)):
+                w[j] += T[i, j] * (h[i] * slopes[i])
+    for i in range(T.shape[0]):
+        moved = theta[i]
+        for j in range(min(i + 1, w.size)):
+            moved -= T[i, j] * w[j] * e
+        theta[i] = within(free[0][i], moved)
+
+
+@kernel
+def correct_position(
+    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, chamber: tuple[int, int, int], gain: float
+) -> None:
+    """Correct position and output of its sensor by e in m, and the air q_A = p_A V_A by gain A_A / V_A e.
+
+    V_A is that in the middle of the old position and the new one: at either of them it goes with the noise in e, and
+    the air would drift by gain (A_A / V_A)^2 times the variance of the noise a sample.
+    """
+    p, (at_pressure, volume, area) = model[0], chamber
+    before = p[volume] + p[area] * x[sensor[STATE]]
+    after = before + p[area] * e
+    q = x[at_pressure] * before + gain * p[area] / (0.5 * (before + after)) * e
+    x[at_pressure] = q / after
+    x[sensor[OUTPUT]] += e
+    x[sensor[STATE]] += e
+
+
+@kernel
+def correct_sample_adaptively(
+    state: StateArrays,
+    value: float,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    sensor: IntArray,
+    settings: AdaptiveSettings,
+    errors: FloatArray,
+    scratch: JointScratch,
+) -> bool:
+    """Correct by the position of a sample; whether theta has moved.
+
+    Only the position is corrected after samples without one, for nobody knows when the piston has moved, and while it
+    is at rest, as measured and as predicted, where friction balances an error of the forces. An innovation beyond the
+    outliers counts as one at their bound, and theta does not follow it.
+
+    Parameters
+    ----------
+    errors : (2,)
+        Receives innovation and variance of the sensor, NaN for none.
+    """
+    x, _, theta, T, memory, _ = state
+    _, outlier, least_speed, (at_speed, at_position), (velocity, air, adaptation, share, chamber) = settings
+    _, _, of_sensor, slopes = derived
+    follows, average = memory.size - 2, memory.size - 1
+    errors[:] = np.nan
+    if math.isnan(value):
+        memory[follows] = 0.0
+        return False
+    e = value - (x[sensor[OUTPUT]] + of_sensor[0, 0])
+    bound = outlier * of_sensor[0, 1]
+    errors[0], errors[1] = e, of_sensor[0, 1] * of_sensor[0, 1]
+    if memory[follows] == 0.0:
+        correct_position(x, e, model, sensor, chamber, 0.0)
+        memory[follows], memory[average] = 1.0, x[at_position]
+        return False
+    inside, e = abs(e) <= bound, min(max(e, -bound), bound)
+    middle = x[at_position] + 0.5 * e
+    moves = abs(x[at_speed]) > least_speed or abs(x[at_position] + e - memory[average]) > bound
+    correct_position(x, e, model, sensor, chamber, air if moves else 0.0)
+    memory[average] += share * (x[at_position] - memory[average])
+    if moves:
+        x[at_speed] += velocity * e
+    if moves and inside:
+        basis_at(middle, model, free, scratch[3])
+        adapt_weights(theta, T, free, slopes, scratch[3], adaptation * e, scratch[2])
+    return bool(moves and inside)
+
+
+@kernel
+def follow_adaptively(
+    step: Callable[..., bool],
+    prepare: Callable[..., None],
+    state: StateArrays,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    intervals: Intervals,
+    sensors: IntArray,
+    values: FloatArray,
+    settings: AdaptiveSettings,
+    _drifts: FloatArray,
+    pace: Pace,
+    output: JointOutput,
+    scratch: JointScratch,
+    span: tuple[int, int, int],
+) -> int:
+    """Observe some samples of a segment in place; the first that is not finite, or -1.
+
+    Parameters as of `joint.follow_jointly`; T is a root of the gains of the weights, S has no columns, and there is no
+    drift.
+    """
+    u, length, substeps, _, lags = intervals
+    errors, states, deviations = output
+    _, _, _, (at_speed, at_position), _ = settings
+    begin, end, _ = span
+    x, S, theta = state[0], state[1], state[2]
+    n = states.shape[1]
+    deviations[:] = np.nan
+    refresh(prepare, theta, free, derived, model)
+    for i in range(begin, end):
+        if i > 0:
+            steps = steps_at(pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
+            if not move(step, x, S, model, (u[i - 1], length[i - 1], steps), sensors, lags[i - 1], scratch[0][0]):
+                return i
+        if correct_sample_adaptively(
+            state, values[i, 0], model, free, derived, sensors[0], settings, errors[i - begin, 0], scratch
+        ):
+            refresh(prepare, theta, free, derived, model)
+        states[i - begin] = x[:n]
+    return -1

@@ -1,0 +1,290 @@
+"""The recursion of the joint filter: states, load weights and parameters, corrected by one measurement after another.
+
+The filter is the two-stage one of Friedland (1969), which is the Kalman filter of states and parameters together. The
+error of the state x is ``D dtheta + L n``, with dtheta the error of the parameters, whose covariance is T T', and n
+independent of it. So D are derivatives with respect to the parameters that the model moves like L, and T does
+not change between corrections. Potter's update keeps both L and T roots of covariances. Nothing is allocated.
+
+D is with respect to the parameters in SI, theta are their coordinates with a prior of mean 0 and standard deviation 1,
+and T is in theta.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from clutchid.codegen.kernels import kernel
+from clutchid.inference.filter.arrays import (
+    Derived,
+    FreeArrays,
+    IntArray,
+    Intervals,
+    JointOutput,
+    JointScratch,
+    ModelArrays,
+    SettingsArrays,
+    StateArrays,
+)
+from clutchid.inference.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
+from clutchid.inference.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, triangularise, update_root
+from clutchid.log import FloatArray
+from clutchid.simulation.comparison import lag_coefficients
+from clutchid.simulation.stiffness import Pace
+
+#: A stroke begins where the estimated position in m rises above the first, and ends where it falls below the second.
+STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
+
+
+@kernel
+def predict_jointly(
+    step: Callable[..., bool],
+    state: StateArrays,
+    model: ModelArrays,
+    interval: tuple[FloatArray, FloatArray, int, FloatArray, FloatArray],
+    lags: FloatArray,
+    sensors: IntArray,
+    scratch: JointScratch,
+) -> bool:
+    """Move the state over an interval, see `recursion.predict`; its process noise waits for `correct_sample_jointly`.
+
+    Parameters
+    ----------
+    interval
+        Inputs, length in s (1,), steps, process noise, coefficients of the sensors' lags, as in `recursion.predict`.
+    lags : (sensors,)
+        Of the sensors in s: where one is free, its coefficients are computed anew.
+    """
+    x, S, _, _, waiting, _ = state
+    u, length, substeps, sigma, coefficients = interval
+    for m in range(sensors.shape[0]):
+        if sensors[m, LAG] >= 0:
+            lag_coefficients(lags[m], length, coefficients[m : m + 1])
+    for i in range(sigma.size):
+        waiting[i] += sigma[i] * sigma[i]
+    for m in range(sensors.shape[0]):
+        waiting[sigma.size + m] = coefficients[m, 2]
+    return move(step, x, S, model, (u, length[0], substeps), sensors, coefficients, scratch[0][0])
+
+
+@kernel
+def add_waiting_noise(state: StateArrays, sensors: IntArray, scratch: JointScratch) -> None:
+    """Add the process noise since the last correction to the covariance of the states."""
+    _, S, _, _, waiting, _ = state
+    _, W, sigma = scratch[0]
+    n = waiting.size - sensors.shape[0]
+    for i in range(n):
+        sigma[i] = math.sqrt(waiting[i])
+        waiting[i] = 0.0
+    add_process_noise(S, sigma[:n], sensors, waiting[n:], W)
+
+
+@kernel
+def project_parameters(T: FloatArray, h: FloatArray, slopes: FloatArray, w: FloatArray) -> float:
+    """The variance w' w of a predicted measurement due to the parameters, and w, with its derivatives h in SI."""
+    w[:] = 0.0
+    for i in range(T.shape[0]):
+        for j in range(w.size):
+            w[j] += T[i, j] * (h[i] * slopes[i])
+    variance = 0.0
+    for j in range(w.size):
+        variance += w[j] * w[j]
+    return variance
+
+
+@kernel
+def update_parameters(
+    T: FloatArray, w: FloatArray, e: float, weighted: float, predicted: float, step: FloatArray
+) -> None:
+    """Step of theta by an innovation e of variance `weighted`, of which `predicted` is T's, and T after it (Potter)."""
+    share = 1.0 / (1.0 + math.sqrt((weighted - predicted) / weighted))
+    for i in range(T.shape[0]):
+        covariance = 0.0
+        for j in range(w.size):
+            covariance += T[i, j] * w[j]
+        covariance /= weighted
+        step[i] = covariance * e
+        for j in range(w.size):
+            T[i, j] -= share * covariance * w[j]
+
+
+@kernel
+def correct_jointly(
+    state: StateArrays,
+    sensor: IntArray,
+    measurement: tuple[float, float, float, float],
+    adapts: bool,
+    free: FreeArrays,
+    slopes: FloatArray,
+    scratch: JointScratch,
+) -> float:
+    """Correct states and, if it `adapts`, parameters by one measurement; the innovation, in its unit.
+
+    Parameters
+    ----------
+    state
+        In place.
+    sensor
+        A row of `sensors`, see `recursion`.
+    measurement
+        Value; offset and standard deviation of the sensor; standard deviations beyond which an innovation is an outlier
+        (Huber, see `recursion.update_covariance`).
+    slopes : (k,)
+        Derivatives of the free parameters in SI with respect to theta.
+    scratch
+        Its gain receives the gain of x with fixed parameters and the variance of the innovation.
+    """
+    x, S, theta, T, _, _ = state
+    value, offset, sigma, outlier = measurement
+    (_, _, h), gain, w, step, _ = scratch
+    size, k = x.size, theta.size
+    for j in range(k + size):
+        h[j] = S[sensor[OUTPUT], j]
+    if sensor[OFFSET] >= 0:
+        h[sensor[OFFSET]] += 1.0
+    e = value - (x[sensor[OUTPUT]] + offset)
+    by_states = 0.0
+    for j in range(k, k + size):
+        by_states += h[j] * h[j]
+    by_parameters = project_parameters(T, h, slopes, w)
+    s = by_states + by_parameters + sigma * sigma
+    weighted = s * max(1.0, abs(e) / math.sqrt(s) / outlier)
+    update_root(S, h, by_states, weighted - by_parameters, gain)
+    gain[size] = s
+    for i in range(size):
+        x[i] += gain[i] * e
+        for j in range(k):
+            S[i, j] -= gain[i] * h[j]
+    if adapts:
+        update_parameters(T, w, e, weighted, by_parameters, step)
+        move_parameters(x, S, theta, free, step)
+    return float(e)
+
+
+@kernel
+def correct_sample_jointly(
+    prepare: Callable[..., None],
+    state: StateArrays,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    sensors: IntArray,
+    values: FloatArray,
+    settings: SettingsArrays,
+    errors: FloatArray,
+    scratch: JointScratch,
+) -> None:
+    """Add the process noise since the last correction, and correct by each measurement of a sample.
+
+    Parameters
+    ----------
+    values : (sensors,)
+        NaN for none.
+    errors : (sensors, 2)
+        Receives the innovations and their variances, NaN for none.
+    """
+    _, outlier, least_speed, (at_speed, _) = settings
+    _, _, of_sensor, slopes = derived
+    add_waiting_noise(state, sensors, scratch)
+    adapts = abs(state[0][at_speed]) > least_speed
+    for m in range(sensors.shape[0]):
+        errors[m] = np.nan
+        if not math.isnan(values[m]):
+            measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], outlier
+            errors[m, 0] = correct_jointly(state, sensors[m], measurement, adapts, free, slopes, scratch)
+            errors[m, 1] = scratch[1][state[0].size]
+            if adapts:
+                refresh(prepare, state[2], free, derived, model)
+
+
+@kernel
+def stroke_ends(stroke: IntArray, position: float) -> bool:
+    """Whether a stroke ends with this position in m; `stroke` (1,) is 1 while one lasts."""
+    if position > STROKE_BEGINS:
+        stroke[0] = 1
+    ends = stroke[0] == 1 and position < STROKE_ENDS
+    if ends:
+        stroke[0] = 0
+    return bool(ends)
+
+
+@kernel
+def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
+    """Add root root' to the covariance T T' of the parameters; the states move with them along D.
+
+    Parameters
+    ----------
+    T : (k, k)
+        Lower triangular after it.
+    root : (k, d)
+        Lower trapezoidal.
+    W : (k, k + d)
+        Scratch.
+    """
+    k = T.shape[0]
+    W[:, :k] = T
+    W[:, k:] = root
+    triangularise(W)
+    T[:] = W[:, :k]
+
+
+@kernel
+def follow_jointly(
+    step: Callable[..., bool],
+    prepare: Callable[..., None],
+    state: StateArrays,
+    model: ModelArrays,
+    free: FreeArrays,
+    derived: Derived,
+    intervals: Intervals,
+    sensors: IntArray,
+    values: FloatArray,
+    settings: SettingsArrays,
+    drifts: FloatArray,
+    pace: Pace,
+    output: JointOutput,
+    scratch: JointScratch,
+    span: tuple[int, int, int],
+) -> int:
+    """Filter some samples of a segment in place; the first that is not finite, or -1.
+
+    Parameters
+    ----------
+    step, prepare
+        Generated functions of the model variant.
+    state
+        After the sample before; before the first sample, that predicted for it.
+    values : (samples, sensors)
+        Measurements, NaN for none.
+    drifts : (k, d)
+        Root of the covariance that theta gains in a stroke, as for `drift`; d = 0 for none.
+    pace
+        Integration steps by position and speed, see `steps_at`.
+    span
+        First sample, and the one after the last; number of sample 0 since the filter started.
+    """
+    u, length, substeps, sigma, lags = intervals
+    errors, states, deviations = output
+    every, _, _, (at_speed, at_position) = settings
+    begin, end, number = span
+    n, (_, taus, _, slopes) = states.shape[1], derived
+    refresh(prepare, state[2], free, derived, model)
+    for i in range(begin, end):
+        errors[i - begin] = np.nan
+        deviations[i - begin] = np.nan
+        if i > 0:
+            steps = steps_at(pace, state[0][at_position], state[0][at_speed], length[i - 1], int(substeps[i - 1]))
+            interval = u[i - 1], length[i - 1 : i], steps, sigma[i - 1], lags[i - 1]
+            if not predict_jointly(step, state, model, interval, taus, sensors, scratch):
+                return i
+        if (number + i) % every == 0:
+            correct_sample_jointly(
+                prepare, state, model, free, derived, sensors, values[i], settings, errors[i - begin], scratch
+            )
+            state_deviations(state[1], state[3], slopes, deviations[i - begin], scratch[2])
+        if stroke_ends(state[5], state[0][at_position]) and drifts.size > 0:
+            drift(state[3], drifts, scratch[4])
+        states[i - begin] = state[0][:n]
+    return -1

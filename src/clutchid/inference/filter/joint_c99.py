@@ -1,0 +1,70 @@
+"""The joint filter in C99 for a control unit: what `joint` does, in double or float, with static memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from clutchid.codegen.c99 import CSource
+from clutchid.codegen.language import C_DOUBLE, C_FLOAT
+from clutchid.codegen.templates import template
+from clutchid.inference.filter.joint import STROKE_BEGINS, STROKE_ENDS
+from clutchid.simulation.comparison import SHORTEST_LAG
+
+
+@dataclass(frozen=True, slots=True)
+class JointSize:
+    """Dimensions of a joint filter.
+
+    Parameters
+    ----------
+    states, sensors
+        States of the model, and measured columns, at least 1.
+    parameters, drifts
+        Free parameters (k,), and columns of the root (k, d) of what theta gains in a stroke.
+    weights, pieces
+        Weights of the load, free or not, and pieces of its table.
+    """
+
+    states: int
+    sensors: int
+    parameters: int
+    drifts: int
+    weights: int
+    pieces: int
+
+    @property
+    def room(self) -> int:
+        """Numbers in the larger of the matrices that are made triangular."""
+        size = self.states + self.sensors
+        return max(size * (size + self.states), self.parameters * (self.parameters + self.drifts))
+
+
+def joint_c99(size: JointSize, real: str = "double") -> CSource:
+    """The joint filter in C99, ``joint.h`` and ``joint.c``; the model's ``NAME_step_columns`` moves x and S.
+
+    Compiled without contraction of sums and products (``-ffp-contract=off``), double has bit by bit the numbers of the
+    kernels in `joint` where they are computed in the order in which they are written. The compiled kernels may reorder
+    sums and contract, which is faster; C differs from them by these roundings.
+
+    Parameters
+    ----------
+    real : 'double' or 'float'
+        Type of every number.
+
+    Raises
+    ------
+    ValueError
+        If `real` is neither "double" nor "float".
+    """
+    languages = {"double": C_DOUBLE, "float": C_FLOAT}
+    if real not in languages:
+        raise ValueError(f"real = {real!r}: known are {', '.join(languages)}.")
+    values = {
+        "size": size,
+        "real": real,
+        "number": languages[real].print,
+        "stroke_begins": STROKE_BEGINS,
+        "stroke_ends": STROKE_ENDS,
+        "shortest_lag": SHORTEST_LAG,
+    }
+    return CSource(template("joint.h.j2").render(values), template("joint.c.j2").render(values))

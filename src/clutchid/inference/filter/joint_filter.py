@@ -1,0 +1,349 @@
+"""The joint filter of an actuator: how it is made, its state, and pure functions that start, predict and correct."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from clutchid.codegen.kernels import kernels_in
+from clutchid.errors import ParameterError
+from clutchid.inference.filter.arrays import (
+    Derived,
+    FreeArrays,
+    IntArray,
+    Intervals,
+    JointScratch,
+    ModelArrays,
+    SettingsArrays,
+)
+from clutchid.inference.filter.rules import KALMAN, Rule
+from clutchid.inference.filter.setup import first_state, intervals, measurements, model_arrays, scratch, sensor_rows
+from clutchid.inference.uncertainty.coordinates import Coordinate
+from clutchid.log import FloatArray
+from clutchid.log.measured import SENSORS
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import prepare, step
+from clutchid.numerics.failure import Failure
+from clutchid.simulation.noise import Noise
+from clutchid.simulation.parameter_map import ParameterMap, parameter_map
+from clutchid.simulation.plan import Segment
+from clutchid.simulation.process_noise import start_deviations
+from clutchid.simulation.run import Columns, columns, inputs_of
+from clutchid.simulation.stiffness import AS_PLANNED, Pace
+from clutchid.simulation.windows import Track
+
+
+@dataclass(frozen=True, slots=True)
+class JointSettings:
+    """Settings of the joint filter.
+
+    Parameters
+    ----------
+    every
+        Samples from one correction to the next, at least 1.
+    spacing : s
+        Time from one sample to the next.
+    least_speed : m/s
+        The parameters adapt only while the piston is faster.
+    """
+
+    every: int = 10
+    spacing: float = 1e-3
+    least_speed: float = 5e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointFilter:
+    """The joint filter of an actuator, as `joint_filter` makes it.
+
+    `mapped` has the actuator at the means of the free parameters and `which` their columns, `free` what is fixed about
+    them, `drifts` (k, d) the root of what their covariance gains in a stroke; `calls` are the generated functions of
+    the model.
+    """
+
+    mapped: ParameterMap
+    which: Columns
+    coordinates: tuple[Coordinate, ...]
+    measure: tuple[str, ...]
+    noise: Noise
+    settings: JointSettings
+    free: FreeArrays
+    drifts: FloatArray
+    pace: Pace
+    sensors: IntArray
+    calls: tuple[Any, Any]
+    rule: Rule
+
+    def si(self, theta: FloatArray) -> dict[str, float]:
+        """Values of the free parameters in SI by name."""
+        return {c.base: c.si(value) for c, value in zip(self.coordinates, theta.tolist(), strict=True)}
+
+    def actuator(self, theta: FloatArray) -> Actuator:
+        """The actuator at theta.
+
+        Raises
+        ------
+        ParameterError
+            If values contradict each other.
+        """
+        return self.mapped.actuator.replace(self.si(theta))
+
+
+def joint_filter(
+    actuator: Actuator,
+    coordinates: Sequence[Coordinate],
+    bounds: tuple[FloatArray, FloatArray],
+    measure: Sequence[str],
+    noise: Noise,
+    settings: JointSettings,
+    drifts: FloatArray | None = None,
+    pace: Pace = AS_PLANNED,
+    rule: Rule = KALMAN,
+) -> JointFilter:
+    """The joint filter of an actuator.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        Its values are those of all parameters that are not free.
+    coordinates : k coordinates
+        The free parameters.
+    bounds : (k,), (k,)
+        Bounds of theta.
+    measure : 'position', 'pressure_a'
+        Measured columns in use.
+    noise : Noise
+        Of sensors and model; samples within its `memory` have the information of one.
+    drifts : (k, d), optional
+        Root of the covariance that theta gains in a stroke, lower trapezoidal; by default none.
+    pace
+        Integration steps by position and speed, see `clutchid.simulation.stiffness.pace`; by default those of the
+        segment.
+    rule
+        By which it corrects; by default that of Kalman.
+    """
+    k, names = len(coordinates), [c.base for c in coordinates]
+    mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
+    mapped = parameter_map(mean, names, range(k), np.ones(k), k)
+    return JointFilter(
+        mapped=mapped,
+        which=columns(mean, names if rule.columns else ()),
+        coordinates=tuple(coordinates),
+        measure=tuple(measure),
+        noise=noise,
+        settings=settings,
+        free=_free_arrays(mean, coordinates, bounds, measure),
+        drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
+        pace=pace,
+        sensors=sensor_rows(mapped, measure),
+        calls=(step(mean.model), prepare(mean.model)),
+        rule=rule,
+    )
+
+
+def _free_arrays(
+    actuator: Actuator, coordinates: Sequence[Coordinate], bounds: tuple[FloatArray, FloatArray], measure: Sequence[str]
+) -> FreeArrays:
+    weights, parameters = actuator.load.names, actuator.parameter_names
+    lags, offsets = ([getattr(SENSORS[name], kind) for name in measure] for kind in ("lag", "offset"))
+    numbers = [
+        (c.mean, c.width, float(c.positive), c.low, c.high, low, high)
+        for c, low, high in zip(coordinates, *(side.tolist() for side in bounds), strict=True)
+    ]
+    places = [
+        [names.index(c.base) if c.base in names else -1 for names in (weights, parameters, lags, offsets)]
+        for c in coordinates
+    ]
+    acting = np.any(actuator.load.coefficients != 0.0, axis=2)
+    pieces = [(int(a.argmax()), int(a.size - 1 - a[::-1].argmax())) for a in acting]
+    return np.array(numbers).reshape(-1, 7), np.array(places, dtype=np.int64).reshape(-1, 4), np.array(pieces)
+
+
+_KERNELS = "clutchid.inference.filter.joint"
+
+
+class JointState(NamedTuple):
+    """State of the filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k).
+
+    x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
+    `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction, see
+    `arrays.StateArrays`, and `stroke` (1,) is 1 while one lasts.
+    To write it, write its arrays: a filter goes on from them bit by bit.
+    """
+
+    x: FloatArray
+    S: FloatArray
+    theta: FloatArray
+    T: FloatArray
+    waiting: FloatArray
+    stroke: IntArray
+
+    def copy(self) -> JointState:
+        """An independent copy."""
+        x, S, theta, T, waiting, stroke = self
+        return JointState(x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy())
+
+
+@dataclass(frozen=True, slots=True)
+class Diverged(Failure):
+    """The filter left the finite numbers at `sample` of the segment, with what it knows of the parameters before."""
+
+    sample: int
+
+
+class JointInputs(NamedTuple):
+    """A segment for the filter: its intervals, and the measurements (samples, sensors), NaN for none."""
+
+    intervals: Intervals
+    values: FloatArray
+
+
+class JointPass(NamedTuple):
+    """What the filter found in some samples: state after them, and by sample innovations and states of the model.
+
+    `errors` (samples, sensors, 2) are innovations in SI with their variances, NaN where nothing was corrected; `states`
+    (samples, n) are those after the correction, and `deviations` (samples, n) their standard deviations, NaN where no
+    correction was due.
+    """
+
+    state: JointState
+    errors: FloatArray
+    states: FloatArray
+    deviations: FloatArray
+
+
+def inputs(joint: JointFilter, track: Track) -> JointInputs:
+    """A segment of a recording for the filter."""
+    inputs_of(track.segment, joint.mapped.actuator.model)
+    arrays = intervals(track.segment, joint.mapped.actuator, joint.noise, joint.measure)
+    values, _, _ = measurements(track, joint.mapped.actuator, joint.measure, joint.noise, joint.measure)
+    return JointInputs(arrays, values)
+
+
+def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray) -> JointState:
+    """State at the start of a segment.
+
+    Parameters
+    ----------
+    theta : (k,)
+        Mean of the free parameters.
+    T : (k, k)
+        Square root of their covariance T T'.
+    """
+    k = theta.size
+    mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
+    L = np.diag(start_deviations(segment, mapped.actuator, "pressure_a" in joint.measure, joint.noise))
+    x, S = first_state(segment, mapped, joint.which, L if joint.rule.columns else L[:, :0], joint.measure)
+    waiting = np.zeros(x.size + joint.rule.memory)
+    T = np.array(T, order="C")
+    return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, np.zeros(1, dtype=np.int64))
+
+
+def follow(
+    joint: JointFilter, state: JointState, given: JointInputs, span: tuple[int, int], number: int = 0
+) -> JointPass | Diverged:
+    """Filter the samples of a segment from the first of `span` to before the last, from the state before the first.
+
+    A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
+    part in the recording.
+    """
+    after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
+    output = np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n))
+    model, derived, work = _work(joint, after)
+    failed = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
+        *joint.calls, tuple(after), model, joint.free, derived, given.intervals, joint.sensors, given.values,
+        _settings(joint), joint.drifts, joint.pace, output, work, (*span, number),
+    )  # fmt: skip
+    if failed >= 0 or not all(np.isfinite(array).all() for array in after):
+        at = failed if failed >= 0 else span[1] - 1
+        return Diverged(f"the filter diverged at sample {at} of the segment", at)
+    return JointPass(after, *output)
+
+
+def predict(joint: JointFilter, state: JointState, interval: Intervals) -> JointState:
+    """The state after an interval, given as the only row of `Intervals`; for the rule of Kalman."""
+    _check_rule(joint)
+    after = state.copy()
+    model, derived, work = _work(joint, after)
+    compiled = kernels_in(_KERNELS)
+    compiled.refresh(joint.calls[1], after.theta, joint.free, derived, model)
+    u, length, substeps, sigma, lags = interval
+    states = joint.mapped.actuator.states
+    at = [float(after.x[states.index(name)]) for name in ("y", "v")]
+    steps = compiled.steps_at(joint.pace, *at, length[0], int(substeps[0]))
+    row = u[0], length, steps, sigma[0], lags[0].copy()
+    compiled.predict_jointly(joint.calls[0], tuple(after), model, row, derived[1], joint.sensors, work)
+    return after
+
+
+def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[JointState, FloatArray]:
+    """The state after the measurements of a sample; for the rule of Kalman.
+
+    Parameters
+    ----------
+    values : (sensors,)
+        In SI; what is not finite is left out.
+
+    Returns
+    -------
+    state, errors : (sensors, 2)
+        Innovations and their variances, NaN for none.
+    """
+    _check_rule(joint)
+    after, errors = state.copy(), np.empty((len(joint.measure), 2))
+    model, derived, work = _work(joint, after)
+    compiled = kernels_in(_KERNELS)
+    compiled.refresh(joint.calls[1], after.theta, joint.free, derived, model)
+    known = np.where(np.isfinite(values), values, np.nan)
+    compiled.correct_sample_jointly(
+        joint.calls[1], tuple(after), model, joint.free, derived, joint.sensors, known, _settings(joint), errors, work
+    )
+    return after, errors
+
+
+def covariance(joint: JointFilter, state: JointState) -> FloatArray:
+    """Covariance of x and theta, shape (size + k, size + k)."""
+    k = state.theta.size
+    slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, state.theta.tolist(), strict=True)])
+    root = np.block([
+        [state.S[:, :k] * slopes @ state.T, state.S[:, k:]], [state.T, np.zeros((k, state.x.size))]
+    ])  # fmt: skip
+    result: FloatArray = root @ root.T
+    return result
+
+
+def _check_rule(joint: JointFilter) -> None:
+    if not joint.rule.columns:
+        raise ParameterError(
+            f"the rule {joint.rule.kernel} has no covariance to predict and correct; `follow` takes single samples too."
+        )
+
+
+def _settings(joint: JointFilter) -> SettingsArrays:
+    s, states = joint.settings, joint.mapped.actuator.states
+    rows = states.index("v"), states.index("y")
+    return s.every, float(joint.noise.outlier), s.least_speed, rows, *joint.rule.numbers
+
+
+def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, JointScratch]:
+    """Arrays that the recursion computes from theta, and its scratch arrays."""
+    size, width, k = state.x.size, state.S.shape[1], state.theta.size
+    actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
+    model = model_arrays(joint.mapped, joint.which, width)
+    own = model[0].copy(), *model[1:]
+    sensors = [SENSORS[name] for name in joint.measure]
+    derived = (
+        np.array(actuator.load.theta),
+        np.array([actuator.value(sensor.lag) for sensor in sensors]),
+        np.array([
+            (actuator.value(sensor.offset), joint.noise.of_samples(name, spacing))
+            for name, sensor in zip(joint.measure, sensors, strict=True)
+        ]),
+        np.ones(k),
+    )  # fmt: skip
+    both = scratch(size, len(actuator.states), width, len(sensors))
+    drifting = np.empty((k, k + joint.drifts.shape[1]))
+    return own, derived, (both, np.empty(size + 1), np.empty(k), np.empty(k), drifting)

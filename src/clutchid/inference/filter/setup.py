@@ -1,0 +1,107 @@
+"""What both filters need at the start of a segment: arrays of the model, intervals, sensors, and the first state.
+
+The outputs of the sensors `names` are states behind those of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.inference.filter.arrays import IntArray, Intervals, Measurements, ModelArrays, Scratch
+from clutchid.log import FloatArray
+from clutchid.log.measured import SENSORS
+from clutchid.model.actuator import Actuator
+from clutchid.model.compiled import kernels
+from clutchid.simulation.noise import Noise
+from clutchid.simulation.parameter_map import ParameterMap
+from clutchid.simulation.plan import Segment
+from clutchid.simulation.process_noise import process_noise
+from clutchid.simulation.run import Columns, start_sensitivities, start_state
+from clutchid.simulation.sensors import lag_coefficients
+from clutchid.simulation.windows import Track
+
+
+class FilterState(NamedTuple):
+    """State of the filter between two samples, see `recursion`: x (size,) and S = [dx | L] (size, columns), in SI."""
+
+    x: FloatArray
+    S: FloatArray
+
+    def copy(self) -> FilterState:
+        """An independent copy, to return to."""
+        return FilterState(self.x.copy(), self.S.copy())
+
+
+def sensor_rows(mapped: ParameterMap, names: Sequence[str]) -> IntArray:
+    """Rows and columns of each sensor, see `recursion.STATE`; the outputs stand behind the states of the model."""
+    states, column = mapped.actuator.states, {name: c for c, name in enumerate(mapped.bases)}
+    rows = [
+        (len(states) + m, states.index(sensor.state), column.get(sensor.lag, -1), column.get(sensor.offset, -1))
+        for m, sensor in enumerate(SENSORS[name] for name in names)
+    ]
+    return np.array(rows, dtype=np.int64)
+
+
+def model_arrays(mapped: ParameterMap, which: Columns, width: int) -> ModelArrays:
+    """Arguments of the generated step for `width` columns."""
+    arrays, module = mapped.arrays, kernels(mapped.actuator.model)
+    work = np.empty(module.work_size(width))
+    module.prepare(arrays.parameters, which.fill_slot, work)
+    return (
+        arrays.parameters, arrays.breakpoints, arrays.load, arrays.basis, which.table_basis, which.table_column,
+        which.fill_slot, which.fill_row, which.fill_column, work,
+    )  # fmt: skip
+
+
+def intervals(segment: Segment, actuator: Actuator, noise: Noise, names: Sequence[str]) -> Intervals:
+    """The intervals of a segment, with process noise and lags of the sensors as for `actuator`."""
+    lags = [lag_coefficients(actuator.value(SENSORS[name].lag), segment.dt) for name in names]
+    sigma = process_noise(segment, actuator, noise)
+    return segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1)
+
+
+def measurements(
+    track: Track, actuator: Actuator, measure: Sequence[str], noise: Noise, names: Sequence[str]
+) -> Measurements:
+    """Measured values of a segment, NaN where a sensor is not in `measure`, with offset and noise of each sensor."""
+    inside = slice(track.segment.start, track.segment.stop)
+    values = np.full((len(track.segment), len(names)), np.nan)
+    for m, name in enumerate(names):
+        if name in measure:
+            recorded = track.measured[name][inside]
+            values[:, m] = np.where(np.isfinite(recorded), recorded, np.nan)
+    of_sensor = [(actuator.value(SENSORS[name].offset), noise.measured.get(name, np.inf)) for name in names]
+    return values, np.array(of_sensor), float(noise.outlier)
+
+
+def first_state(
+    segment: Segment, mapped: ParameterMap, which: Columns, L: FloatArray, names: Sequence[str]
+) -> FilterState:
+    """State of the filter at the start, with L for the states of the model (n, n), or (n, 0) with given gains.
+
+    The output of a sensor is what it measures, less the lag times the velocity for the position; of the pressure no
+    rate is known.
+    """
+    actuator, k = mapped.actuator, len(mapped.bases)
+    states, n = actuator.states, len(actuator.states)
+    outputs = np.zeros((len(names), n))
+    outputs[np.arange(len(names)), [states.index(SENSORS[name].state) for name in names]] = 1.0
+    lag = SENSORS["position"].lag
+    if "position" in names:
+        outputs[names.index("position"), states.index("v")] = -actuator.value(lag)
+    both = np.vstack([np.eye(n), outputs])
+    x = both @ start_state(segment, actuator)
+    dx = both @ start_sensitivities(segment, actuator, which, estimated=False)[:, :k]
+    if lag in mapped.bases and "position" in names:
+        dx[n + names.index("position"), mapped.bases.index(lag)] -= x[states.index("v")]
+    of_outputs = np.zeros((x.size, len(names) if L.shape[1] else 0))
+    return FilterState(x, np.column_stack([dx, both @ L, of_outputs]))
+
+
+def scratch(size: int, n: int, width: int, sensors: int, given: bool = False) -> Scratch:
+    """Scratch arrays for x of `size`, of which n are states of the model, and S with `width` columns."""
+    W = np.empty((0, 0) if given else (size, size + n))
+    return np.empty((sensors, 1 + width)), W, np.empty(width)

@@ -1,0 +1,317 @@
+"""Search in stages (continuation): from a nearly linear problem with inflated standard deviations to the actual one.
+
+The stage without inflation takes Gauss-Newton steps of the parameters by variable projection. Simultaneous steps of
+parameters and states are limited by the few windows with stiction, which are strongly nonlinear: every step has to be
+short, and the search stalls although a step of the parameters, followed by a minimisation over the states, still lowers
+the cost considerably. Each step is therefore judged after its states have been minimised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from clutchid.inference.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
+from clutchid.inference.smoother.settling import (
+    Damping,
+    States,
+    initial_damping,
+    minimise_states,
+    shifted_states,
+    stepped_states,
+)
+from clutchid.inference.smoother.trial import NO_GAIN, Trial, accept, evaluate_step, with_theta_fixed, with_theta_free
+from clutchid.log import FloatArray
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress
+
+#: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.
+STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION, FINE_STAGE = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0), (1.0,)
+
+#: Most steps of a coarse stage, and the relative decrease of the cost below which it has converged.
+COARSE_STEPS, COARSE_TOLERANCE = 5, 1e-2
+
+#: Most steps of the parameters, most reductions of the radius in a step, and the decrease of the cost by a full step
+#: below which the search has converged.
+MAX_STEPS, MAX_REDUCTIONS, CONVERGED_GAIN = 100, 4, 0.1
+
+#: Largest trust-region radius in standard deviations of the prior, and the factor of a reduction. The region is a box,
+#: so that one parameter with an excessive step, such as that of a stop, does not shorten those of the others.
+MAX_RADIUS, SHRINK_FACTOR = 3.0, 0.2
+
+#: A predicted decrease that need not be achieved for the search to have converged, and the share of a predicted one
+#: below which a step suffers from derivatives that were kept from nearby points: the problem is linearised anew.
+LITTLE_TO_GAIN, POOR_SHARE = 2.0, 0.3
+
+
+class Effort(NamedTuple):
+    """When a search that gets nowhere ends.
+
+    After `most` evaluations, and after `patience` of them where the solution still costs more than `hopeless`.
+    """
+
+    most: float = np.inf
+    patience: float = np.inf
+    hopeless: float = np.inf
+
+    def is_spent(self, evaluations: int, cost: float) -> bool:
+        """Whether to end after so many evaluations at a cost."""
+        return evaluations >= (min(self.patience, self.most) if cost > self.hopeless else self.most)
+
+
+#: No limit but that of the steps.
+UNLIMITED = Effort()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShootingSolution:
+    """Solution of a search: parameters, window starts of every track, and the linearised problem there."""
+
+    x: FloatArray
+    X: States
+    at: LinearisedProblem
+    status: Literal["converged", "stalled", "limit"]
+    evaluations: int
+
+
+def search(
+    problem: FitProblem,
+    x: FloatArray,
+    X: Sequence[FloatArray],
+    stages: Sequence[float],
+    progress: Progress | None = None,
+    before: int = 0,
+    effort: Effort = UNLIMITED,
+) -> ShootingSolution | Failure:
+    """Minimise the cost of `problem` from `x` and `X` in stages of decreasing inflation, after `before` evaluations.
+
+    Coarse stages step parameters and states simultaneously. With inflated standard deviations the states follow the
+    measurement and the parameters change little, so that a poor start does not lead to a distant local minimum. The
+    stage without inflation is `project`, which takes the `effort`.
+    """
+    solution: ShootingSolution | Failure = Failure("no stage to search in")
+    count = before
+    for inflation in stages:
+        on_evaluation = _counted(progress, inflation, count)
+        if inflation == 1.0:
+            solution = project(problem, x, X, on_evaluation, effort)
+        else:
+            solution = _stage(replace(problem, noise=problem.noise.inflated(inflation)), (x, X), on_evaluation)
+        if isinstance(solution, Failure):
+            return solution
+        x, X, count = solution.x, solution.X, count + solution.evaluations
+    return replace(solution, evaluations=count) if isinstance(solution, ShootingSolution) else solution
+
+
+def _counted(progress: Progress | None, inflation: float, before: int) -> Callable[[int], None]:
+    name = "fine" if inflation == 1.0 else "coarse"
+    return lambda count: progress(name, before + count) if progress else None
+
+
+def _stage(
+    problem: FitProblem, start: tuple[FloatArray, Sequence[FloatArray]], on_evaluation: Callable[[int], None]
+) -> ShootingSolution | Failure:
+    """Levenberg-Marquardt on parameters and states together, for a problem that is nearly linear."""
+    begin = linearise(problem, *start)
+    if isinstance(begin, Failure):
+        return begin
+    current, damping, growth, steps = begin, 1e-3, 2.0, COARSE_STEPS
+    for count in range(1, 4 * COARSE_STEPS):
+        on_evaluation(count)
+        candidate = coarse_step(problem, current, damping)
+        if isinstance(candidate, LinearisedProblem):
+            converged = current.cost - candidate.cost < COARSE_TOLERANCE * current.cost
+            current = candidate
+            damping, growth = max(damping / 5, 1e-7), 2.0
+            steps -= 1
+            if converged or steps == 0:
+                return ShootingSolution(current.x, current.X, current, "converged" if converged else "limit", count + 1)
+        else:
+            damping, growth = max(damping * growth, 1e-4), 2 * growth
+            if damping > 1e9:
+                return ShootingSolution(current.x, current.X, current, "stalled", count + 1)
+    return ShootingSolution(current.x, current.X, current, "limit", 4 * COARSE_STEPS)
+
+
+def coarse_step(problem: FitProblem, current: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
+    """The problem after a damped step of parameters, within their bounds, and states, where that costs less."""
+    factor, chains = condense(problem, current, [np.full(len(track.windows), damping) for track in problem.tracks])
+    step = bounded_step(problem, factor, current.x, damping)
+    trial = evaluate_step(problem, current, current.x + step, stepped_states(problem, current.X, chains, step))
+    if isinstance(trial, Failure):
+        return trial
+    return accept(problem, trial) if trial.cost < current.cost else NO_GAIN
+
+
+def settled(problem: FitProblem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
+    """`solution` moved to x, with the states that cost least there."""
+    begin = linearise(problem, x, solution.X)
+    if isinstance(begin, Failure):
+        return begin
+    states = minimise_states(problem, with_theta_fixed(problem, begin), initial_damping(problem), lambda: None)
+    at = with_theta_free(problem, begin, states)
+    if isinstance(at, Failure):
+        return at
+    return replace(solution, x=x, X=at.X, at=at)
+
+
+def project(
+    problem: FitProblem,
+    x: FloatArray,
+    X: Sequence[FloatArray],
+    on_evaluation: Callable[[int], None],
+    effort: Effort = UNLIMITED,
+) -> ShootingSolution | Failure:
+    """Minimise the cost of `problem` by variable projection.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        Free parameters, recordings and noise.
+    x, X : 1, SI
+        Free parameters, within their bounds, and window starts, one array per track.
+    on_evaluation : function(evaluations)
+        Called at each evaluation.
+    effort : Effort
+        When the search ends before it has converged.
+
+    Returns
+    -------
+    solution : ShootingSolution
+        "converged" if a step predicts a gain below `CONVERGED_GAIN`, or gains less with a prediction below
+        `LITTLE_TO_GAIN`; "stalled" if a larger predicted gain is not achieved by any reduced step right after a new
+        linearisation.
+
+    References
+    ----------
+    Variable projection: Golub and Pereyra 1973.
+    """
+    counter = _Counter(on_evaluation)
+    projection = VariableProjection(problem, initial_damping(problem), counter)
+    start = projection.start(x, X)
+    if isinstance(start, Failure):
+        return start
+    current, radius, fresh = start, MAX_RADIUS, False
+
+    def solution(status: Literal["converged", "stalled", "limit"]) -> ShootingSolution:
+        return ShootingSolution(current.x, current.X, current, status, counter.number + 1)
+
+    for _ in range(MAX_STEPS):
+        candidate, predicted, radius = projection.step(current, radius)
+        gain, current = current.cost - candidate.cost, candidate
+        little = gain < CONVERGED_GAIN
+        if predicted < CONVERGED_GAIN or (little and predicted < LITTLE_TO_GAIN and (fresh or gain > 0.0)):
+            return solution("converged")
+        if little and fresh:
+            return solution("stalled")
+        if effort.is_spent(counter.number, current.cost):
+            break
+        if not fresh and (little or gain < POOR_SHARE * predicted):
+            anew = projection.start(current.x, current.X)
+            if isinstance(anew, Failure):
+                return anew
+            current, radius, fresh = anew, MAX_RADIUS, True
+        else:
+            fresh = False
+    return solution("limit")
+
+
+@dataclass(slots=True, eq=False)
+class _Counter:
+    """Counts the evaluations of a search, and reports each."""
+
+    report: Callable[[int], None]
+    number: int = 0
+
+    def __call__(self) -> None:
+        self.number += 1
+        self.report(self.number)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VariableProjection:
+    """Steps of a search: its problem, the present damping of the windows, and a callback for each evaluation."""
+
+    problem: FitProblem
+    damping: Damping
+    on_evaluation: Callable[[], None]
+
+    def start(self, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
+        """Linearise at `x` and `X`, and minimise over the states."""
+        self.on_evaluation()
+        current = linearise(self.problem, x, X)
+        if isinstance(current, Failure):
+            return current
+        states = with_theta_fixed(self.problem, current)
+        return with_theta_free(
+            self.problem, current, minimise_states(self.problem, states, self.damping, self.on_evaluation)
+        )
+
+    def step(self, current: LinearisedProblem, radius: float) -> tuple[LinearisedProblem, float, float]:
+        """The problem after a step, or `current` if none gains; predicted gain of a full step; radius of the next."""
+        factor, chains = condense(self.problem, current)
+        predicted = _predicted_gain(factor, bounded_step(self.problem, factor, current.x))
+        if predicted < CONVERGED_GAIN:
+            return current, predicted, radius
+        for trial in range(1 + MAX_REDUCTIONS):
+            step = bounded_step(self.problem, factor, current.x, radius=radius)
+            X = shifted_states(self.problem, current.X, chains, step)
+            candidate = self.evaluated(current, current.x + step, X)
+            if isinstance(candidate, LinearisedProblem):
+                return candidate, predicted, min(radius / SHRINK_FACTOR, MAX_RADIUS) if trial == 0 else radius
+            radius *= SHRINK_FACTOR
+        return current, predicted, radius
+
+    def evaluated(self, current: LinearisedProblem, x: FloatArray, X: States) -> LinearisedProblem | Failure:
+        """The problem at `x`, minimised over the states from `X`, if its cost is below that of `current`."""
+        self.on_evaluation()
+        trial = evaluate_step(self.problem, current, x, X)
+        candidate = accept(self.problem, trial, free=False) if isinstance(trial, Trial) else trial
+        if isinstance(candidate, Failure):
+            return candidate
+        minimised = minimise_states(self.problem, candidate, self.damping, self.on_evaluation)
+        if minimised.cost >= current.cost:
+            return NO_GAIN
+        return with_theta_free(self.problem, current, minimised)
+
+
+def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
+    """Decrease of the cost by a step according to the linearisation."""
+    before, after = factor[:, -1], factor[:, :-1] @ step + factor[:, -1]
+    return float(before @ before - after @ after)
+
+
+def bounded_step(
+    problem: FitProblem, factor: FloatArray, x: FloatArray, damping: float = 0.0, radius: float = MAX_RADIUS
+) -> FloatArray:
+    """Damped Gauss-Newton step of the free parameters from `x` within their bounds and the trust region.
+
+    Parameters
+    ----------
+    problem : FitProblem
+        Gives the bounds.
+    factor : (k + 1, k + 1)
+        Triangular factor of all rows in the free parameters, ``[R | q]``.
+    x : (k,)
+        Start of the step.
+    damping : 1
+        Of Levenberg and Marquardt, at least 0.
+    radius : 1
+        Largest step of each parameter.
+    """
+    R, q = factor[:, :-1], factor[:, -1]
+    matrix = np.vstack([R, np.sqrt(damping) * np.diag(np.sqrt(np.sum(R**2, axis=0)))])
+    target = -np.concatenate([q, np.zeros(x.size)])
+    low, high = problem.bounds()
+    least, most = np.maximum(low - x, -radius), np.minimum(high - x, radius)
+    step = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    if np.any(step < least) or np.any(step > most):
+        from scipy.optimize import lsq_linear
+
+        box = (np.minimum(least, -1e-12), np.maximum(most, 1e-12))
+        step = lsq_linear(matrix, target, bounds=box, method="bvls").x
+    clipped: FloatArray = np.clip(x + step, low, high) - x
+    return clipped

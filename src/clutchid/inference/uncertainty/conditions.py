@@ -1,0 +1,206 @@
+"""Conditions of a recording that the vehicle measures: ambient temperature and supply pressure.
+
+A calibrated supply pressure is an effective one, and a calibration fixes the ambient temperature. So only the
+difference between a recording and the calibration recordings is a measurement, of `P_S` and `T_0` in that recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.inference.uncertainty.change_prior import assumed_change, changeable
+from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.recordings.map.ranges import PLAUSIBLE
+
+#: Column of each parameter that a vehicle may measure.
+CONDITIONS: Mapping[str, str] = {"T_0": "temperature_ambient", "P_S": "pressure_supply"}
+
+#: Standard deviation of the mean of such a column over a recording, in SI: an ambient temperature sensor in the sun or
+#: behind the engine, and a pressure sensor of a brake system (0.5 % of 10 bar). Guessed from data sheets.
+ACCURACY: Mapping[str, float] = {"T_0": 2.0, "P_S": 5e3}
+
+#: Air temperatures in K that can be right.
+COLDEST, WARMEST = PLAUSIBLE["temperature_ambient"]
+
+#: Largest range of the air temperature in a recording: 5 K, and 0.2 K more a second (out of a warm hall).
+SWING, RATE = 5.0, 0.2
+
+
+class Assumption(NamedTuple):
+    """A condition that is not known: T_0 or P_S, in which recordings, calibrated value and half width of its change.
+
+    In SI; the change is that of the prior, at 95 %. `recorded`: only the calibration lacks it.
+    """
+
+    name: str
+    recordings: tuple[str, ...]
+    value: float
+    half_width: float
+    recorded: bool
+
+
+class Conditions(NamedTuple):
+    """Mean ambient temperature in K and mean supply pressure at rest in Pa of recordings; None where not recorded.
+
+    `supply_estimated` is the mean that a calibration estimates of the samples that `supply` is the mean of.
+    """
+
+    temperature: float | None = None
+    supply: float | None = None
+    supply_estimated: float | None = None
+
+    def value(self, name: str) -> float | None:
+        """The condition that belongs to the parameter T_0 or P_S."""
+        return {"T_0": self.temperature, "P_S": self.supply}[name]
+
+
+#: Conditions of recordings of a vehicle that measures none.
+NOT_RECORDED = Conditions()
+
+
+def conditions_of(logs: Sequence[Log], actuator: Actuator) -> Conditions:
+    """Conditions of recordings, as means over those that have the column.
+
+    Raises
+    ------
+    DataError
+        If a column contradicts itself, see `condition_problems`.
+    """
+    problems = [f"{log.name}: {sentence}" for log in logs for sentence in condition_problems(log, actuator).values()]
+    if problems:
+        raise DataError("\n".join(problems))
+    means = [[mean for log in logs if (mean := _mean(log, name)) is not None] for name in CONDITIONS]
+    return Conditions(*(float(np.mean(each)) if each else None for each in means))
+
+
+def with_estimated_supply(conditions: Conditions, logs: Sequence[Log], simulated: Sequence[Log]) -> Conditions:
+    """`conditions` of `logs` with the supply pressure that is estimated where they record one."""
+    estimated = []
+    for log, states in zip(logs, simulated, strict=True):
+        if conditions.supply is not None and "pressure_supply" in log and "pressure_supply" in states:
+            known = np.isfinite(log["pressure_supply"])
+            values = np.where(known, np.interp(log.time, states.time, states["pressure_supply"]), np.nan)
+            mean = _mean(log.with_columns(pressure_supply=values), "P_S")
+            estimated += [] if mean is None else [mean]
+    return conditions._replace(supply_estimated=float(np.mean(estimated))) if estimated else conditions
+
+
+def condition_problems(log: Log, actuator: Actuator) -> dict[str, str]:
+    """A sentence for each column of a condition that cannot be right."""
+    found: dict[str, str] = {}
+    temperature, supply = _measured(log, "temperature_ambient"), _measured(log, "pressure_supply")
+    if temperature.size:
+        low, high, seconds = temperature.min(), temperature.max(), log.time[-1] - log.time[0]
+        if low < COLDEST or high > WARMEST:
+            found["temperature_ambient"] = (
+                f"temperature_ambient is {low - 273.15:.4g} to {high - 273.15:.4g} degC, outside "
+                f"{COLDEST - 273.15:g} to {WARMEST - 273.15:g} degC; correct the unit in the heading (K or degC), or "
+                "remove the column."
+            )
+        elif high - low > SWING + RATE * seconds:
+            found["temperature_ambient"] = (
+                f"temperature_ambient changes by {high - low:.3g} K in {seconds:.3g} s, where at most "
+                f"{SWING + RATE * seconds:.3g} K are possible; remove what is not the temperature of the air."
+            )
+    ambient = actuator.parameters.P_0
+    if supply.size and supply.min() < ambient:
+        found["pressure_supply"] = (
+            f"pressure_supply falls to {supply.min() * 1e-5:.3g} bar, below the ambient pressure of "
+            f"{ambient * 1e-5:.3g} bar; correct the unit in the heading (bar is absolute, bar(g) gauge), or remove the "
+            "column."
+        )
+    return found
+
+
+def known_conditions(
+    log: Log, actuator: Actuator, calibrated: Conditions, given: Mapping[str, Prior]
+) -> dict[str, Prior]:
+    """Measurements of T_0 and P_S in a recording, by how its conditions differ from the `calibrated` ones.
+
+    Parameters
+    ----------
+    log : Log
+        The recording.
+    actuator : Actuator
+        As calibrated.
+    calibrated : Conditions
+        Of the calibration recordings.
+    given : {name: Prior}
+        From the user, in place of a column; compared to the value of `actuator` where the calibration has none.
+
+    Raises
+    ------
+    DataError
+        As `conditions_of`.
+    """
+    now = conditions_of([log], actuator)
+    known: dict[str, Prior] = {}
+    for name in CONDITIONS:
+        before, own, value = calibrated.value(name), now.value(name), actuator.value(name)
+        here = given.get(name) or (Prior(own, ACCURACY[name]) if own is not None and before is not None else None)
+        if here is None:
+            continue
+        std = here.std if before is None else hypot(here.std, ACCURACY[name])
+        at = value if before is None else before
+        # both act by their ratio: the calibrated values may be some percent beside the recorded ones
+        known[name] = Prior(value / at * here.mean, value / at * std)
+    return known
+
+
+def condition_warnings(logs: Sequence[Log], calibrated: Conditions, given: Mapping[str, Prior]) -> list[str]:
+    """A sentence for each condition that a recording has and its calibration lacks."""
+    return [
+        f"{log.name}: {column} is not used, because the calibration does not have it; record it in the calibration "
+        "recording too, and save the calibration again."
+        for log in logs
+        for name, column in CONDITIONS.items()
+        if name not in given and calibrated.value(name) is None and _measured(log, column).size
+    ]
+
+
+def assumed_conditions(logs: Sequence[Log], known: Collection[str], actuator: Actuator) -> tuple[Assumption, ...]:
+    """What is assumed of conditions that may have changed and are not known, for a load that is read from `logs`.
+
+    `known` are the parameters that are measured or fitted, NAME or NAME@RECORDING; `actuator` is as calibrated.
+    """
+    found = []
+    for name in [name for name in ("P_S", "T_0") if name in changeable(actuator)]:
+        lacking = [log for log in logs if name not in known and f"{name}@{log.name}" not in known]
+        recorded = all(_measured(log, CONDITIONS[name]).size for log in lacking)
+        value = actuator.value(name)
+        one = Assumption(name, tuple(log.name for log in lacking), value, assumed_change(name) * value, recorded)
+        found += [one] if lacking else []
+    return tuple(found)
+
+
+def by_supply(actuator: Actuator, force: FloatArray) -> FloatArray:
+    """Derivative of a load in N with respect to the logarithm of the supply pressure, if the motion stays the same.
+
+    All absolute pressures scale with that of the supply: A_A p_A = f + A_A P_0 at rest.
+    """
+    p = actuator.parameters
+    return force + p.A_A * p.P_0
+
+
+def _measured(log: Log, column: str) -> FloatArray:
+    """Finite samples of a column; none where it is missing or empty."""
+    values = log.columns.get(column, np.zeros(0))
+    result: FloatArray = values[np.isfinite(values)]
+    return result
+
+
+def _mean(log: Log, name: str) -> float | None:
+    """Mean of a condition in SI; of the supply pressure while no valve is open, if there is such a time."""
+    values = log.columns.get(CONDITIONS[name], np.zeros(len(log)) * np.nan)
+    known = np.isfinite(values)
+    if name == "P_S":
+        closed = np.all([log.columns.get(duty, np.zeros(len(log))) <= 0.0 for duty in INPUTS], axis=0)
+        known = known & closed if np.any(known & closed) else known
+    return float(np.mean(values[known])) if known.any() else None

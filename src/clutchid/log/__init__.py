@@ -1,0 +1,201 @@
+"""A `Log`: recorded, simulated or observed signals over time.
+
+Columns are in SI under the names of `COLUMNS`; a missing sample is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError
+from clutchid.log.states import STATES
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FloatArray = NDArray[np.float64]
+
+INPUTS = ("duty_supply", "duty_exhaust")
+
+#: Column names of a recording or a simulation and their SI units: states of the models, duty cycles, and what else is
+#: measured or estimated.
+COLUMNS: Mapping[str, str] = MappingProxyType(
+    {
+        **{state.column: state.unit for state in STATES.values()},
+        **dict.fromkeys(INPUTS, "1"),
+        "temperature_ambient": "K",
+        "force": "N",
+        "pressure_a low": "Pa",
+        "pressure_a high": "Pa",
+        "innovation": "m",
+        "innovation std": "m",
+    }
+)
+
+#: A column of another name carries its unit: ``z_1 [m]``, a state of an own model.
+_WITH_UNIT = re.compile(r"(\w+) \[([^\[\]]+)\]")
+
+#: An interval above this multiple of the median is a hole; exactly five medians, up to rounding, are not.
+HOLE = 5.0 * (1 + 1e-6)
+
+
+#: Time stamps in s and values of a channel.
+Samples = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A recording: time in s, columns in SI by name, and metadata about its origin.
+
+    Arrays are read-only, so a `Log` can be shared between threads and results. `edges` are the samples of a duty cycle
+    that was recorded with time stamps of its own, (stamps, values); its column holds the last one at each of `time`.
+
+    Raises
+    ------
+    DataError
+        If the columns differ in length, a name is unknown, or time or the stamps of edges are not finite and strictly
+        increasing.
+    """
+
+    time: FloatArray
+    columns: Mapping[str, FloatArray]
+    name: str = "log"
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    edges: Mapping[str, Samples] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        time = _frozen(self.time)
+        edges = {name: (_frozen(stamps), _frozen(values)) for name, (stamps, values) in self.edges.items()}
+        object.__setattr__(self, "edges", MappingProxyType(edges))
+        columns = {name: _frozen(values) for name, values in self.columns.items()}
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "columns", MappingProxyType(columns))
+        object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
+        unknown = [name for name in columns if name not in COLUMNS and not _WITH_UNIT.fullmatch(name)]
+        problems = [f"column '{name}' is not known; known columns are {', '.join(COLUMNS)}." for name in unknown]
+        problems += [
+            f"column '{name}' has {values.size} samples, time has {time.size}."
+            for name, values in columns.items()
+            if values.shape != time.shape
+        ]
+        if time.ndim != 1 or not np.all(np.isfinite(time)) or not np.all(time[1:] > time[:-1]):
+            problems.append("time must be one column of finite, strictly increasing values.")
+        problems += [sentence for name in edges if (sentence := _wrong_edges(name, edges[name], name in columns))]
+        if problems:
+            raise DataError.of(self.name, problems)
+
+    def __repr__(self) -> str:
+        span = ""
+        if len(self) > 1:
+            rate = 1.0 / sample_interval(self.time)
+            span = f" from {self.time[0]:.6g} to {self.time[-1]:.6g} s, {rate:.4g} Hz"
+        count = len(self.warnings)
+        warnings = f"; {count} warning{'s' if count > 1 else ''}" if count else ""
+        return f"Log({self.name!r}, {len(self):,} samples{span}: {', '.join(self.columns) or 'no columns'}{warnings})"
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """The column `name`, in SI."""
+        try:
+            return self.columns[name]
+        except KeyError:
+            raise DataError(f"{self.name}: no column '{name}'; it has {', '.join(self.columns) or 'none'}.") from None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.columns
+
+    if TYPE_CHECKING:  # attached by `clutchid.workflow.attached`
+
+        def plot(self) -> Figure: ...
+
+    def slice(self, start: int, stop: int) -> Log:
+        """Samples `start` to `stop` (exclusive), as a view."""
+        columns = {name: values[start:stop] for name, values in self.columns.items()}
+        return replace(self, time=self.time[start:stop], columns=columns)
+
+    def reach(self) -> float:
+        """Position in m that all but a thousandth of the samples stay within; 0 where none is measured."""
+        position = self.columns.get("position", np.zeros(0))
+        return float(np.nanpercentile(position, 99.9)) if np.isfinite(position).any() else 0.0
+
+    def without(self, *names: str) -> Log:
+        """A copy without the columns `names`."""
+        columns = {name: values for name, values in self.columns.items() if name not in names}
+        return replace(self, columns=columns, edges=self._edges_without(names))
+
+    def with_columns(self, **columns: FloatArray) -> Log:
+        """The same log with columns added or replaced, without the edges of these."""
+        return replace(self, columns={**self.columns, **columns}, edges=self._edges_without(columns))
+
+    def _edges_without(self, names: Iterable[str]) -> dict[str, Samples]:
+        return {name: samples for name, samples in self.edges.items() if name not in names}
+
+
+def concatenated(logs: Sequence[Log]) -> Log:
+    """Consecutive logs with the same columns as one: with name and metadata of the first, and without edges if several.
+
+    Examples
+    --------
+    >>> log = Log(np.arange(4.0), {"position": np.zeros(4)})
+    >>> len(concatenated([log.slice(0, 1), log.slice(1, 4)]))
+    4
+    """
+    first, *others = logs
+    if not others:
+        return first
+    columns = {name: np.concatenate([log[name] for log in logs]) for name in first.columns}
+    return Log(np.concatenate([log.time for log in logs]), columns, first.name, first.metadata)
+
+
+def sample_interval(time: FloatArray, otherwise: float = math.nan) -> float:
+    """Median interval between samples in s; `otherwise` where there are fewer than two.
+
+    Examples
+    --------
+    >>> sample_interval(np.array([0.0, 0.01, 0.02, 0.5]))
+    0.01
+    """
+    return float(np.median(np.diff(time))) if time.size > 1 else otherwise
+
+
+def name_and_unit(column: str) -> tuple[str, str]:
+    """Name and SI unit of a column of a `Log`.
+
+    Examples
+    --------
+    >>> name_and_unit("velocity"), name_and_unit("z_1 [m]")
+    (('velocity', 'm/s'), ('z_1', 'm'))
+    """
+    match = _WITH_UNIT.fullmatch(column)
+    return (match[1], match[2]) if match else (column, COLUMNS[column])
+
+
+def _wrong_edges(name: str, samples: Samples, has_column: bool) -> str:
+    """Why the edges of a column are refused, else nothing."""
+    stamps, values = samples
+    if not has_column or name not in INPUTS:
+        return f"edges of '{name}': only the columns {' and '.join(INPUTS)} have them, and this log must have it."
+    if stamps.ndim != 1 or stamps.shape != values.shape:
+        return f"edges of '{name}': {stamps.size} time stamps and {values.size} values; as many of both are needed."
+    wrong = np.flatnonzero(~(stamps[1:] > stamps[:-1]))
+    if wrong.size:
+        before, after = stamps[wrong[0]], stamps[wrong[0] + 1]
+        return f"edges of '{name}' go from {before:.6g} s to {after:.6g} s: their time stamps must increase strictly."
+    return "" if np.isfinite(stamps).all() else f"edges of '{name}': a time stamp is not finite."
+
+
+def _frozen(values: FloatArray) -> FloatArray:
+    array = np.ascontiguousarray(values, dtype=np.float64).view()
+    array.flags.writeable = False
+    return array

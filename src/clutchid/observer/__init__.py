@@ -1,0 +1,28 @@
+"""On line: the load, the pressure and their bands from position and duty cycles, sample by sample.
+
+An `observer` of a calibrated actuator is a value that does not change; what it knows is a state, which goes in and
+comes out: `start`, then `observe` for every block of samples.
+"""
+
+from clutchid.observer.by_stroke import curve, follow_strokes, known
+from clutchid.observer.following import Observed, observe
+from clutchid.observer.observer import Observer, observer, start
+from clutchid.observer.recording import ObservedRecording, observe_recording
+from clutchid.observer.state import ObserverState
+from clutchid.observer.state_file import read_state, write_state
+
+__all__ = [
+    "Observed",
+    "ObservedRecording",
+    "Observer",
+    "ObserverState",
+    "curve",
+    "follow_strokes",
+    "known",
+    "observe",
+    "observe_recording",
+    "observer",
+    "read_state",
+    "start",
+    "write_state",
+]

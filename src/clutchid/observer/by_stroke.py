@@ -1,0 +1,100 @@
+"""Follow a recording stroke by stroke: what is known of the load and the parameters at the end of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.log import FloatArray, Log
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.following import Observed, observe
+from clutchid.observer.observer import Observer
+from clutchid.observer.state import ObserverState
+from clutchid.observer.strokes import count_strokes
+
+#: Distance of two positions of the load curve of a stroke in m.
+STEP = 0.5e-3
+
+
+class Curve(NamedTuple):
+    """The load in N at positions in m with its pointwise 95 % band, each (positions,)."""
+
+    position: FloatArray
+    force: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+class Known(NamedTuple):
+    """A value in SI that adapts, with its standard deviation and 95 % interval."""
+
+    value: float
+    std: float
+    low: float
+    high: float
+
+
+class StrokeRow(NamedTuple):
+    """What is known at the end of a stroke: time in s, number of the stroke, load, and every weight and parameter."""
+
+    time: float
+    number: int
+    curve: Curve
+    known: dict[str, Known]
+
+
+def positions(observer: Observer) -> FloatArray:
+    """Positions of the load curve of a stroke in m: from 0 to the calibrated stroke, shape (positions,)."""
+    grid: FloatArray = np.arange(0.0, observer.actuator.parameters.y_max + 1e-9, STEP)
+    return grid
+
+
+def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> Curve:
+    """The load as it is known in a state, at positions in m."""
+    at = np.asarray(position, dtype=np.float64)
+    force, half = observer.load(state).force(at), QUANTILE * observer.load_deviation(state, at)
+    return Curve(at, force, force - half, force + half)
+
+
+def known(observer: Observer, state: ObserverState) -> dict[str, Known]:
+    """All load weights, then the parameters that adapt, as they are known in a state; what is fixed has no spread."""
+    load, deviations = observer.load(state), np.linalg.norm(observer.prior.weights @ state.T, axis=1)
+    found = {
+        name: Known(value, std, value - QUANTILE * std, value + QUANTILE * std)
+        for name, value, std in zip(load.names, load.theta, deviations.tolist(), strict=True)
+    }
+    spread = np.linalg.norm(state.T, axis=1)
+    for c, x, s in zip(observer.joint.coordinates, state.theta.tolist(), spread.tolist(), strict=True):
+        if c.base not in observer.prior.actuator.load.names:
+            found[c.base] = Known(c.si(x), s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))
+    return found
+
+
+def follow_strokes(
+    observer: Observer, state: ObserverState, block: Log
+) -> tuple[ObserverState, Observed, list[StrokeRow]]:
+    """As `observe`, with a row for each stroke that ends in the block.
+
+    Raises
+    ------
+    DataError
+        As `observe`.
+    """
+    _, ends = count_strokes(state.strokes, block.time, block["position"])
+    cuts = [0, *(end + 1 for end in ends), len(block)]
+    parts: list[Observed] = []
+    rows: list[StrokeRow] = []
+    for begin, end in pairwise(cuts):
+        state, found = observe(observer, state, block.slice(begin, end))
+        parts.append(found)
+        if len(rows) < len(ends):
+            at = positions(observer)
+            rows.append(
+                StrokeRow(
+                    float(block.time[end - 1]), state.strokes.ended, curve(observer, state, at), known(observer, state)
+                )
+            )
+    return state, Observed(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True))), rows

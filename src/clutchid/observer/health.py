@@ -1,0 +1,93 @@
+"""Faults of the signals while they are observed, as seconds by flag."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from clutchid.log import HOLE, INPUTS, FloatArray, Log
+from clutchid.observer.following import Observed, subtracted
+from clutchid.observer.mismatch import UNLIKE
+from clutchid.observer.observer import Observer
+from clutchid.observer.tail import Mask
+
+#: A position further outside of the stroke than this in m is beyond the stops.
+BEYOND = 0.5e-3
+
+#: What each flag means.
+FLAGS: Mapping[str, str] = MappingProxyType({
+    "position_missing": "the position is missing",
+    "position_frozen": "the position did not change for 15 samples or more, and was left out",
+    "position_beyond_stops": "the position is more than 0.5 mm outside of the stroke",
+    "duty_missing": "a duty cycle is missing, and nothing was estimated",
+    "time_missing": "samples are missing in time",
+    "outlier": "the innovation is beyond 4 standard deviations, and counts less",
+    "diverged": "the filter left what is possible, and was started again",
+    "leak": "chamber A, or what is connected to it, leaks",
+    "rest_moved": "the vented rest is not where it was at the calibration: the position sensor has moved, or wear",
+    "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
+    "calibrate again",
+})  # fmt: skip
+
+#: What the flags of a live recording mean besides.
+LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
+    "late": "samples came too late, or with a time that goes back, and were left out",
+    "repeated": "samples repeat the time of others; the last ones count",
+    "lost": "single samples are missing",
+    "unreadable": "lines or frames could not be read",
+    "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and counts as missing; or a time was far ahead",
+})  # fmt: skip
+
+
+def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed) -> dict[str, float]:
+    """Seconds of each of `FLAGS` in a recording.
+
+    Parameters
+    ----------
+    earlier : s
+        Times of the samples just before the recording; none at the start.
+    samples : Observed
+        What the observer found in the recording.
+    """
+    spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
+    position = log["position"] - subtracted(observer, samples.rest)
+    driven: Mask = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
+    known = np.isfinite(position)
+    followed = np.isfinite(samples.states[:, 0])
+    steps = np.diff(np.append(earlier[-1:], log.time))
+    innovation, variance = samples.innovations.T
+    corrected = np.isfinite(innovation)
+    outliers = np.abs(innovation[corrected]) > observer.joint.noise.outlier * np.sqrt(variance[corrected])
+    return {
+        "position_missing": spacing * int(np.sum(~known)),
+        "position_frozen": spacing * int(np.sum(known & followed & ~samples.used)),
+        "position_beyond_stops": spacing * int(np.sum((position < -BEYOND) | (position > y_max + BEYOND))),
+        "duty_missing": spacing * int(np.sum(~driven)),
+        "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
+        "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
+        "diverged": spacing * int(np.sum(known & driven & ~followed)),
+        "leak": spacing * int(np.sum(samples.leaking)),
+        "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
+        "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > UNLIKE)),
+    }
+
+
+def live_health(
+    observer: Observer, earlier: FloatArray, log: Log, samples: Observed, left_out: Mapping[str, int]
+) -> dict[str, float]:
+    """Seconds of each of `FLAGS` and of `LIVE_FLAGS` in a block.
+
+    Parameters
+    ----------
+    left_out
+        Number of samples by live flag, but for those that are `lost`: these are intervals that are too long, but no
+        holes.
+    """
+    spacing = observer.spacing
+    steps = np.diff(np.append(earlier[-1:], log.time))
+    lost = np.round(steps[steps <= HOLE * spacing] / spacing) - 1.0
+    counts = {**left_out, "lost": int(np.sum(np.maximum(lost, 0.0)))}
+    found = health(observer, earlier, log, samples) if len(log) else dict.fromkeys(FLAGS, 0.0)
+    return {**found, **{name: spacing * counts[name] for name in LIVE_FLAGS}}

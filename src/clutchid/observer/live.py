@@ -1,0 +1,131 @@
+"""Follow a recording block by block while it arrives, in constant memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.log import FloatArray, Log, concatenated
+from clutchid.observer.by_stroke import StrokeRow
+from clutchid.observer.following import Observed
+from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
+from clutchid.observer.observer import Observer
+from clutchid.observer.recording import ObservedRecording, duration, follow_block, too_slow, usable
+from clutchid.observer.state import ObserverState
+from clutchid.observer.supply import unused_supply
+from clutchid.preparation.inspection import inspect
+
+#: Time in s of the samples, and number of the strokes, that are kept for a report.
+RECENT, STROKES = 120.0, 1000
+
+#: Time in s of the first samples that the checks of a recording look at.
+CHECKED = 30.0
+
+#: Part of an interval by which a stamp may be rounded below the instant that it stands for.
+ROUNDED = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiveRun:
+    """A recording that has not ended: its last parts and strokes, and what is known of all of it.
+
+    `health` are the seconds of each fault so far; `begin` and `latest` are the times in s of the first and of the last
+    sample, NaN before them; `checked` are the sentences of the checks of its first samples, None before there were
+    enough.
+    """
+
+    observer: Observer
+    before: ObserverState
+    after: ObserverState
+    parts: tuple[ObservedRecording, ...] = ()
+    strokes: tuple[StrokeRow, ...] = ()
+    health: Mapping[str, float] | None = None
+    begin: float = np.nan
+    latest: float = np.nan
+    usable: bool = False
+    checked: tuple[str, ...] | None = None
+
+    def recent(self) -> ObservedRecording:
+        """The last `RECENT` seconds and `STROKES` strokes with the states before and after the whole recording."""
+        log = concatenated([part.log for part in self.parts])
+        samples = Observed(*(np.concatenate(each) for each in zip(*(part.samples for part in self.parts), strict=True)))
+        found = replace(log, warnings=self.checked or ())
+        health = self.health or dict.fromkeys((*FLAGS, *LIVE_FLAGS), 0.0)
+        seconds = duration(self.observer, np.array([self.begin, self.latest]))
+        return ObservedRecording(self.observer, found, self.before, self.after, samples, self.strokes, health, seconds)
+
+
+def live_run(observer: Observer, state: ObserverState) -> LiveRun:
+    """A recording before its first sample."""
+    latest = float(state.tail.time[-1]) if state.tail.time.size else np.nan
+    return LiveRun(observer, state, state, latest=latest)
+
+
+def gone_on(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[LiveRun, ObservedRecording]:
+    """A recording after a block of its samples, and that block; blocks of any length give the same numbers.
+
+    Parameters
+    ----------
+    left_out
+        Number of samples by live flag, see `clutchid.observer.health.LIVE_FLAGS`.
+
+    Raises
+    ------
+    DataError
+        As `clutchid.observer.observe`.
+    """
+    part = follow_block(run.observer, run.after, block)
+    earlier = np.array([run.latest])[np.isfinite([run.latest])]
+    found = live_health(run.observer, earlier, block, part.samples, left_out)
+    part = replace(part, health=found)
+    total = found if run.health is None else {name: run.health[name] + seconds for name, seconds in found.items()}
+    last = block.time[-1] if len(block) else -np.inf
+    old = next((i for i, one in enumerate(run.parts) if one.log.time[-1] >= last - RECENT), len(run.parts))
+    parts = (*run.parts[old:], part) if len(block) else run.parts
+    after = replace(
+        run,
+        after=part.after,
+        parts=parts,
+        strokes=(*run.strokes, *part.strokes)[-STROKES:],
+        health=total,
+        begin=float(block.time[0]) if len(block) and np.isnan(run.begin) else run.begin,
+        latest=float(block.time[-1]) if len(block) else run.latest,
+        usable=run.usable or usable(block),
+    )
+    return (checked(after) if last - after.begin >= CHECKED else after), part
+
+
+def due(time: FloatArray, latest: float, every: float) -> NDArray[np.bool_]:
+    """Which samples of a block are published: the first in each interval of `every` seconds; all of them with 0.
+
+    It depends on the stamps only, not on how a recording is cut into blocks.
+
+    Parameters
+    ----------
+    time, latest : s
+        Of the samples of the block, and of the one before it (NaN: there is none).
+
+    Examples
+    --------
+    >>> due(np.array([0.0, 0.004, 0.008, 0.012, 0.02]), np.nan, 0.01)
+    array([ True, False, False,  True,  True])
+    """
+    if every == 0.0:
+        return np.ones(time.size, dtype=bool)
+    number = np.floor(np.append(latest if np.isfinite(latest) else -np.inf, time) / every + ROUNDED)
+    chosen: NDArray[np.bool_] = number[1:] > number[:-1]
+    return chosen
+
+
+def checked(run: LiveRun) -> LiveRun:
+    """The recording with the sentences of its checks, if it had none: warnings here, for it goes on."""
+    if run.checked is not None or not run.usable:
+        return run
+    log, actuator = concatenated([part.log for part in run.parts]), run.observer.actuator
+    first = log.slice(0, int(np.searchsorted(log.time, run.begin + CHECKED, side="right")))
+    slow = too_slow(first, actuator) if len(first) > 1 else ""
+    unused = unused_supply(first, actuator, run.observer.calibration)
+    return replace(run, checked=(*inspect(first, actuator).warnings, *filter(None, (slow, unused))))

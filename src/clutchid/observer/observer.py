@@ -1,0 +1,184 @@
+"""An observer: a calibrated actuator, what of it adapts, and the filter that does it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, JointState, init, joint_filter
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.log import FloatArray
+from clutchid.log.measured import SENSORS
+from clutchid.model.actuator import Actuator
+from clutchid.model.weighted_load import Load
+from clutchid.observer.methods import method_for
+from clutchid.observer.prior import BOUND, LEAK, OnlinePrior, online_prior
+from clutchid.observer.state import ObserverState
+from clutchid.observer.supply import ASSUMED, Supply, load_deviation, supply_of
+from clutchid.observer.tail import EMPTY, Tail, segment_of
+from clutchid.recordings.strokes.vented_rest import Zero
+from clutchid.simulation.noise import Noise
+from clutchid.simulation.stiffness import pace
+
+#: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as
+#: a share of that of their prior. Provenance: docs/derivations_online.md.
+MEMORY, DRIFT = 0.01, 2e-4
+
+#: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
+MARGIN = 1.05
+
+#: A leak of so many standard deviations is one. Provenance: docs/derivations_online.md.
+LEAK_FOUND = 5.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observer:
+    """An observer of a calibrated actuator, as `observer` makes it.
+
+    `prior` is what is known of the parameters that adapt before the first sample, and `adapting` their names: load
+    weights as calibrated, also where modes of the load adapt in their place. `missed` is how far off in N a load from
+    position alone was on the calibration recordings, rms over the stroke; `supply` is None where the recorded supply
+    pressure is not used; `zero` says whether a vented rest that has moved is subtracted from the position.
+    """
+
+    actuator: Actuator
+    method: str
+    joint: JointFilter
+    prior: OnlinePrior
+    adapting: tuple[str, ...]
+    spacing: float
+    missed: float
+    supply: Supply | None = None
+    calibration: Calibration | None = None
+    zero: Zero = "subtract"
+
+    @property
+    def usual(self) -> float:
+        """Mean NIS of the calibration recordings, NaN where it is not known."""
+        return self.calibration.nis if self.calibration else float("nan")
+
+    @property
+    def compares(self) -> bool:
+        """Whether innovations are compared with the usual ones."""
+        return bool(np.isfinite(self.usual)) and self.joint.rule.columns
+
+    def leaks(self, state: ObserverState) -> bool:
+        """Whether a leak of chamber A that adapts is beyond `LEAK_FOUND` of its standard deviations."""
+        at = next((j for j, c in enumerate(self.joint.coordinates) if c.base == LEAK), None)
+        if at is None:
+            return False
+        return bool(state.theta[at] > LEAK_FOUND * np.linalg.norm(state.T[at]))
+
+    def load(self, state: ObserverState) -> Load:
+        """The load as it is known in a state, in the basis of the calibration."""
+        weights = np.asarray(self.actuator.load.theta) + self.prior.weights @ state.theta
+        return replace(self.actuator.load, theta=tuple(weights.tolist()))
+
+    def load_deviation(self, state: ObserverState, position: FloatArray) -> FloatArray:
+        """Standard deviation in N of that load at positions in m, shape (n,).
+
+        It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
+        supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
+        its variance is as much larger.
+        """
+        load = self.load(state)
+        share = self.supply.share if self.supply else ASSUMED
+        by_supply = load_deviation(share, self.actuator, load, position)
+        known = load.phi(position) @ self.prior.weights @ state.T
+        squared = np.sum(known**2, axis=1) + self.missed**2 + by_supply**2
+        deviation: FloatArray = np.sqrt(max(1.0, state.mismatch) * squared)
+        return deviation
+
+
+def observer(
+    actuator: Actuator,
+    method: str = "joint",
+    spacing: float = 1e-3,
+    calibration: Calibration | None = None,
+    zero: Zero = "subtract",
+    modes: int | None = None,
+) -> Observer:
+    """An observer of a calibrated actuator.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        As calibrated; the observer starts from its load.
+    method
+        One of `clutchid.observer.methods.METHODS`.
+    spacing : s
+        Time from one sample to the next.
+    calibration : Calibration, optional
+        Its errors from position alone are part of every band; its vented rest is what travel is counted from.
+    zero : 'subtract' or 'keep'
+        Whether the position counts from the vented rest where that has moved since the calibration.
+    modes
+        How many modes of the load adapt in place of its weights, at least 1; by default those of the method.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such method, or it does not take the actuator.
+    """
+    chosen = method_for(method, actuator)
+    supply = supply_of(actuator, calibration) if chosen.corrects_supply else None
+    measure = ("position",) if supply is None else ("position", "pressure_supply")
+    adapting = chosen.adapting(actuator)
+    prior = online_prior(actuator, adapting, chosen.modes if modes is None else modes)
+    settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
+    noise = Noise(
+        measured={name: SENSORS[name].noise for name in measure},
+        states={name: row.noise for name, row in actuator.state_rows.items()},
+        memory=MEMORY,
+    )
+    limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), np.full(len(prior.free), BOUND)
+    return Observer(
+        actuator=actuator,
+        method=method,
+        joint=joint_filter(
+            prior.actuator,
+            prior.free,
+            limits,
+            measure,
+            noise,
+            settings,
+            np.sqrt(DRIFT) * prior.root,
+            pace(actuator, MARGIN),
+            chosen.rule(actuator, prior.free, prior.root, spacing),
+        ),
+        prior=prior,
+        adapting=adapting,
+        spacing=spacing,
+        missed=_missed(actuator, calibration),
+        supply=supply,
+        calibration=calibration,
+        zero=zero,
+    )
+
+
+def _missed(actuator: Actuator, calibration: Calibration | None) -> float:
+    """Error in N of a load from position alone of the calibration recordings, rms over the stroke."""
+    if calibration is None or calibration.position_only is None:
+        return 0.0
+    position = np.linspace(0.0, actuator.parameters.y_max, 100)
+    shift = calibration.position_only.shift((), list(actuator.load.names))
+    return float(np.sqrt(np.mean((actuator.load.phi(position) @ shift) ** 2)))
+
+
+def start(observer: Observer) -> ObserverState:
+    """The state before the first sample."""
+    theta, T = np.zeros(len(observer.prior.free)), observer.prior.root.copy()
+    return ObserverState(None, theta, T, EMPTY, unknown(observer), (theta, T))
+
+
+def blank(observer: Observer) -> JointState:
+    """A state of the filter with the shapes that all of its states have."""
+    at_rest = Tail(np.zeros(1), np.zeros((1, 2)), np.zeros(1), np.zeros(1))
+    segment = segment_of(at_rest, observer.joint.mapped.actuator)
+    return init(observer.joint, segment, np.zeros(len(observer.prior.free)), observer.prior.root)
+
+
+def unknown(observer: Observer) -> FloatArray:
+    """Standard deviations of the states before the first correction."""
+    return np.full(len(observer.actuator.states), np.nan)

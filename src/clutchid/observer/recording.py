@@ -1,0 +1,198 @@
+"""Follow a whole recording: its samples, its strokes, and the faults of its signals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.by_stroke import StrokeRow, follow_strokes, known, positions
+from clutchid.observer.following import Observed, subtracted
+from clutchid.observer.health import health
+from clutchid.observer.observer import Observer, start
+from clutchid.observer.state import ObserverState
+from clutchid.preparation.pulses import Duties, duties_in
+
+#: As many intervals at the start of a recording give the time from one sample to the next, rounded to so many digits:
+#: what is known before the recording has ended, and the same for its parts.
+INTERVALS, DIGITS = 100, 3
+
+#: Part by which the time from one sample to the next may differ between the parts of a recording.
+SAME_PACE = 0.1
+
+#: Columns of the innovations and their standard deviations by what they compare.
+INNOVATION = {
+    "position": ("innovation", "innovation std"),
+    "force": ("innovation_force [N]", "innovation_force_std [N]"),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObservedRecording:
+    """A recording that an observer has followed from the state `before` to the state `after`.
+
+    `health` are the seconds of each fault, see `clutchid.observer.health`, of the `seconds` that were followed.
+    """
+
+    observer: Observer
+    log: Log
+    before: ObserverState
+    after: ObserverState
+    samples: Observed
+    strokes: tuple[StrokeRow, ...]
+    health: Mapping[str, float]
+    seconds: float
+
+    @property
+    def assumes_supply(self) -> bool:
+        """Whether the supply pressure is taken to be that of the calibration: less is taken for a larger load."""
+        recorded = self.log.columns.get("pressure_supply", np.zeros(0))
+        used = self.observer.supply is not None and bool(np.isfinite(recorded).any())
+        return not used
+
+    def deviation(self, symbol: str) -> FloatArray:
+        """Standard deviation in SI of a state after each sample, that of the last correction; NaN where unknown."""
+        at = self.observer.actuator.states.index(symbol)
+        found = np.append(self.before.deviations[at], self.samples.deviations[:, at])
+        known = np.maximum.accumulate(np.where(np.isfinite(found), np.arange(found.size), 0))
+        held: FloatArray = np.where(np.isfinite(self.samples.states[:, at]), found[known[1:]], np.nan)
+        return held
+
+    @property
+    def travel(self) -> Log:
+        """The recording with its position as the observer counts it, from the vented rest where that has moved."""
+        counted = subtracted(self.observer, self.samples.rest)
+        return self.log.with_columns(position=self.log["position"] - counted)
+
+    def estimates(self) -> Log:
+        """Samples as a `Log`: the columns of the recording, all states, the band of the pressure, and innovations.
+
+        A recorded column with the name of a state is called ``NAME_measured``.
+        """
+        rows = self.observer.actuator.state_rows
+        states = {row.column: self.samples.states[:, i] for i, row in enumerate(rows.values())}
+        recorded = {
+            "{}_measured [{}]".format(*name_and_unit(name)) if name in states else name: values
+            for name, values in self.log.columns.items()
+        }
+        pressure, half = states["pressure_a"], QUANTILE * self.deviation("p_A")
+        innovation, deviation = INNOVATION[self.observer.joint.rule.compares]
+        added = {
+            "pressure_a low": pressure - half,
+            "pressure_a high": pressure + half,
+            innovation: self.samples.innovations[:, 0],
+            deviation: np.sqrt(self.samples.innovations[:, 1]),
+            "used [1]": self.samples.used.astype(np.float64),
+            "nis_ratio [1]": self.samples.mismatch,
+            "rest_shift [m]": self.samples.rest,
+        }
+        columns = {"position": states.pop("position"), **recorded, **states, **added}
+        return Log(self.log.time, columns, self.log.name, self.log.metadata)
+
+    def load_by_stroke(self) -> Log:
+        """Strokes as a `Log`, a row at the end of each.
+
+        Columns are the number of the ``stroke``, each load weight and parameter that adapts with its standard deviation
+        ``NAME_std``, and the load with its 95 % band at each position of the grid in micrometres: ``load_5000um``,
+        ``load_5000um_low`` and ``load_5000um_high``.
+        """
+        actuator, rows = self.observer.actuator, self.strokes
+        columns = {"stroke [1]": np.array([row.number for row in rows], dtype=np.float64)}
+        for name in known(self.observer, self.before):
+            unit = actuator.unit(name)
+            columns[f"{name} [{unit}]"] = np.array([row.known[name].value for row in rows])
+            columns[f"{name}_std [{unit}]"] = np.array([row.known[name].std for row in rows])
+        for side, suffix in (("force", ""), ("low", "_low"), ("high", "_high")):
+            for i, position in enumerate(positions(self.observer).tolist()):
+                values = np.array([getattr(row.curve, side)[i] for row in rows])
+                columns[f"load_{round(position * 1e6):05d}um{suffix} [N]"] = values
+        return Log(np.array([row.time for row in rows]), columns, f"{self.log.name}.load", self.log.metadata)
+
+
+def spacing(log: Log) -> float:
+    """Time in s from one sample of a recording to the next, from its first samples.
+
+    Raises
+    ------
+    DataError
+        If there are fewer than two samples.
+    """
+    if len(log) < 2:
+        raise DataError(f"{log.name}: {len(log)} samples; an observer needs two at least, to know their distance.")
+    return float(f"{sample_interval(log.time[: INTERVALS + 1]):.{DIGITS}g}")
+
+
+def too_slow(log: Log, actuator: Actuator) -> str:
+    """Why a recording is too slow for an observer of a calibrated actuator, in a sentence; else nothing."""
+    if duties_in(log, actuator) is Duties.RECORDED:
+        return ""
+    return (
+        f"{log.name}: a sample every {spacing(log) * 1e3:.3g} ms does not show every change of the duty cycles, and an "
+        "observer cannot wait for the next sample to interpolate: the load would have errors of tens of percent. "
+        "Record at 1 kHz, or read the load off line: clutchid estimate LOG --start CAL.toml."
+    )
+
+
+def observe_recording(observer: Observer, log: Log, state: ObserverState | None = None) -> ObservedRecording:
+    """Follow a recording from a state, by default that before the first sample of all.
+
+    Raises
+    ------
+    DataError
+        As `observe`; and if it is sampled at another rate than the observer's, or no sample has the position and both
+        duty cycles.
+    """
+    before = start(observer) if state is None else state
+    check_pace(observer, log)
+    found = follow_block(observer, before, log)
+    if not usable(log):
+        raise DataError(no_sample(log.name))
+    return found
+
+
+def duration(observer: Observer, time: FloatArray) -> float:
+    """Time in s from the first sample to the end of the last one, 0 without samples."""
+    return float(time[-1] - time[0]) + observer.spacing if time.size else 0.0
+
+
+def check_pace(observer: Observer, log: Log) -> None:
+    """Check that a recording, or its first samples, is sampled at the rate of the observer.
+
+    Raises
+    ------
+    DataError
+        If it is not.
+    """
+    if len(log) > 1 and abs(spacing(log) / observer.spacing - 1.0) > SAME_PACE:
+        raise DataError(
+            f"{log.name}: a sample every {spacing(log) * 1e3:.3g} ms, but the observer was started with one every "
+            f"{observer.spacing * 1e3:.3g} ms; go on with a recording at the same rate, or start anew."
+        )
+
+
+def usable(log: Log) -> bool:
+    """Whether a recording has a sample with the position and both duty cycles."""
+    return bool(np.all([np.isfinite(log[name]) for name in ("position", *INPUTS)], axis=0).any())
+
+
+def no_sample(name: str) -> str:
+    """What is wrong with a recording that is not `usable`, in a sentence."""
+    return f"{name}: no sample has a position and both duty cycles, all finite; there is nothing to observe."
+
+
+def follow_block(observer: Observer, before: ObserverState, log: Log) -> ObservedRecording:
+    """Follow a part of a recording, of any length.
+
+    Raises
+    ------
+    DataError
+        As `observe`.
+    """
+    after, samples, rows = follow_strokes(observer, before, log)
+    found = health(observer, before.tail.time, log, samples)
+    return ObservedRecording(observer, log, before, after, samples, tuple(rows), found, duration(observer, log.time))

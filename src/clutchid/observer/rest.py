@@ -1,0 +1,130 @@
+"""The vented rest on line: where the sensor reads it, against the calibration, rest by rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.observer.state import ObserverState, RestWatch
+from clutchid.recordings.signals.sampled import runs
+from clutchid.recordings.strokes.bins import BIN, CLOSED
+from clutchid.recordings.strokes.rest_level import CREEP, STILL, BoolArray
+from clutchid.recordings.strokes.vented_rest import VENTS, VentedRest, rest_shift
+
+#: A vented rest lies below this position in m, whatever its sensor adds.
+LOW = 3e-3
+
+#: Rests after a stroke that are remembered; their median is compared.
+REMEMBERED = 8
+
+
+class RestPace(NamedTuple):
+    """Samples in a still window and in its bins, greatest range in m of the bins, and samples of a vented rest."""
+
+    window: int
+    bins: int
+    range: float
+    vents: int
+
+
+def rest_pace(spacing: float, stroke: float) -> RestPace:
+    """Numbers for samples that are `spacing` s apart, of an actuator with a stroke in m."""
+    bins = max(1, round(BIN / spacing))
+    window = max(3, round(STILL / (bins * spacing))) * bins
+    return RestPace(window, bins, CREEP * stroke / 2, max(1, round(VENTS / spacing)))
+
+
+def watch_rest(
+    watch: RestWatch, before: VentedRest, pace: RestPace, position: FloatArray, duties: FloatArray
+) -> tuple[RestWatch, list[tuple[int, float]]]:
+    """Follow the vented rest through samples of a stretch; where its shift changes, and to what in m.
+
+    A new level changes the shift only where its interval excludes it, so that recordings without a rest at the stop
+    keep what an earlier one showed. Blocks of any length give the same.
+
+    Parameters
+    ----------
+    before : VentedRest
+        Of the calibration.
+    position, duties
+        Recorded positions in m, (n,), and duty cycles of supply and exhaust, (n, 2).
+    """
+    low = (position <= LOW) & (duties[:, 0] <= CLOSED)
+    high = position > LOW
+    changes: list[tuple[int, float]] = []
+    at = 0
+    for a, b in runs(low):
+        watch = _passed(watch, high[at:a])
+        watch, levels = _low(watch, pace, position[a:b], duties[a:b, 1] > CLOSED)
+        for index, lowest, returned in levels:
+            shift = _believed(watch.shift, before, VentedRest(lowest, _median(returned), before.quantum))
+            if shift != watch.shift:
+                changes.append((a + index, shift))
+                watch = watch._replace(shift=shift)
+        at = b
+    return _passed(watch, high[at:]), changes
+
+
+def _passed(watch: RestWatch, high: BoolArray) -> RestWatch:
+    """After samples that are no rest: high ones belong to a stroke."""
+    if high.size == 0:
+        return watch
+    stroke = bool(high.any())
+    return watch._replace(window=np.empty(0), vents=0, stroke=watch.stroke or stroke, taken=watch.taken and not stroke)
+
+
+def _low(
+    watch: RestWatch, pace: RestPace, position: FloatArray, opened: BoolArray
+) -> tuple[RestWatch, list[tuple[int, float, tuple[float, ...]]]]:
+    """Follow low samples with the supply closed: number of the sample behind each new level, and the levels then."""
+    found: list[tuple[int, float, tuple[float, ...]]] = []
+    at = 0
+    while at < position.size:
+        end = min(position.size, at + pace.window - watch.window.size)
+        window = np.concatenate([watch.window, position[at:end]])
+        watch = watch._replace(window=window, vents=watch.vents + int(opened[at:end].sum()))
+        at = end
+        if window.size < pace.window:
+            break
+        medians = np.median(window.reshape(-1, pace.bins), axis=1)
+        still = float(np.ptp(medians)) <= pace.range
+        if still and not watch.taken and (watch.vents >= pace.vents or not watch.stroke):
+            level = float(np.median(medians))
+            returned = (*watch.returned, level)[-REMEMBERED:] if watch.stroke else watch.returned
+            watch = watch._replace(lowest=float(np.fmin(watch.lowest, level)), returned=returned, taken=True)
+            found.append((at, watch.lowest, returned))
+        watch = watch._replace(window=np.empty(0), vents=watch.vents if still else 0)
+    return watch, found
+
+
+def _median(levels: tuple[float, ...]) -> float:
+    return float(np.median(levels)) if levels else float("nan")
+
+
+def _believed(shift: float, before: VentedRest, now: VentedRest) -> float:
+    """The shift in m after a new level: as before unless its interval excludes that."""
+    found = rest_shift(before, now)
+    if found is None or found.low <= shift <= found.high:
+        return shift
+    return found.value if found.moved else 0.0
+
+
+def new_stretch(watch: RestWatch) -> RestWatch:
+    """What stays known after a hole, in which a sensor may have been exchanged: the shift, until a rest says else."""
+    return RestWatch(shift=watch.shift)
+
+
+def counted_from(state: ObserverState, zero: float, position: int, sensor: int) -> ObserverState:
+    """A state whose position counts from `zero` in m; `position` and `sensor` are its indices in the filter."""
+    by = zero - state.zero
+    if by == 0.0:
+        return state
+    if state.filter is None:
+        return replace(state, zero=zero)
+    x = state.filter.x.copy()
+    x[[position, sensor]] -= by
+    tail = state.tail._replace(position=state.tail.position - by)
+    return replace(state, filter=state.filter._replace(x=x), tail=tail, zero=zero)

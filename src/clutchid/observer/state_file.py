@@ -1,0 +1,252 @@
+"""State of an observer in a TOML file, from which it goes on bit by bit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from hashlib import sha256
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from clutchid.errors import ParameterError
+from clutchid.inference.filter.joint_filter import JointState
+from clutchid.log import FloatArray
+from clutchid.observer.following import ROUNDING
+from clutchid.observer.observer import Observer, blank, start
+from clutchid.observer.rest import LOW, REMEMBERED
+from clutchid.observer.state import ObserverState, RestWatch
+from clutchid.observer.strokes import Strokes
+from clutchid.observer.tail import Tail
+from clutchid.parameters import is_number
+from clutchid.recordings.files import write_text
+from clutchid.recordings.strokes.vented_rest import FURTHEST
+from clutchid.recordings.toml_file import read_toml
+
+FORMAT = 5
+
+
+def write_state(
+    observer: Observer, state: ObserverState, path: str | PathLike[str], origin: float | None = None
+) -> None:
+    """Write a state; an existing file is replaced atomically.
+
+    Parameters
+    ----------
+    origin : s
+        Stamp of the source, such as a bus, that is the time 0 of the recording; None where its own stamps count.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written.
+    """
+    content: dict[str, Any] = {
+        "observer": {
+            "format": FORMAT,
+            "method": observer.method,
+            "spacing": observer.spacing,
+            "fingerprint": fingerprint(observer),
+        },
+        "number": state.number,
+        "deviations": state.deviations.tolist(),
+        "strokes": {name: value for name, value in state.strokes._asdict().items() if value is not None},
+        "mismatch": state.mismatch,
+        "leaking": state.leaking,
+        "zero": state.zero,
+        "rest": {**state.rest._asdict(), "returned": list(state.rest.returned), "window": state.rest.window.tolist()},
+        "parameters": {"theta": state.theta.tolist(), "root": state.T.tolist()},
+        "sound": {"theta": state.sound[0].tolist(), "root": state.sound[1].tolist()},
+        "tail": {name: array.tolist() for name, array in state.tail._asdict().items()},
+    }
+    if state.filter is not None:
+        content["filter"] = {name: array.tolist() for name, array in state.filter._asdict().items()}
+    if origin is not None:
+        content["observer"]["origin"] = float(origin)
+    content["observer"]["sha256"] = _checksum(content)
+    write_text(tomli_w.dumps(content), path)
+
+
+def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
+    """A state that `write_state` wrote for the same observer.
+
+    Raises
+    ------
+    DataError
+        If there is no readable file.
+    ParameterError
+        If it is damaged, or of another calibration, method or format.
+    """
+    content, head = _content(path)
+    if head.get("method") != observer.method or head.get("fingerprint") != fingerprint(observer):
+        raise ParameterError(
+            f"{path}: the state of the method '{head.get('method')}' of another calibration or method; give the "
+            "calibration and method that it was saved with, or start without it."
+        )
+    try:
+        state = _state(observer, content)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ParameterError(_damaged(path, f"entry {error}" if isinstance(error, KeyError) else str(error))) from None
+    if problem := next(_problems(observer, state), ""):
+        raise ParameterError(_damaged(path, problem))
+    return state
+
+
+def saved_spacing(path: str | PathLike[str]) -> float:
+    """Time in s from one sample to the next of the observer whose state is in a file.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `read_state`.
+    """
+    _, head = _content(path)
+    spacing = head.get("spacing")
+    if not isinstance(spacing, float) or not 0.0 < spacing < np.inf:
+        raise ParameterError(_damaged(path, "spacing"))
+    return spacing
+
+
+def saved_origin(path: str | PathLike[str]) -> float | None:
+    """Stamp of the source in s that is the time 0 of the recording whose state is in a file; None if it has none.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `read_state`.
+    """
+    origin = _content(path)[1].get("origin")
+    if origin is not None and not (is_number(origin) and np.isfinite(origin)):
+        raise ParameterError(_damaged(path, "origin"))
+    return None if origin is None else float(origin)
+
+
+def _damaged(path: str | PathLike[str], reason: str) -> str:
+    return f"{path}: the state of an observer is damaged ({reason}); start without it."
+
+
+def _content(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The file, whose checksum is right, and the section that says what it belongs to."""
+    content = read_toml(path, "state of an observer")
+    head = content.get("observer")
+    if not isinstance(head, dict) or head.get("format") != FORMAT:
+        raise ParameterError(f"{path}: is no state of an observer that this version reads; start without it.")
+    if head.get("sha256") != _checksum(content):
+        raise ParameterError(_damaged(path, "it was changed after it was written: its checksum is another"))
+    return content, head
+
+
+def _checksum(content: Mapping[str, Any]) -> str:
+    """SHA-256 of the entries of a state, apart from the checksum itself; floats by their shortest decimal digits."""
+    head = {name: value for name, value in content["observer"].items() if name != "sha256"}
+    return sha256(json.dumps({**content, "observer": head}, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
+    def array(section: str, name: str, *shape: int) -> FloatArray:
+        return np.array(content[section][name], dtype=np.float64).reshape(shape)
+
+    columns = {"time": (-1,), "duties": (-1, 2), "position": (-1,), "supply": (-1,)}
+    tail = Tail(**{name: array("tail", name, *shape) for name, shape in columns.items()})
+    saved = None
+    if "filter" in content:
+        shapes = blank(observer)._asdict().items()
+        saved = JointState(**{name: np.array(content["filter"][name], a.dtype).reshape(a.shape) for name, a in shapes})
+    made = start(observer)
+    (theta, root), sound = (
+        (array(section, "theta", *made.theta.shape), array(section, "root", *made.T.shape))
+        for section in ("parameters", "sound")
+    )
+    deviations = np.array(content["deviations"], dtype=np.float64).reshape(made.deviations.shape)
+    began = _number(content["strokes"], "began") if "began" in content["strokes"] else None
+    strokes = Strokes(_count(content["strokes"], "ended"), began)
+    number, mismatch = _count(content, "number"), _number(content, "mismatch")
+    leaking, zero, rest = _flag(content, "leaking"), _number(content, "zero"), _rest(content["rest"])
+    return ObserverState(saved, theta, root, tail, deviations, sound, number, strokes, mismatch, leaking, rest, zero)
+
+
+def _rest(content: dict[str, Any]) -> RestWatch:
+    returned, window = (np.array(content[name], dtype=np.float64).reshape(-1) for name in ("returned", "window"))
+    return RestWatch(
+        _number(content, "shift"),
+        _number(content, "lowest"),
+        tuple(returned.tolist()),
+        window,
+        _count(content, "vents"),
+        _flag(content, "stroke"),
+        _flag(content, "taken"),
+    )
+
+
+def _number(section: Mapping[str, Any], name: str) -> float:
+    if not is_number(section[name]):
+        raise ValueError(f"{name} is no number")
+    return float(section[name])
+
+
+def _count(section: Mapping[str, Any], name: str) -> int:
+    value = section[name]
+    if type(value) is not int or not 0 <= value < 1 << 62:
+        raise ValueError(f"{name} is no number of at least 0")
+    return value
+
+
+def _flag(section: Mapping[str, Any], name: str) -> bool:
+    if section[name] is not True and section[name] is not False:
+        raise ValueError(f"{name} is neither true nor false")
+    return section[name] is True
+
+
+def _problems(observer: Observer, state: ObserverState) -> Iterator[str]:
+    """What no observer writes: values that are not finite, lengths that differ, values outside of their ranges."""
+    tail, rest, m = state.tail, state.rest, state.tail.time.size
+    finite: dict[str, Any] = {
+        "parameters": (state.theta, state.T),
+        "sound": state.sound,
+        "filter": state.filter or (),
+        "strokes": () if state.strokes.began is None else (state.strokes.began,),
+        "tail": (tail.time, tail.duties),
+        "rest": (rest.returned, rest.window),
+    }
+    yield from (f"{name} has a value that is not finite" for name, each in finite.items()
+                if not all(np.isfinite(values).all() for values in each))  # fmt: skip
+    wrong = {
+        "the columns of tail have different lengths": any(len(column) != m for column in tail),
+        "the times of tail do not increase": np.any(np.diff(tail.time) <= 0.0),
+        "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < -ROUNDING) | (tail.duties > 1.0 + ROUNDING)),
+        "filter, number and tail are not of the same stretch":
+            not (state.filter is None) == (state.number == 0) == (m == 0),
+        "a root has a row of zeros, a standard deviation of 0":
+            not all(np.linalg.norm(root, axis=1).all() for root in (state.T, state.sound[1])),
+        "a standard deviation is below 0 or infinite":
+            np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
+        f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
+        f"the vented rest has moved by more than {FURTHEST:g} m":
+            not (abs(rest.shift) <= FURTHEST and abs(state.zero) <= FURTHEST),
+        f"a vented rest lies above {LOW:g} m":
+            any(level > LOW for level in (*rest.returned, *rest.window, rest.lowest)) or np.isinf(rest.lowest),
+        f"more than {REMEMBERED} vented rests are remembered": len(rest.returned) > REMEMBERED,
+    }  # fmt: skip
+    yield from (sentence for sentence, is_wrong in wrong.items() if is_wrong)
+    if state.filter is not None:
+        yield from _filter_problems(observer, state, state.filter)
+
+
+def _filter_problems(observer: Observer, state: ObserverState, saved: JointState) -> Iterator[str]:
+    if not (np.array_equal(saved.theta, state.theta) and np.array_equal(saved.T, state.T)):
+        yield "the parameters are not those of filter"
+    if observer.joint.rule.columns and not saved.S.any():
+        yield "S is 0, as if the states were known exactly"
+    if not np.isin(saved.stroke, (0, 1)).all():
+        yield "the stroke of filter is neither 0 nor 1"
+
+
+def fingerprint(observer: Observer) -> str:
+    """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, rule, usual NIS."""
+    told = repr((
+        observer.actuator, observer.joint.coordinates, observer.joint.settings, observer.joint.noise,
+        observer.joint.rule, observer.usual, observer.zero, observer.calibration.rest if observer.calibration else None,
+    ))  # fmt: skip
+    return sha256(told.encode()).hexdigest()

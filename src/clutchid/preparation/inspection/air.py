@@ -1,0 +1,198 @@
+"""Checks of the air: unit of the chamber's pressure, the supply pressure that it implies, and recorded conditions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from clutchid.inference.uncertainty.change_prior import assumed_change
+from clutchid.inference.uncertainty.conditions import condition_problems, conditions_of
+from clutchid.log import FloatArray
+from clutchid.log.units import UNITS, known_units
+from clutchid.parameters import Parameters
+from clutchid.preparation.inspection.check import Check, Grade
+from clutchid.preparation.inspection.position import direction
+from clutchid.preparation.inspection.reading import Reading, spread_over
+from clutchid.recordings.signals.sampled import run_ends
+from clutchid.recordings.source import UNIT_KEY
+
+PRESSURE_UNIT = "unit of pressure_a"
+
+#: Lower bound of the lowest pressure as a fraction of the ambient pressure: at 5000 m altitude it is one half; in a
+#: chamber that is never vented it is higher.
+LOWEST = 0.5
+
+#: Upper bound of the pressure as a multiple of the supply pressure: air supplies of vehicles reach at most 13 bar.
+HIGHEST = 2.0
+
+#: Least pressure range of a stroke as a fraction of the supply gauge pressure: without a stroke no unit is proposed.
+STROKE = 0.125
+
+
+def pressure_unit(reading: Reading) -> Check:
+    """Whether the range of the pressure is that of an absolute pressure in Pa."""
+    p, pressure = reading.actuator.parameters, reading.log["pressure_a"]
+    low, high = (float(q) for q in np.nanquantile(pressure, (0.01, 0.99)))
+    value = f"{low:.4g} to {high:.4g}"
+    if reading.ends["pressure_a"].low == reading.ends["pressure_a"].high:
+        sentence = (
+            f"pressure_a is {low:.4g} Pa in every sample, so its sensor was not connected or the channel is another "
+            "one; leave the column out, or take the right channel."
+        )
+        return Check(PRESSURE_UNIT, f"{low:.4g} Pa throughout", "bad", sentence)
+    if _plausible(low, high, p.P_0, p.P_S):
+        return Check(
+            PRESSURE_UNIT,
+            f"{value} Pa",
+            "good",
+            f"pressure_a ranges from {value} Pa, plausible for an absolute pressure.",
+        )
+    written = UNITS.get(reading.log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"])
+    base = float(reading.log.metadata.get("ambient_Pa", p.P_0)) if written.gauge else 0.0
+    fitting = _fitting((low - base) / written.scale, (high - base) / written.scale, p.P_0, p.P_S)
+    grade: Grade = "bad" if high < p.P_0 or high > HIGHEST * p.P_S or fitting else "suspect"
+    guess = f"it looks like {' or '.join(fitting)}: give that unit" if fitting else "check its unit and its zero"
+    sentence = (
+        f"pressure_a ranges from {value} Pa, which is not an absolute pressure between ambient ({p.P_0:.4g} Pa) and "
+        f"supply ({p.P_S:.4g} Pa); a fit that uses it is wrong; {guess} in the column heading or in the channel map."
+    )
+    return Check(PRESSURE_UNIT, f"{value} Pa", grade, sentence)
+
+
+def _fitting(low: float, high: float, ambient: float, supply: float) -> list[str]:
+    """Units in which the range would be plausible; of these, the ones whose lowest pressure is nearest to ambient.
+
+    `low` and `high` are as written in the file.
+    """
+    lowest = {}
+    for name in known_units("Pa"):
+        offset = ambient if UNITS[name].gauge else 0.0
+        in_pascal = UNITS[name].scale * low + offset, UNITS[name].scale * high + offset
+        if _plausible(*in_pascal, ambient, supply) and in_pascal[1] - in_pascal[0] > STROKE * (supply - ambient):
+            lowest[name] = abs(in_pascal[0] - ambient)
+    return [name for name, distance in lowest.items() if distance <= min(lowest.values()) + 1.0]
+
+
+def _plausible(low: float, high: float, ambient: float, supply: float) -> bool:
+    return LOWEST * ambient < low and ambient < 1.5 * high and high < HIGHEST * supply
+
+
+SUPPLY_PRESSURE = "supply pressure"
+
+#: Opening from which the supply valve counts as fully open.
+OPEN = 0.9
+
+#: Length in s of the final part that must be flat, and least number of samples in it.
+END, FEWEST = 0.03, 4
+
+#: Largest remaining flow, as a fraction of the choked flow, of a full chamber: within 1 % of the supply pressure.
+TRICKLE = 0.05
+
+#: Relative difference between the supply pressure of the vehicle and of the actuator that a fit tolerates.
+TOLERANCE = 0.02
+
+
+def supply_pressure(reading: Reading) -> Check:
+    """Plateau of the pressure behind a supply valve that is open for long, or else a lower bound."""
+    if "pressure_a" not in reading.measured or not reading.driven:
+        sentence = "without the chamber pressure the supply pressure cannot be checked; a fit keeps its start value."
+        return Check(SUPPLY_PRESSURE, "-", "undetermined", sentence)
+    if pressure_unit(reading).grade != "good" or direction(reading).grade == "bad":
+        sentence = (
+            "the unit of the pressure or the sign of the position is wrong, so the supply pressure cannot be checked."
+        )
+        return Check(SUPPLY_PRESSURE, "-", "undetermined", sentence)
+    plateaus, known = _plateaus(reading), reading.actuator.parameters.P_S
+    if plateaus.size:
+        return _compared(float(np.median(plateaus)), plateaus.size, known)
+    # noise alone lifts one of a thousand samples by three standard deviations
+    pressure = reading.log["pressure_a"]
+    least = float(np.nanquantile(pressure, 0.999)) - 3 * float(np.nan_to_num(reading.noises["pressure_a"]))
+    value = f"at least {least * 1e-5:.3g} bar"
+    if least > (1 + TOLERANCE) * known:
+        sentence = (
+            f"the chamber reaches {least * 1e-5:.3g} bar, more than the supply pressure of the actuator, "
+            f"{known * 1e-5:.3g} bar: a fit would underestimate the air flow; set P_S in the start file, or "
+            "free it."
+        )
+        return Check(SUPPLY_PRESSURE, value, "bad", sentence)
+    sentence = (
+        "the supply valve is never open long enough to fill the chamber, so all that is known is that the supply "
+        f"pressure is above {least * 1e-5:.3g} bar; hold the supply valve open for a second at the end of the stroke."
+    )
+    return Check(SUPPLY_PRESSURE, value, "undetermined", sentence)
+
+
+def _compared(implied: float, count: int, known: float) -> Check:
+    value = f"{implied * 1e-5:.3g} bar ({count} plateau{'' if count == 1 else 's'})"
+    facts = f"an open supply valve fills the chamber to {implied * 1e-5:.3g} bar"
+    if abs(implied - known) <= TOLERANCE * known:
+        return Check(SUPPLY_PRESSURE, value, "good", f"{facts}, the actuator has {known * 1e-5:.3g} bar.")
+    grade: Grade = "suspect"
+    sentence = (
+        f"{facts}, but the actuator has P_S = {known * 1e-5:.3g} bar: a fit with this value attributes the difference "
+        f"to the load; set P_S = {implied:.4g} Pa in the start file, or free it."
+    )
+    return Check(SUPPLY_PRESSURE, value, grade, sentence)
+
+
+def _plateaus(reading: Reading) -> FloatArray:
+    """Pressure in Pa at the end of each interval in which the open supply valve has filled the chamber."""
+    p, log = reading.actuator.parameters, reading.log
+    first, stop = run_ends((reading.supply >= OPEN) & (reading.exhaust <= 0))
+    choked = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0
+    # the pressure is also constant while the chamber volume grows: wait until the full volume could have been filled
+    fill = p.P_S * (p.V_0A + p.A_A * p.y_max) / choked if choked > 0 else np.inf
+    long = np.flatnonzero(log.time[stop - 1] - log.time[first] > fill + END)
+    volume = p.V_0A + p.A_A * np.clip(log["position"], 0.0, p.y_max) if "position" in log else None
+    found = []
+    for i in long[spread_over(long.size)]:
+        begin = max(int(first[i]), int(np.searchsorted(log.time, log.time[stop[i] - 1] - END)))
+        end = slice(begin, int(stop[i]))
+        pressure = log["pressure_a"][end]
+        content = pressure * (p.V_0A if volume is None else volume[end])
+        known = np.isfinite(content)
+        if known.sum() < FEWEST:
+            continue
+        flow = float(np.polyfit(log.time[end][known] - log.time[begin], content[known], 1)[0])
+        if abs(flow) < TRICKLE * choked:
+            found.append(float(np.mean(pressure[known])))
+    return np.array(found)
+
+
+_RECORD = "record it here and in the calibration"
+
+#: What is assumed of a condition that is not recorded, and what it would be worth: docs/derivations.md, "Known
+#: conditions".
+_MISSING = {
+    "pressure_supply": (
+        "supply pressure not recorded: a reading assumes that of its calibration "
+        f"within {100 * assumed_change('P_S'):.0f} %, with twice as wide a band if it changed; {_RECORD} (J1939: AIR1)."
+    ),
+    "temperature_ambient": (
+        "air temperature not recorded: a reading assumes that of its calibration "
+        f"within {assumed_change('T_0') * Parameters().T_0:.0f} K; {_RECORD} (J1939: AMB)."
+    ),
+}
+
+
+def conditions(reading: Reading) -> list[Check]:
+    """A check of each recorded condition."""
+    problems = condition_problems(reading.log, reading.actuator)
+    names = {"temperature_ambient": "ambient temperature", "pressure_supply": "recorded supply pressure"}
+    sound = conditions_of([reading.log.without(*problems)], reading.actuator)
+    values = {
+        "temperature_ambient": None if sound.temperature is None else f"{sound.temperature - 273.15:.3g} degC",
+        "pressure_supply": None if sound.supply is None else f"{sound.supply * 1e-5:.3g} bar",
+    }
+    checks = [Check(names[column], "-", "bad", sentence) for column, sentence in problems.items()]
+    return checks + [
+        Check(names[column], value, "good", "it is used where the calibration has it too.")
+        for column, value in values.items()
+        if value is not None
+    ]
+
+
+def missing_conditions(reading: Reading) -> tuple[str, ...]:
+    """What is assumed of each condition that a recording of an actuator lacks, and what it would be worth."""
+    recorded = [name for name, values in reading.log.columns.items() if np.isfinite(values).any()]
+    return tuple(text for column, text in _MISSING.items() if reading.driven and column not in recorded)

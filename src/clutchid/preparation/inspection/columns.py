@@ -1,0 +1,193 @@
+"""Checks of one measured column: saturation, a stuck sensor, quantisation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.preparation.inspection.check import Check, Grade
+from clutchid.preparation.inspection.reading import Reading, shown, spread_over
+from clutchid.recordings.signals.sampled import LEFT_OUT, Runs
+
+#: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
+LONGER, SHORTEST = 5, 5
+
+
+def saturation(reading: Reading, name: str) -> Check:
+    """Whether the column `name` is cut off at its largest or smallest value.
+
+    At an end stop the noise remains, so runs of equal values are no longer there than elsewhere. Without visible noise,
+    the check is undetermined.
+    """
+    title, found, (low, high) = f"saturation of {name}", reading.runs[name], reading.ends[name]
+    if not reading.noisy(name):
+        return Check(title, "-", "undetermined", no_noise(name))
+    cut = []
+    for level, side in ((low, "smallest"), (high, "largest")):
+        at = found.value == level
+        usual = found.longest((found.value != low) & (found.value != high), LEFT_OUT)
+        longest = found.longest(at)
+        if longest > max(LONGER * usual, SHORTEST):
+            cut.append((level, side, _total(found, level, LONGER * usual) * reading.step, longest))
+    if not cut:
+        value = f"{shown(low, name)} to {shown(high, name)}"
+        return Check(title, value, "good", f"{name} has noise at both ends of its range, so it is not saturated.")
+    level, side, seconds, _ = max(cut, key=lambda one: one[2])
+    sentence = (
+        f"{name} stays at its {side} value, {shown(level, name)}, without noise for {seconds:.3g} s in total: the "
+        "sensor or its channel saturates there. A fit would take this limit for an end stop and distort the load "
+        "before it; extend the range of the channel, or leave these samples empty."
+    )
+    return Check(title, f"{seconds:.3g} s at {shown(level, name)}", "bad", sentence)
+
+
+def no_noise(name: str) -> str:
+    """The sentence for a column without visible noise."""
+    return f"{name} has no noise above its quantisation step, so repeated values have no meaning."
+
+
+def _total(found: Runs, level: float, longer: int) -> int:
+    """Number of samples in the long runs at one level."""
+    return int(found.length[(found.value == level) & (found.length > longer)].sum())
+
+
+#: Shortest time in s that counts as stuck: shorter ones are lost messages, which a logger fills with the last value.
+LEAST = 0.05
+
+#: Fraction of the reach next to each end in which the piston may stand still.
+NEAR_END = 0.2
+
+#: Factor by which supply pressure, dead volume and load may lengthen the time until the piston moves.
+PATIENCE = 2.0
+
+
+def stuck(reading: Reading, name: str) -> Check:
+    """Whether the sensor of the column `name` was stuck.
+
+    Detected by missing noise, which a piston at rest still shows; for the position also by a valve that is open for
+    longer than the model needs to move the piston by a tenth of its stroke.
+    """
+    title, noise = f"stuck {name}", reading.noisy(name)
+    by_valves = name == "position" and reading.driven
+    unmoved, tested = _unmoved(reading) if by_valves else ([], 0)
+    spans = _joined([*(_frozen(reading, name) if noise else []), *unmoved])
+    if not spans:
+        if noise or tested:
+            return Check(title, "never", "good", f"{name} changes all the time.")
+        return Check(title, "-", "undetermined", no_noise(name))
+    seconds = sum(stop - start for start, stop in spans)
+    grade: Grade = "bad" if any(_pushed(reading, *span) for span in spans) else "suspect"
+    start, stop = max(spans, key=lambda span: span[1] - span[0])
+    more = f" and {len(spans) - 1} more" if len(spans) > 1 else ""
+    sentence = (
+        f"{name} is constant from {start:.3f} to {stop:.3f} s{more}, {seconds:.3g} s in total, although noise or the "
+        "open valve should change it: the sensor was stuck or its last value was repeated. A fit would take it for a "
+        "piston at rest and estimate a load that does not exist; leave these samples empty."
+    )
+    return Check(title, f"{seconds:.3g} s from {start:.3f} s", grade, sentence)
+
+
+def _frozen(reading: Reading, name: str) -> list[tuple[float, float]]:
+    """Start and end times of constant runs, except at the extreme values: those are checked for saturation."""
+    found, ends, time = reading.runs[name], reading.ends[name], reading.log.time
+    inner = (found.value != ends.low) & (found.value != ends.high)
+    usual = found.longest(inner, LEFT_OUT)
+    long = inner & (found.length > LONGER * usual) & (found.length * reading.step > LEAST)
+    return [
+        (float(time[a]), float(time[a + n - 1])) for a, n in zip(found.start[long], found.length[long], strict=True)
+    ]
+
+
+def _pushed(reading: Reading, start: float, stop: float) -> bool:
+    """Whether a valve was open between two times in s for long enough to move the piston."""
+    if not reading.driven:
+        return False
+    span = slice(*np.searchsorted(reading.log.time, (start, stop)).tolist())
+    passed = reading.supply[span].sum(), reading.exhaust[span].sum()
+    return any(opened * reading.step > needed for opened, needed in zip(passed, reading.quick, strict=True))
+
+
+def _unmoved(reading: Reading) -> tuple[list[tuple[float, float]], int]:
+    """Start and end times of openings without motion although the piston was not at that end; number of tested ones."""
+    y, time = reading.log["position"], reading.log.time
+    low, high = (float(q) for q in np.nanquantile(y, (0.005, 0.995)))
+    blur, margin = reading.blur("position"), NEAR_END * (high - low)
+    found, tested = [], 0
+    for supply, needed in zip((True, False), reading.quick, strict=True):
+        opened = np.concatenate([[0.0], np.cumsum(reading.supply if supply else reading.exhaust)]) * reading.step
+        starts, stops = reading.open_alone(supply)
+        # pulse edges are known to one sample only
+        long = np.flatnonzero(opened[stops] - opened[starts] > PATIENCE * needed + 2 * reading.step)
+        for i in long[spread_over(long.size)]:
+            part = _finite(y[starts[i] : stops[i]])
+            # a piston that never moved is at the vented end
+            away = part.size > 1 and (part.max() <= high - margin if supply else part.min() > low + margin)
+            tested += int(away)
+            if away and np.ptp(part) <= blur:
+                found.append((float(time[starts[i]]), float(time[stops[i] - 1])))
+    return found, tested
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    return values[np.isfinite(values)]
+
+
+def _joined(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Merge overlapping intervals."""
+    joined: list[tuple[float, float]] = []
+    for start, stop in sorted(spans):
+        if joined and start <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(stop, joined[-1][1]))
+        else:
+            joined.append((start, stop))
+    return joined
+
+
+#: Noise of half a step randomises the rounding error (dither): its mean is then below 1 % of the step.
+DITHER = 2.0
+
+#: A step below this fraction of the friction does not matter, with or without noise.
+SMALL = 0.1
+
+#: Least number of steps in the narrowest knot interval of the load curve, and from ambient to supply pressure.
+PER_INTERVAL, PER_RANGE = 4, 40
+
+
+def quantisation(reading: Reading, name: str) -> Check:
+    """Whether the step of the column `name` is too coarse for a fit.
+
+    A step is harmless if noise dithers it, or if it is small compared with the friction: for the position with the seal
+    deflection before sliding, F_C / K_z, for the pressure with F_C / A_A.
+
+    A knot interval of the load curve with fewer than `PER_INTERVAL` steps cannot be fitted.
+    """
+    title, p = f"quantisation of {name}", reading.actuator.parameters
+    step, noise = reading.quanta[name], reading.noises[name]
+    if step == 0.0 or step < 1e-3 * noise:
+        return Check(title, "none", "good", f"{name} has no visible quantisation step.")
+    narrowest = float(np.diff(reading.actuator.load.knots).min())
+    of_position = name == "position"
+    friction = p.F_C / (p.K_z if of_position else p.A_A)
+    most = narrowest / PER_INTERVAL if of_position else (p.P_S - p.P_0) / PER_RANGE
+    undithered = not (math.isfinite(noise) and step <= DITHER * noise)
+    grade: Grade = "good"
+    if undithered and step > SMALL * friction:
+        grade = "bad" if step > most else "suspect"
+    value = f"{_fine(step, name)}, noise {_fine(noise, name)}"
+    if grade == "good":
+        return Check(title, value, grade, f"{name} has a quantisation step of {_fine(step, name)}, which is harmless.")
+    sentence = (
+        f"{name} has a quantisation step of {_fine(step, name)}, noise of {_fine(noise, name)}, and friction in the "
+        f"model is worth {_fine(friction, name)}: the rounding error is not random, so a fit distorts the load and its "
+        "intervals are too narrow; record with more digits or bits."
+    )
+    return Check(title, value, grade, sentence)
+
+
+def _fine(value: float, name: str) -> str:
+    """A small value with its unit, um or mbar."""
+    if not math.isfinite(value):
+        return "unknown"
+    return f"{value * 1e6:.3g} um" if name == "position" else f"{value * 1e-2:.3g} mbar"

@@ -1,0 +1,285 @@
+"""Checks of the time: the sample rate, and the shift between command and motion at the start of strokes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.log import HOLE, FloatArray
+from clutchid.preparation.inspection.check import Check, Grade
+from clutchid.preparation.inspection.reading import Reading, spread_over
+from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP, duty_grid, on_off
+from clutchid.recordings.signals.sampled import IntArray, run_ends
+from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
+
+SAMPLE_RATE = "sample rate"
+
+#: Least number of samples per stroke, and in the narrowest knot interval of the load curve.
+PER_STROKE, PER_INTERVAL = 4, 1
+
+#: Sample rate in Hz at which all changes of duty cycles are recorded, see
+#: `clutchid.recordings.signals.duty_cycle.is_slow`.
+LEAST_RATE = 1000.0
+
+#: Interval in s from which milliseconds were probably read as seconds, and below which seconds as something smaller.
+_SLOW, _FASTEST = 0.5, 5e-6
+
+
+def sample_rate(reading: Reading) -> Check:
+    """Whether the sample rate suits the stiffness of the model and the knot intervals of its load curve.
+
+    Inputs are held between samples, so a valve edge is known to one sample only. At top speed the piston travels
+    `TOP_SPEED` times that time, and the load of one knot interval is attributed to another.
+    """
+    step, p = reading.update_interval, reading.actuator.parameters
+    if not math.isfinite(step):
+        return Check(SAMPLE_RATE, "-", "undetermined", "a sample rate needs at least two samples.")
+    steps = max(1, math.ceil(step * reading.rate / STABLE_STEP * (1 - 1e-9)))
+    travel = TOP_SPEED * step
+    narrowest = float(np.diff(reading.actuator.load.knots).min())
+    if reason := _implausible(reading, steps, slow=PER_STROKE * travel > p.y_max):
+        return Check(SAMPLE_RATE, f"{1 / step:.4g} Hz", "bad", f"at {1 / step:.4g} Hz {reason}")
+    grade: Grade = "good"
+    if PER_STROKE * travel > p.y_max:
+        grade = "bad"
+    elif PER_INTERVAL * travel > narrowest or step > CONTINUOUS_STEP:
+        grade = "suspect"
+    rate = f"{1 / step:.4g} Hz"
+    repeated = "" if step < 1.5 * reading.step else f", repeated at {1 / reading.step:.4g} Hz"
+    facts = (
+        f"the fastest mode of the model is {reading.rate:.3g} 1/s ({steps} integration step{'' if steps == 1 else 's'} "
+        f"per sample), and at {TOP_SPEED:g} m/s the piston travels {travel * 1e3:.3g} mm between two samples"
+    )
+    needed = max(TOP_SPEED * PER_INTERVAL / narrowest, LEAST_RATE)
+    unit = ", or write the unit of the time as ms if the stamps count milliseconds" if step >= _SLOW else ""
+    knots = f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm)"
+    advice = {
+        "good": "",
+        "suspect": f"{knots if PER_INTERVAL * travel > narrowest else ''}: the valves open and close between the "
+        "samples, at times that are not recorded, so that a load is smoothed and shifted, and its trust 'with care' at "
+        f"best; record at {needed:.4g} Hz or more.",
+        "bad": f" of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes have too few samples and a fit would be wrong; "
+        f"record at {needed:.4g} Hz or more{unit}.",
+    }
+    return Check(SAMPLE_RATE, rate + repeated, grade, f"at {rate}{repeated} {facts}{advice.get(grade) or '.'}")
+
+
+def _implausible(reading: Reading, steps: int, *, slow: bool) -> str:
+    """Why the rate cannot be that of a recording of this actuator, if that is not for its being too `slow`."""
+    if reading.update_interval < _FASTEST:
+        return (
+            "no sensor of a position is that fast: the stamps seem to be in s or ms and are read as smaller; correct "
+            "the unit of the time."
+        )
+    if steps > MOST_SUBSTEPS and not slow:
+        return (
+            f"the model is too stiff ({reading.rate:.3g} 1/s); check the mass, the volumes and the stiffnesses of the "
+            "parameters."
+        )
+    return ""
+
+
+TIME_SHIFT = "time shift"
+
+#: Least number of strokes for a standard deviation.
+FEWEST_STROKES = 3
+
+#: Largest lag of a position sensor in s.
+LAG = 2e-3
+
+#: Largest delay of a switched valve until it is half open, as a fraction of its period; usual period in s, 100 Hz.
+VALVE, PERIOD = 0.2, 0.01
+
+#: Relative change of the start delay if supply pressure, dead volume, mass and valve together differ by 30 % from the
+#: model: it depends on their third root.
+ALIKE = 0.1
+
+#: Longest usable interval between values in s: a stroke that starts within 20 ms has one sample then.
+LONGEST_INTERVAL = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Allowed:
+    """Plausible shifts in s: `early` from friction and sampling, `late` also from valve and sensor."""
+
+    early: float
+    late: float
+
+
+def time_shift(reading: Reading) -> Check:
+    """Delay of the measured motion relative to the simulated one over all strokes, with its standard deviation."""
+    if not reading.driven or "position" not in reading.measured:
+        return Check(TIME_SHIFT, "-", "undetermined", "the time shift check needs a position and both duty cycles.")
+    found = starts(reading)
+    moved = np.isfinite(found.measured)
+    count, total = int(moved.sum()), found.measured.size
+    if total >= FEWEST_STROKES and 2 * count < total:
+        sentence = (
+            f"in {total - count} of {total} strokes the piston does not move within {AFTER * 1e3:g} ms after the "
+            "supply valve opens fully: the time axes, the sign or the unit of the position are wrong, so a fit cannot "
+            "estimate the load; check that the channels belong together."
+        )
+        return Check(TIME_SHIFT, f"no motion in {total - count} of {total} strokes", "bad", sentence)
+    if count < FEWEST_STROKES:
+        sentence = (
+            f"{count or 'no'} stroke{'' if count == 1 else 's'} from rest with a fully opened supply valve and motion: "
+            f"{FEWEST_STROKES} are needed."
+        )
+        return Check(TIME_SHIFT, "-", "undetermined", sentence)
+    late = found.measured[moved] - found.simulated[moved] - reading.actuator.parameters.tau_y
+    usual = float(np.median(found.simulated[moved]))
+    if reading.update_interval > LONGEST_INTERVAL:
+        sentence = (
+            f"the interval of {reading.update_interval * 1e3:.3g} ms between samples is too long: in the model a "
+            f"stroke starts within {usual * 1e3:.2g} ms of its command."
+        )
+        return Check(TIME_SHIFT, "-", "undetermined", sentence)
+    return _compared(reading, late, _allowed(reading, float(np.std(late, ddof=1)), usual))
+
+
+def _compared(reading: Reading, late: FloatArray, allowed: Allowed) -> Check:
+    """Compare the shift of each stroke in s with the plausible ones."""
+    shift, spread, count = float(np.median(late)), float(np.std(late, ddof=1)), late.size
+    # standard error of a median; agreement below the sampling interval is by chance
+    error = 2 * 1.25 * max(spread, reading.update_interval / math.sqrt(12)) / math.sqrt(count)
+    value = f"{shift * 1e3:+.1f} ms (spread {spread * 1e3:.1f} ms, {count} strokes)"
+    beyond = max(shift - error - allowed.late, -shift - error - allowed.early)
+    grade: Grade = "good" if beyond <= 0 else "bad" if beyond > allowed.late else "suspect"
+    facts = (
+        f"the piston moves {abs(shift) * 1e3:.1f} ms {'later' if shift >= 0 else 'earlier'} than in the model after "
+        f"the same command (standard deviation {spread * 1e3:.1f} ms over {count} strokes)"
+    )
+    if grade == "good":
+        return Check(TIME_SHIFT, value, grade, f"{facts}; valve and sensor explain that.")
+    why = f"valve and sensor explain {allowed.late * 1e3:.1f} ms" if shift > 0 else "no valve opens before its command"
+    sentence = (
+        f"{facts}; {why}: the channels do not share one clock, and a fit attributes the shift to friction and load; "
+        f"move the position by {-shift * 1e3:+.1f} ms, or give its channel that delay in the channel map."
+    )
+    return Check(TIME_SHIFT, value, grade, sentence)
+
+
+def _allowed(reading: Reading, spread: float, usual: float) -> Allowed:
+    """Plausible shifts, for strokes with a standard deviation `spread` and a usual delay `usual`, both in s."""
+    p = reading.actuator.parameters
+    # friction may be twice that of the model and the load 50 % larger: time of an open valve to supply that force
+    rise = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / p.V_0A
+    load = float(reading.actuator.load.force(np.array([level(reading)]))[0])
+    force = math.hypot(p.F_C, load / 2) / p.A_A / rise if rise > 0 else 0.0
+    # half a step in the rest and half a step at the level; a motion that grows with the third power of time is at three
+    # times its mean speed there
+    rounding = reading.quanta["position"] / (3 * level(reading) / usual)
+    either = math.hypot(force, reading.update_interval, rounding, ALIKE * usual)
+    valve = 0.0 if p.T_pwm > 0 else VALVE * period(reading, PERIOD) / 2
+    lag = 0.0 if p.tau_y else LAG / 2
+    wait = 0.0 if on_grid(reading) else math.sqrt(3 * max(0.0, spread**2 - reading.update_interval**2 / 12))
+    return Allowed(either, valve + lag + wait + math.hypot(either, valve, lag))
+
+
+def on_grid(reading: Reading) -> bool:
+    """Whether the duty cycles change on a time grid, so that the valve responds at once.
+
+    Other changes take effect with the next period of the carrier, after up to one period.
+    """
+    return duty_grid(reading.log).period > 0.0
+
+
+def period(reading: Reading, usual: float) -> float:
+    """Period in s of the carrier as estimated from the duty cycles, else the `usual` one.
+
+    Valves that are only opened and closed change on the time grid of the control unit, which is not a carrier.
+    """
+    return usual if on_off(reading.log) else duty_grid(reading.log).period or usual
+
+
+#: Time in s for which the supply valve must be closed before a stroke. The rest level comes from the part that ends
+#: `BEFORE` s before the command, so that motion with an early time stamp is detected.
+CLOSED, BEFORE = 0.25, 0.1
+
+#: Motion is searched for until this time in s after the command.
+AFTER = 0.2
+
+#: Least number of samples for the rest level.
+FEWEST_SAMPLES = 3
+
+#: Least mean opening of the valve until the simulated piston moves; in a slower start the delay is not well defined.
+WIDE = 0.7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Starts:
+    """Time in s from the command to the first motion in each stroke: measured (NaN: none) and simulated."""
+
+    measured: FloatArray
+    simulated: FloatArray
+
+
+def starts(reading: Reading) -> Starts:
+    """Delays of all usable strokes, of a long recording at most `MOST` of them.
+
+    Motion starts where the travel rises through `level`.
+    """
+    p, log = reading.actuator.parameters, reading.log
+    least = level(reading)
+    bottom = float(np.nanquantile(log["position"], 0.005))
+    commands = _commands(reading)
+    rows = []
+    for k in commands[spread_over(commands.size)].tolist():
+        now = float(log.time[k])
+        begin, end = (int(i) for i in np.searchsorted(log.time, (now - BEFORE, now + AFTER)))
+        rest = log["position"][int(np.searchsorted(log.time, now - CLOSED)) : begin]
+        rest = rest[np.isfinite(rest)]
+        if rest.size < FEWEST_SAMPLES or not _resting(rest, bottom, least, reading.noisy("position")):
+            continue
+        # the model of a switched valve needs one period of past inputs, so the simulation begins in the rest
+        window = log.slice(begin, end)
+        time = window.time - now
+        motion = _crossing(time, reading.simulated(window, 0.0, p.P_0), least)
+        until = begin + int(np.searchsorted(time, np.nan_to_num(motion), side="right"))
+        if not motion > 0 or reading.supply[k:until].mean() < WIDE or reading.exhaust[k:until].any():
+            continue
+        rows.append((_crossing(time, window["position"] - np.median(rest), least), motion))
+    return Starts(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
+
+
+def level(reading: Reading) -> float:
+    """Least travel in m that counts as motion: above noise, quantisation and the seal deflection before sliding."""
+    p = reading.actuator.parameters
+    return p.F_C / p.K_z + reading.blur("position")
+
+
+def _resting(rest: FloatArray, bottom: float, least: float, noise: bool) -> bool:
+    """Whether the piston is vented before a stroke: still, and as near its end position as friction allows.
+
+    If the position has noise elsewhere, constant samples are saturated and do not count.
+    """
+    still = np.ptp(rest) <= least and not (noise and np.ptp(rest) == 0.0)
+    return bool(still and abs(float(np.median(rest)) - bottom) <= 2 * least)
+
+
+def _commands(reading: Reading) -> IntArray:
+    """Samples at which the supply valve opens after `CLOSED` s, without missing inputs or holes around them."""
+    time = reading.log.time
+    first, stop = run_ends(reading.supply > 0)
+    ended = np.concatenate([[time[0] - CLOSED], time[stop[:-1] - 1]])[: first.size]
+    first = first[time[first] - ended > CLOSED]
+    known = np.isfinite(reading.log["duty_supply"]) & np.isfinite(reading.log["duty_exhaust"])
+    known[1:] &= np.diff(time) <= HOLE * reading.step
+    unknown = np.concatenate([[0], np.cumsum(~known)])
+    ahead = np.searchsorted(time, time[first] + AFTER)
+    behind = np.searchsorted(time, time[first] - CLOSED) + 1
+    whole = (ahead < time.size) & (unknown[ahead] == unknown[np.minimum(behind, time.size)])
+    result: IntArray = first[whole]
+    return result
+
+
+def _crossing(time: FloatArray, motion: FloatArray, level: float) -> float:
+    """Time at which a motion first rises through a level and stays above for a sample; NaN if there is none."""
+    above = motion > level
+    over = np.flatnonzero(above[1:-1] & above[2:] & ~above[:-2])
+    if over.size == 0 or not np.isfinite(motion[over[0]]):
+        return float("nan")
+    i = int(over[0])
+    return float(time[i] + (time[i + 1] - time[i]) * (level - motion[i]) / (motion[i + 1] - motion[i]))

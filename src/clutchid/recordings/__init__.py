@@ -1,0 +1,203 @@
+"""Recordings on disk: `read` and `write`, one module per format; all unit conversions are here."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from clutchid.errors import DataError, ExportError
+from clutchid.log import Log
+from clutchid.names import printable
+from clutchid.recordings.checks import AMBIENT, check_ambient
+from clutchid.recordings.columns import REQUIRED
+from clutchid.recordings.files import atomic_write, digest, reading
+from clutchid.recordings.opening import open_source
+from clutchid.recordings.recording import pieces
+from clutchid.recordings.source import BLOCK, in_contract
+
+if TYPE_CHECKING:
+    from clutchid.recordings.map.channel_map import ChannelMap
+
+Item = TypeVar("Item")
+
+__all__ = ["AMBIENT", "atomic_write", "read", "read_each", "read_pieces", "write"]
+
+
+def read(
+    path: str | PathLike[str],
+    *,
+    ambient: float = AMBIENT,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    required: Sequence[str] = REQUIRED,
+) -> Log:
+    """Read a recording in any known format, in SI; the format is detected from the content.
+
+    Columns with headings ``name [unit]`` are recognised. In other files `channels` assigns channels to quantities;
+    without it, channels are identified by their names if these are unambiguous. An empty cell or NaN is a missing
+    sample. Suspicious but usable data give ``Log.warnings``; the metadata has ``source``, ``sha256``, ``ambient_Pa``.
+
+    Parameters
+    ----------
+    path
+        File (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix is the name of the log.
+    ambient : Pa
+        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``.
+    channels
+        A channel map, or the path of one (TOML).
+    dbc
+        DBC files that decode a bus log, besides those of the map.
+    required
+        Quantities that the file must have.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or used; the text lists every problem with its line (or row) and column.
+    MissingExtra
+        If the format needs a library that is not installed.
+    ParameterError
+        If `ambient` is not a pressure above 0, or the channel map is invalid.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> text = "time [ms],position [mm],duty_supply [%],duty_exhaust [%]\\n0,0,100,0\\n1,0.5,100,0\\n"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "run.csv"
+    ...     _ = file.write_text(text)
+    ...     log = read(file)
+    >>> log.name, float(log["position"][1]), float(log["duty_supply"][1])
+    ('run', 0.0005, 1.0)
+    """
+    log = next(_logs(path, ambient, channels, dbc, required, None), None)
+    if log is None:
+        raise DataError(f"{path}: none of its samples can be read, so it is damaged; copy or write it again.")
+    return log
+
+
+def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Log]:
+    """The recordings that `read_one` makes of `items`.
+
+    Raises
+    ------
+    DataError
+        The text lists the problems of all of them.
+    """
+    logs, problems = [], []
+    for item in items:
+        try:
+            logs.append(read_one(item))
+        except DataError as error:
+            problems.append(str(error))
+    if problems:
+        raise DataError("\n".join(problems))
+    return logs
+
+
+def read_pieces(
+    path: str | PathLike[str],
+    *,
+    ambient: float = AMBIENT,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+    required: Sequence[str] = REQUIRED,
+    rows: int = BLOCK,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Log]:
+    """Read a recording that does not fit into memory, as consecutive logs of about `rows` samples; else as `read`.
+
+    The hash of the file is not computed. `progress` is called after every piece with the number of samples read so far,
+    and that of the longest time grid.
+
+    Raises
+    ------
+    DataError, MissingExtra, ParameterError
+        As `read`; errors in the samples are raised when their piece is read.
+    """
+    yield from _logs(path, ambient, channels, dbc, required, rows, progress)
+
+
+def _logs(
+    path: str | PathLike[str],
+    ambient: float,
+    channels: ChannelMap | str | PathLike[str] | None,
+    dbc: Sequence[str | PathLike[str]],
+    required: Sequence[str],
+    rows: int | None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[Log]:
+    if not isinstance(path, str | PathLike):
+        raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
+    check_ambient(ambient)
+    given = _map(channels)
+    source = open_source(path, (*(given.dbc if given else ()), *dbc))
+    metadata = {"source": printable(source.path.name), "ambient_Pa": repr(float(ambient))}
+    if rows is None:
+        metadata["sha256"] = digest(source.path)
+    if given is None and not in_contract(source):
+        from clutchid.recordings.map.proposal import map_for
+
+        given = map_for(source, required)
+    done, size = 0, max((raster.size for raster in source.rasters), default=0)
+    for log in _from_disk(source.path, pieces(source, given, ambient, required, rows)):
+        yield replace(log, metadata={**log.metadata, **metadata})
+        done += len(log)
+        if progress is not None:
+            progress(done, size)
+
+
+def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
+    """The logs; where the disk does not give them, an error that names the recording, not what is written meanwhile."""
+    with reading(path):
+        yield from logs
+
+
+def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
+    if channels is None:
+        return None
+    from clutchid.recordings.map.channel_map import ChannelMap, read_map
+
+    return channels if isinstance(channels, ChannelMap) else read_map(channels)
+
+
+def write(log: Log, path: str | PathLike[str]) -> None:
+    """Write `log` in SI to a ``.csv``, ``.parquet``, ``.mf4`` or ``.mat`` file; `read` returns the same values.
+
+    An existing file is replaced atomically. All formats except CSV keep the metadata; only Parquet keeps the edges of
+    duty cycles between the samples, the others warn.
+
+    Raises
+    ------
+    ExportError
+        If the suffix is unknown or the file cannot be written; an existing file is then unchanged.
+    """
+    writers = _writers()
+    suffix = Path(path).suffix
+    if suffix.lower() not in writers:
+        *known, last = writers
+        what = f"the suffix '{suffix}' is not known" if suffix else "the name has no suffix"
+        raise ExportError(f"{path}: {what}; a log is written as {', '.join(known)} or {last}.")
+    if log.edges and suffix.lower() != ".parquet":
+        lost = f"{path} does not keep the edges of {' and '.join(log.edges)} between the samples; .parquet does."
+        warnings.warn(lost, stacklevel=2)
+    with atomic_write(path) as temporary:
+        writers[suffix.lower()](log, temporary)
+
+
+def _writers() -> dict[str, Callable[[Log, Path], None]]:
+    from clutchid.recordings.formats.csv import file as csv_file
+    from clutchid.recordings.formats.mat import file as mat_file
+    from clutchid.recordings.formats.mdf import file as mdf_file
+    from clutchid.recordings.formats.parquet import file as parquet_file
+
+    return {
+        ".csv": csv_file.save,
+        ".parquet": parquet_file.save,
+        ".mf4": mdf_file.save,
+        ".mat": mat_file.save,
+    }

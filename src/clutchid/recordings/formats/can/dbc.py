@@ -1,0 +1,223 @@
+"""DBC, and KCD, SYM and ARXML: what the frames of a bus mean, read by cantools.
+
+cantools decodes one message in about 2 µs, so it reads the database only; `signals` unpacks the frames.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clutchid.errors import DataError, missing
+from clutchid.recordings.columns import shortened
+from clutchid.recordings.files import small_file
+from clutchid.recordings.formats.can.frames import quiet
+from clutchid.recordings.formats.can.j1939 import first_code
+from clutchid.recordings.formats.can.signals import FLOATS, Page, Signal
+
+if TYPE_CHECKING:
+    from cantools.database.can import Database
+    from cantools.database.can import Message as CantoolsMessage
+    from cantools.database.can import Signal as CantoolsSignal
+
+Condition = tuple[tuple[Signal, frozenset[int]], ...]
+
+_LARGEST_FILE = 1 << 26
+_MOST_SELECTORS = 1 << 16
+_PROTOCOLS = ("J1939", "NMEA2000", "ISO11783")
+
+#: A statement behind the text: cantools says nothing where a text ends in the middle of another one.
+_END = '\nCM_ "end";\n'
+
+#: The element that an ARXML or a KCD file begins with.
+_ROOT = re.compile(r"<(AUTOSAR|NetworkDefinition)\b")
+
+#: The first statement of a SYM file, and where it stands at the latest.
+_SYM, _HEAD = re.compile(r"^FormatVersion=", re.MULTILINE), 4096
+
+#: A start bit beyond this lies in no message; J1939 sends at most 1785 bytes in pieces.
+_LAST_BIT = 1 << 14
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Message:
+    """A message of a database: its frames, and the pages of signals in them; one page where nothing is multiplexed."""
+
+    name: str
+    identifier: int
+    extended: bool
+    length: int
+    j1939: bool
+    pages: tuple[Page, ...]
+    comment: str = ""
+    undecodable: tuple[str, ...] = ()
+
+
+def read_dbc(path: Path) -> tuple[Message, ...]:
+    """The messages of a DBC, KCD, SYM or ARXML file.
+
+    Raises
+    ------
+    MissingExtra
+        If cantools is not installed.
+    DataError
+        If it cannot be read or is none; the text names the file, and for a DBC the line.
+    """
+    content = small_file(path, "DBC file", _LARGEST_FILE)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+    return messages_in(text, str(path))
+
+
+def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
+    """The messages of the text of a database that is called `source` in errors; its content tells its format.
+
+    Raises
+    ------
+    MissingExtra
+        If cantools is not installed.
+    DataError
+        If it cannot be read; the text names the line of a DBC.
+    """
+    try:
+        from cantools.database import load_string
+    except ImportError as error:
+        raise missing("reading a DBC", "cantools", "can") from error
+    kind = _kind(text)
+    if problem := _selectors(text) if kind == "DBC" else _entities(text):
+        raise DataError(f"{source}: {problem}")
+    try:
+        with quiet("cantools.database.can.database"):
+            database: Any = load_string(text + _END if kind == "DBC" else text, kind.lower(), strict=False)
+    except (Exception, RecursionError) as error:
+        raise DataError(f"{source}: {_refusal(str(error) or type(error).__name__, text, kind)}") from error
+    if not database.messages:
+        raise DataError(f"{source}: holds no messages; name the DBC of the bus.")
+    named = _protocol(database)
+    return tuple(_message(message, named) for message in database.messages)
+
+
+def _kind(text: str) -> str:
+    """The format of a database; DBC where it looks like none of the others."""
+    if _SYM.search(text[:_HEAD]):
+        return "SYM"
+    root = _ROOT.search(text) if text.lstrip().startswith("<") else None
+    return {"AUTOSAR": "ARXML", "NetworkDefinition": "KCD"}[root[1]] if root else "DBC"
+
+
+def _entities(text: str) -> str:
+    """What is wrong where an XML text declares entities, which could unfold to gigabytes."""
+    return "declares XML entities, which no bus database needs; export it again." if "<!ENTITY" in text else ""
+
+
+def _refusal(reason: str, text: str, kind: str) -> str:
+    match = re.search(r"line (\d+), column (\d+)", reason) if kind == "DBC" else None
+    if match is None:
+        return f"cannot be read as {kind} ({shortened(reason, 120)}); mend it, or export the {kind} again."
+    lines = len(text.rstrip().splitlines())
+    if int(match[1]) > lines:
+        return f"is cut off behind line {lines}; export the DBC again."
+    return f"line {match[1]}, column {match[2]} cannot be read as DBC; mend it, or export the DBC again."
+
+
+def _selectors(text: str) -> str:
+    """What is wrong where ranges of multiplexing hold more numbers than can be listed, as cantools does."""
+    total = 0
+    for statement in re.finditer(r"^[ \t]*SG_MUL_VAL_\s[^;]*;", text, re.MULTILINE):
+        for first, last in re.findall(r"\b(\d{1,20})\s*-\s*(\d{1,20})\b", statement[0]):
+            total += max(0, int(last) - int(first))
+            if total > _MOST_SELECTORS:
+                line = text.count("\n", 0, statement.start()) + 1
+                return f"line {line}: more than {_MOST_SELECTORS:,} multiplexer numbers are named; narrow their ranges."
+    return ""
+
+
+def _protocol(database: Database) -> bool:
+    """Whether the DBC as a whole is said to be J1939, or built on it."""
+    specifics = database.dbc
+    if specifics is None:
+        return False
+    attribute = specifics.attributes.get("ProtocolType")
+    definition = specifics.attribute_definitions.get("ProtocolType")
+    value = attribute.value if attribute is not None else getattr(definition, "default_value", None)
+    return str(value).upper().replace(" ", "") in _PROTOCOLS
+
+
+def _message(message: CantoolsMessage, named: bool) -> Message:
+    own = message.dbc.attributes if message.dbc is not None else {}
+    by_protocol = named and message.is_extended_frame and "VFrameFormat" not in own
+    j1939 = message.protocol == "j1939" or by_protocol
+    by_name = {signal.name: signal for signal in message.signals}
+    usable = [s for s in message.signals if all(_usable(each) for each in (s, *_above(s, by_name)))]
+    return Message(
+        message.name,
+        message.frame_id & 0x1FFFFFFF,
+        bool(message.is_extended_frame),
+        int(message.length),
+        j1939,
+        _pages(usable, j1939),
+        message.comment or "",
+        tuple(signal.name for signal in message.signals if signal not in usable),
+    )
+
+
+def _usable(signal: CantoolsSignal) -> bool:
+    sizes = FLOATS if signal.is_float else range(1, 65)
+    return signal.length in sizes and 0 <= signal.start < _LAST_BIT
+
+
+def _pages(signals: Sequence[CantoolsSignal], j1939: bool) -> tuple[Page, ...]:
+    """The pages of a message: signals under the same selectors stand on the same page."""
+    by_name = {signal.name: signal for signal in signals}
+    pages: dict[Condition, list[Signal]] = {}
+    for signal in signals:
+        pages.setdefault(_condition(signal, by_name), []).append(_signal(signal, j1939))
+    return tuple(Page(tuple(held), condition) for condition, held in pages.items())
+
+
+def _above(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> list[CantoolsSignal]:
+    """The selectors that a signal stands under, the innermost first."""
+    found = [signal]
+    while (above := by_name.get(found[-1].multiplexer_signal or "")) is not None and above not in found:
+        found.append(above)
+    return found[1:]
+
+
+def _condition(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> Condition:
+    """The selectors that a signal stands under with their numbers, the outermost first."""
+    above = _above(signal, by_name)
+    below = [signal, *above]
+    pairs = [
+        (_signal(up, False), frozenset(down.multiplexer_ids or ())) for down, up in zip(below, above, strict=False)
+    ]
+    return tuple(reversed(pairs))
+
+
+def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
+    motorola = signal.byte_order == "big_endian"
+    coded = j1939 and not (signal.is_signed or signal.is_float or signal.is_multiplexer)
+    return Signal(
+        signal.name,
+        8 * (signal.start // 8) + 7 - signal.start % 8 if motorola else signal.start,
+        signal.length,
+        motorola,
+        bool(signal.is_signed) and not signal.is_float,
+        bool(signal.is_float),
+        _as_float(signal.scale),
+        _as_float(signal.offset),
+        signal.unit or "",
+        signal.comment or "",
+        first_code(signal.length) if coded else None,
+    )
+
+
+def _as_float(number: float) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return float("inf") if number > 0 else float("-inf")

@@ -1,0 +1,218 @@
+"""`Frames`: raw frames of a CAN bus as columns, `FrameLog`, the log that they are read from, and logs as one."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError, missing
+from clutchid.log import FloatArray
+
+if TYPE_CHECKING:
+    import can
+
+Bytes = NDArray[np.uint8]
+Counts = NDArray[np.int64]
+Rows = NDArray[np.int64]
+
+#: Frames a block when a log is read piece by piece.
+FRAMES = 1 << 16
+
+#: Bytes of payload of a classic frame, and of an FD frame.
+CLASSIC, FD = 8, 64
+
+#: Buses above this number are counted as this one.
+LARGEST_BUS = 0xFFFF
+
+
+#: Fields of a frame; its payload is the last.
+_FIELDS = ("stamp", "bus", "identifier", "extended", "length", "data")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frames:
+    """A block of frames in the order of the file, one array a field.
+
+    `stamp` counts in s from the log's own zero; `identifier` has 11 bits, or 29 where `extended`; `length` is the
+    number of payload bytes, `data` the payload with zeros behind it, 8 or 64 columns. `left_out` counts what was met
+    meanwhile and holds no payload, by what one of it is.
+    """
+
+    stamp: FloatArray
+    bus: Counts
+    identifier: Counts
+    extended: NDArray[np.bool_]
+    length: Counts
+    data: Bytes
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return int(self.stamp.size)
+
+    def take(self, rows: Rows | NDArray[np.bool_]) -> Frames:
+        """The frames of `rows`; what was left out is counted only once, so not here."""
+        return Frames(*(getattr(self, name)[rows] for name in _FIELDS))
+
+
+@dataclass(frozen=True, slots=True)
+class FrameLog:
+    """A log of frames: its format, the clock time of stamp 0 (None: not known), and how its blocks are read.
+
+    Each call of `blocks` reads the file from its start. What is wrong inside raises `DataError` with one sentence,
+    after all frames before it were given.
+    """
+
+    format: str
+    start: datetime | None
+    blocks: Callable[[], Iterator[Frames]]
+    warnings: tuple[str, ...] = ()
+
+
+def check_python_can(what: str) -> None:
+    """Check that the library that reads `what` is installed.
+
+    Raises
+    ------
+    MissingExtra
+        If it is not.
+    """
+    try:
+        import can  # noqa: F401
+    except ImportError as error:
+        raise missing(f"reading {what}", "python-can", "can") from error
+
+
+def in_blocks(messages: Iterable[can.Message], left_out: Counter[str], size: int = FRAMES) -> Iterator[Frames]:
+    """Messages of python-can in blocks of at most `size` frames.
+
+    Error and remote frames are counted in `left_out`, beside what `messages` counts there; each block takes what was
+    counted so far with it.
+
+    Raises
+    ------
+    Whatever `messages` raises, after the frames before it were given.
+    """
+    kept: list[can.Message] = []
+    failure: Exception | None = None
+    try:
+        for message in messages:
+            if message.is_error_frame:
+                left_out["error frame"] += 1
+            elif message.is_remote_frame:
+                left_out["remote frame"] += 1
+            else:
+                kept.append(message)
+                if len(kept) == size:
+                    yield _block(kept, left_out)
+                    kept = []
+    except Exception as error:
+        failure = error
+    if kept or left_out:
+        yield _block(kept, left_out)
+    if failure is not None:
+        raise failure
+
+
+@contextmanager
+def quiet(logger: str) -> Iterator[None]:
+    """Keeps what a library says about single frames of a damaged file off the screen: it can be one line a frame."""
+    chosen = logging.getLogger(logger)
+    silence = logging.Filter(name="-")
+    chosen.addFilter(silence)
+    try:
+        yield
+    finally:
+        chosen.removeFilter(silence)
+
+
+def as_payload(rows: list[bytes]) -> Bytes:
+    """Payloads as rows of 8 bytes, or of 64 where one is longer, with zeros behind them."""
+    width = FD if max(map(len, rows), default=0) > CLASSIC else CLASSIC
+    joined = b"".join([row[:width].ljust(width, b"\0") for row in rows])
+    return np.frombuffer(bytearray(joined), dtype=np.uint8).reshape(len(rows), width)
+
+
+def merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
+    """Frames of several groups as one log, by their stamps; the order within a group never changes.
+
+    A stamp that is below one before it in its group keeps its place: it is for the checks to find.
+
+    Raises
+    ------
+    Whatever `parts` raise, after the frames before it were given.
+    """
+    if len(parts) == 1:
+        yield from parts[0]
+        return
+    waiting: list[Frames | None] = [None] * len(parts)
+    latest = [-np.inf] * len(parts)
+    failure: DataError | None = None
+    open_parts = set(range(len(parts)))
+    while True:
+        for i in sorted(open_parts):
+            if waiting[i] is None:
+                try:
+                    waiting[i] = next(parts[i])
+                except StopIteration:
+                    open_parts.discard(i)
+                except DataError as error:
+                    failure = failure or error
+                    open_parts.discard(i)
+        present = [(i, block) for i, block in enumerate(waiting) if block is not None]
+        if not present:
+            break
+        keys = {i: np.fmax.accumulate(np.fmax(block.stamp, latest[i])) for i, block in present}
+        limit = min((keys[i][-1] for i, _ in present if i in open_parts), default=np.inf)
+        taken = []
+        for i, block in present:
+            count = int(np.searchsorted(keys[i], limit, side="right"))
+            taken.append((keys[i][:count], block.take(np.arange(count))))
+            latest[i] = keys[i][count - 1] if count else latest[i]
+            waiting[i] = block.take(np.arange(count, len(block))) if count < len(block) else None
+        yield _together(taken)
+    if failure is not None:
+        raise failure
+
+
+def _together(parts: Sequence[tuple[FloatArray, Frames]]) -> Frames:
+    """Blocks of frames as one, in the order of their keys, which never fall within a block."""
+    order = np.argsort(np.concatenate([key for key, _ in parts]), kind="stable")
+    *columns, data = [[getattr(frames, name) for _, frames in parts] for name in _FIELDS]
+    joined: list[Any] = [*map(np.concatenate, columns), payloads(data)]
+    return Frames(*joined).take(order)
+
+
+def payloads(parts: Sequence[Bytes]) -> Bytes:
+    """Payloads of several blocks as one, with zeros behind those of the narrower ones."""
+    width = max(part.shape[1] for part in parts)
+    return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts])
+
+
+def _block(messages: list[can.Message], left_out: Counter[str]) -> Frames:
+    """The frames of `messages`, and what was counted, which is counted from 0 again."""
+    counts = dict(left_out)
+    left_out.clear()
+    data = [bytes(message.data) for message in messages]
+    return Frames(
+        np.array([message.timestamp for message in messages], dtype=np.float64),
+        np.array([_bus(message.channel) for message in messages], dtype=np.int64),
+        np.array([message.arbitration_id & 0x1FFFFFFF for message in messages], dtype=np.int64),
+        np.array([message.is_extended_id for message in messages], dtype=np.bool_),
+        np.array([min(len(row), FD) for row in data], dtype=np.int64),
+        as_payload(data),
+        counts,
+    )
+
+
+def _bus(channel: object) -> int:
+    """The number of a bus as the logs write it, from 1; python-can counts from 0, and says None where there is none."""
+    return min(channel + 1, LARGEST_BUS) if isinstance(channel, int) else 0

@@ -1,0 +1,236 @@
+"""Lines of a CSV file: any encoding and line ends, converted to blocks of UTF-8 with line feeds.
+
+Lines are joined to records where a cell in quotes contains line breaks.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from clutchid.recordings.formats.csv.header import is_comment
+
+#: Numbers of bytes and lines at the start of a file that determine its dialect; also the longest line.
+SAMPLE = 1 << 20
+_SAMPLE_LINES = 2000
+
+#: Largest number of bytes of a block.
+_MOST = 1 << 26
+
+_UTF8 = b"\xef\xbb\xbf"
+_WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_CONTROL = bytes({*range(32), 127} - {9, 10, 11, 12, 13, 26})
+
+
+#: The end of a line is in a quoted cell that is not closed there; a quote inside a cell is written twice.
+_OPEN = re.compile(r'(?:^|[,;\t|]) *"(?:[^"]|"")*$')
+
+#: Largest number of lines of a record above the samples, and of bytes of a block; a quote beyond them is a character.
+_MOST_LINES = 100
+_MOST_BYTES = 1 << 26
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """How a file is split into lines: encoding, bytes per read, and number of the last non-blank line."""
+
+    path: Path
+    encoding: str
+    chunk: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Complete lines of a file: number of the first one, text in UTF-8, and number of lines."""
+
+    first: int
+    text: bytes
+    lines: int
+
+
+def lines_of(path: Path, chunk: int) -> Lines | None:
+    """How the lines of a file are read; None if it is neither UTF-8, UTF-16 with a byte order mark nor Windows-1252.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    encoding = _encoding(path, chunk)
+    if encoding is None:
+        return None
+    before = last = 0
+    for piece in _pieces(path, encoding, chunk):
+        before += piece.count(b"\n")
+        blank = _blank_end(piece)
+        if len(blank) < len(piece):
+            last = before - blank.count(b"\n") + 1
+    return Lines(path, encoding, chunk, last)
+
+
+def sample(lines: Lines) -> list[str]:
+    """The first lines, at most `SAMPLE` bytes in total; a single line may be truncated.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    text = b""
+    for piece in _pieces(lines.path, lines.encoding, lines.chunk):
+        text += piece
+        if len(text) > SAMPLE:
+            text = text[: text.rfind(b"\n", 0, SAMPLE) + 1] or text
+            break
+    return [line.decode("utf-8", "replace").rstrip("\n") for line in islice(io.BytesIO(text), _SAMPLE_LINES)]
+
+
+def blocks(lines: Lines, skip: int, rows: int) -> Iterator[Block]:
+    """The lines after the first `skip`, in blocks of `rows` lines, or fewer if they are long.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    number, size, lacking = 1, 0, skip or rows
+    pending: list[bytes] = []
+    for piece in _pieces(lines.path, lines.encoding, lines.chunk):
+        pending.append(piece)
+        size, lacking = size + len(piece), lacking - piece.count(b"\n")
+        if lacking > 0 and size < _MOST:
+            continue
+        text = b"".join(pending)
+        start = 0
+        for end, count in _cuts(text, skip, rows, number):
+            if number > skip and number <= lines.last:
+                yield _whole(lines, number, text[start:end], count)
+            start, number = end, number + count
+        pending, size = [text[start:]], len(text) - start
+        lacking = (skip + 1 - number if number <= skip else rows) - pending[0].count(b"\n")
+    if skip < number <= lines.last and size:
+        text = b"".join(pending)
+        yield _whole(lines, number, text, text.count(b"\n") + (not text.endswith(b"\n")))
+
+
+def _cuts(text: bytes, skip: int, rows: int, number: int) -> Iterator[tuple[int, int]]:
+    """Ends of the blocks in `text`, which begins with line `number`, and their numbers of lines."""
+    ends = np.flatnonzero(np.frombuffer(text, np.uint8) == 10) + 1
+    start = taken = 0
+    while True:
+        want = skip + 1 - number if number <= skip else rows
+        have = min(want, ends.size - taken)
+        if have < want and len(text) - start < _MOST:
+            return
+        taken, number = taken + have, number + have
+        start = int(ends[taken - 1]) if have else len(text)
+        yield start, have
+
+
+def _whole(lines: Lines, number: int, text: bytes, count: int) -> Block:
+    """A block without the blank lines at the end of the file."""
+    if number + count - 1 > lines.last:
+        end = text.find(b"\n", len(text) - len(_blank_end(text)))
+        text, count = text[: end + 1], lines.last - number + 1
+    return Block(number, text, max(count, 1))
+
+
+def _blank_end(text: bytes) -> bytes:
+    """The trailing whitespace of a text, without copying the rest."""
+    length = 1 << 12
+    while length < len(text) and text[-length:].isspace():
+        length *= 4
+    tail = text[-length:]
+    return tail[len(tail.rstrip()) :]
+
+
+def _encoding(path: Path, chunk: int) -> str | None:
+    """The encoding of the whole file, or None."""
+    with path.open("rb") as file:
+        mark = file.read(4)
+    if mark == codecs.BOM_UTF32_LE:
+        return None
+    if mark.startswith(_WIDE):
+        return "utf-16" if _is_text(path, chunk, "utf-16") else None
+    return next((encoding for encoding in ("utf-8", "cp1252") if _is_text(path, chunk, encoding)), None)
+
+
+def _is_text(path: Path, chunk: int, encoding: str) -> bool:
+    decoder = codecs.getincrementaldecoder("utf-8" if encoding == "cp1252" else encoding)()
+    try:
+        with path.open("rb") as file:
+            while raw := file.read(chunk):
+                if encoding == "cp1252":
+                    if len(raw.translate(None, _CONTROL)) < len(raw):
+                        return False
+                elif encoding != "utf-8" or not raw.isascii() or decoder.getstate()[0]:
+                    decoder.decode(raw)
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _pieces(path: Path, encoding: str, chunk: int) -> Iterator[bytes]:
+    """The text of a file in UTF-8 with line feeds, piece by piece."""
+    decoder = codecs.getincrementaldecoder(encoding)("replace")
+    carried = b""
+    with path.open("rb") as file:
+        if file.read(3) != _UTF8 or encoding != "utf-8":
+            file.seek(0)
+        while raw := file.read(chunk):
+            text = carried + (raw if encoding == "utf-8" else decoder.decode(raw).encode())
+            carried = b"\r" if text.endswith(b"\r") else b""
+            text = text[: len(text) - len(carried)]
+            if b"\r" in text:
+                text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+            yield text
+    yield carried.replace(b"\r", b"\n")
+
+
+def records(lines: Sequence[str]) -> list[tuple[int, str]]:
+    """Number of the first line, and text, of every record.
+
+    Examples
+    --------
+    >>> records(['t,"piston', 'travel [mm]"', '0,1', 'a 5" pipe'])
+    [(1, 't,"piston\\ntravel [mm]"'), (3, '0,1'), (4, 'a 5" pipe')]
+    """
+    found, at = [], 0
+    while at < len(lines):
+        end = _end(lines, at)
+        found.append((at + 1, "\n".join(lines[at:end])))
+        at = end
+    return found
+
+
+def _end(lines: Sequence[str], start: int) -> int:
+    """Index after the last line of the record that begins at `start`."""
+    line = lines[start]
+    quotes = line.count('"')
+    if quotes % 2 and not is_comment(line, ";") and _OPEN.search(line):
+        for end in range(start + 1, min(start + _MOST_LINES, len(lines))):
+            quotes += lines[end].count('"')
+            if quotes % 2 == 0:
+                return end + 1
+    return start + 1
+
+
+def whole_records(blocks: Iterator[Block]) -> Iterator[Block]:
+    """Blocks, joined where one ends in a quoted cell."""
+    held: Block | None = None
+    for block in blocks:
+        whole = block if held is None else Block(held.first, held.text + block.text, held.lines + block.lines)
+        held = whole if whole.text.count(b'"') % 2 and len(whole.text) < _MOST_BYTES else None
+        if held is None:
+            yield whole
+    if held is not None:
+        yield held

@@ -1,0 +1,250 @@
+"""What is in a MATLAB file as rasters: vectors of one length, under the time vector that stands nearest to them.
+
+A struct without a time vector hands its channels up to the struct that it stands in, so that the time of a recording
+serves the structs inside it, as in Simulink's structure with time, but no other ones.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from clutchid.log import FloatArray
+from clutchid.names import printable
+from clutchid.recordings.columns import channel
+from clutchid.recordings.formats.mat.tree import BrokenMat, Items, Left, Node, Numbers, Struct, Text
+from clutchid.recordings.formats.mat.units import Naming, means_time, naming
+from clutchid.recordings.source import Raster
+
+#: Channels of a matrix, and of a file, up to which they are listed.
+MOST_COLUMNS = 256
+MOST_CHANNELS = 20_000
+
+#: Samples from which on a first column that grows is taken for time.
+_FEWEST = 10
+
+_VALUES = ("data", "values", "value", "val", "y", "x")
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A channel of the file: the array and the column (or row) of it, its path and how a label calls it instead.
+
+    `time_like` says whether a name of it means time, `home` the struct that it stands in.
+    """
+
+    numbers: Numbers
+    column: int
+    path: str
+    home: str
+    label: str = ""
+    unit: str | None = None
+    comment: str = ""
+    time_like: bool = False
+
+
+@dataclass(slots=True)
+class Found:
+    """What a walk through the file finds: groups of signals with the index of their clock, and what is left out."""
+
+    groups: list[tuple[str, tuple[Signal, ...], int | None]] = field(default_factory=list)
+    left: dict[Left, list[str]] = field(default_factory=lambda: defaultdict(list))
+    channels: int = 0
+
+    def leave(self, what: str, path: str) -> None:
+        """Count something that is no channel."""
+        self.left[Left(what)].append(path)
+
+
+#: The first samples of a signal, for a look at whether it may be time.
+Peek = Callable[[Signal], FloatArray]
+
+
+def signals_of(root: Struct, peek: Peek, *, least: int = 2) -> Found:
+    """Every channel of the file, in groups that share their stamps.
+
+    Parameters
+    ----------
+    root
+        The variables of the file.
+    peek
+        Reads the first samples of a signal.
+    least
+        Samples without which a vector is no channel.
+
+    Raises
+    ------
+    BrokenMat
+        If the file has too many channels, or samples cannot be read.
+    """
+    found = _Walk(Found(), peek, least)
+    for group in _by_size(found.struct(root, "", None)):
+        found.without_time(group)
+    return found.found
+
+
+def rasters_of(found: Found) -> tuple[Raster, ...]:
+    """The groups as rasters; a channel is called by its label where no other channel is."""
+    every = [signal for _, signals, _ in found.groups for signal in signals]
+    used = Counter(signal.label or signal.path for signal in every)
+    rasters = []
+    for name, signals, clock in found.groups:
+        headings = []
+        for index, signal in enumerate(signals):
+            by_label = bool(signal.label) and used[signal.label] == 1
+            also = (signal.path if by_label else signal.label, signal.comment)
+            text = printable(signal.label if by_label else signal.path)
+            comment = printable("; ".join(part for part in also if part))
+            headings.append(channel(index, text, signal.unit and printable(signal.unit), comment))
+        rasters.append(Raster(tuple(headings), signals[0].numbers.samples, printable(name), clock))
+    return tuple(rasters)
+
+
+@dataclass(frozen=True, slots=True)
+class _Walk:
+    found: Found
+    peek: Peek
+    least: int
+
+    def struct(self, node: Struct, path: str, above: str | None) -> list[Signal]:
+        """The signals of a struct, and of all in it, that have no clock yet; labels are names in `above`."""
+        names = naming(node.fields)
+        loose = [
+            signal
+            for name, child in node.fields.items()
+            if isinstance(child, Numbers)
+            for signal in self.vectors(child, name, path, names, above)
+        ]
+        for name, child in node.fields.items():
+            if not isinstance(child, Numbers) and name not in names.used:
+                loose += self.other(child, _joined(path, name), path)
+        kept = []
+        for group in _by_size(loose):
+            clock = self.clock(group)
+            if clock is None or len(group) == 1:
+                kept += group
+            else:
+                self.found.groups.append((path, tuple(group), clock))
+        return kept
+
+    def other(self, node: Node, path: str, above: str) -> list[Signal]:
+        """The signals of anything but an array, that have no clock yet; `above` is the struct that it stands in."""
+        match node:
+            case Struct():
+                as_item = path.endswith((")", "}")) or path.rpartition(".")[2] == "signals"
+                return self.struct(node, path, above if as_item else None)
+            case Items(items, cell):
+                if cell and items and all(isinstance(item, Text) for item in items):
+                    self.found.leave("cells of text", path)
+                    return []
+                marks = "{}" if cell else "()"
+                paths = [f"{path}{marks[0]}{i + 1}{marks[1]}" for i in range(len(items))]
+                return [s for item, p in zip(items, paths, strict=True) for s in self.item(item, p, above)]
+            case Text():
+                self.found.leave("texts", path)
+            case Left():
+                self.found.left[node].append(path)
+        return []
+
+    def item(self, node: Node, path: str, above: str) -> list[Signal]:
+        """The signals of an element of a struct array or of a cell."""
+        if isinstance(node, Numbers):
+            return self.vectors(node, path.removeprefix(f"{above}."), above, Naming())
+        return self.other(node, path, above)
+
+    def vectors(self, numbers: Numbers, name: str, home: str, names: Naming, above: str | None = None) -> list[Signal]:
+        """The channels that an array is; a label is another name of it in the struct `above`."""
+        path = _joined(home, name)
+        if numbers.samples < self.least:
+            self.found.leave("single numbers" if numbers.size else "empty arrays", path)
+            return []
+        if len(numbers.sides) > 2 and not numbers.is_vector:
+            self.found.leave("arrays of three or more dimensions", path)
+            return []
+        if numbers.channels > MOST_COLUMNS:
+            self.found.leave(f"matrices of more than {MOST_COLUMNS} columns", path)
+            return []
+        self.found.channels += numbers.channels
+        if self.found.channels > MOST_CHANNELS:
+            raise BrokenMat(f"has more than {MOST_CHANNELS:,} channels; save those that are needed.")
+        plain = _signal(numbers, name, home, names, above)
+        if numbers.is_vector:
+            return [plain]
+        form = "({},:)" if numbers.is_wide else "(:,{})"
+        return [_column(plain, i, form.format(i + 1)) for i in range(numbers.channels)]
+
+    def clock(self, group: Sequence[Signal]) -> int | None:
+        """The signal whose name means time, if its samples run on."""
+        for index, signal in enumerate(group):
+            if signal.time_like and self.runs_on(signal):
+                return index
+        return None
+
+    def runs_on(self, signal: Signal) -> bool:
+        """Whether the first samples may be stamps: they grow, but for some repeated stamps and resets of the clock."""
+        values = self.peek(signal)
+        steps = np.diff(values[np.isfinite(values)])
+        grow, fall = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+        return values.size < 2 or bool(grow * 100 >= max(steps.size, 1) and fall * 10 <= grow)
+
+    def without_time(self, group: Sequence[Signal]) -> None:
+        """Signals for which no struct has a time: a matrix may have it in its first column, [t, x1, x2]."""
+        matrices: dict[Numbers, list[Signal]] = defaultdict(list)
+        rest: list[Signal] = []
+        for signal in group:
+            (rest if signal.numbers.is_vector else matrices[signal.numbers]).append(signal)
+        for columns in matrices.values():
+            values = self.peek(columns[0])
+            if values.size >= _FEWEST and np.all(np.isfinite(values)) and np.all(values[1:] > values[:-1]):
+                self.found.groups.append((columns[0].path.rpartition("(")[0], tuple(columns), 0))
+            else:
+                rest += columns
+        if rest:  # one raster, so that a map can name the time of all of them
+            homes = {signal.home for signal in rest}
+            self.found.groups.append((homes.pop() if len(homes) == 1 else "", tuple(rest), self.clock(rest)))
+
+
+def _signal(numbers: Numbers, name: str, home: str, names: Naming, above: str | None) -> Signal:
+    said, remark = (names.label, names.comment) if name == names.only else ("", "")
+    label = _joined(above, said) if said and above is not None else ""
+    remarks = (remark, "" if label else said)
+    return Signal(
+        numbers,
+        0,
+        _joined(home, name),
+        home,
+        label,
+        names.units.get(name) or numbers.unit,
+        "; ".join(text for text in remarks if text),
+        _is_time(name, home, said),
+    )
+
+
+def _column(plain: Signal, column: int, mark: str) -> Signal:
+    label = plain.label and plain.label + mark
+    return replace(plain, column=column, path=plain.path + mark, label=label, time_like=False)
+
+
+def _by_size(signals: Iterable[Signal]) -> list[list[Signal]]:
+    groups: dict[int, list[Signal]] = defaultdict(list)
+    for signal in signals:
+        groups[signal.numbers.samples].append(signal)
+    return list(groups.values())
+
+
+def _joined(path: str, name: str) -> str:
+    return f"{path}.{name}" if path else name
+
+
+def _is_time(name: str, home: str, label: str) -> bool:
+    """Whether the name, or of a field such as `data` the label or the struct around it, means time."""
+    if means_time(name):
+        return True
+    if name.casefold() not in _VALUES:
+        return False
+    around = re.sub(r"[({]\d+[)}]$", "", home.rpartition(".")[2])
+    return means_time(around) or means_time(label) or around == "X"  # dSPACE: X(1) is the time of Y(1), Y(2), ...

@@ -1,0 +1,245 @@
+"""What the groups of an opened MDF file become: rasters, where their channels stand, and what is left out."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from clutchid.recordings.columns import Heading, channel, shortened
+from clutchid.recordings.formats.mdf.numbers import convertible
+from clutchid.recordings.formats.mdf.opening import version_of
+from clutchid.recordings.source import Raster, own_metadata
+
+#: Name of the property in the header's comment that holds the metadata of a log.
+KEY = "clutchid"
+
+#: Flags of a channel group: texts of a channel in another group; frames of a bus.
+_VLSD, BUS_EVENT = 1, 2
+
+_BUS_CHANNEL = 1 << 10
+_ALL_INVALID = 1
+_TIME = 1
+_LONGEST = 200
+
+#: Types of data that are numbers, in MDF 4 and in MDF 3; types of channels of MDF 4 that hold one number a sample.
+_NUMBERS_4, _NUMBERS_3 = frozenset(range(6)), frozenset({0, 1, 2, 3, *range(9, 17)})
+_STORED, _COUNTED = (0, 2), (3, 6)
+_TEXTS_4, _TEXT_3 = range(6, 10), 7
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a channel stands: its group, its number in it; `counted` if its value is the number of the sample."""
+
+    group: int
+    index: int
+    counted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """A raster and the places of its channels."""
+
+    raster: Raster
+    places: tuple[Place, ...]
+
+
+def layouts(mdf: Any) -> tuple[tuple[Layout, ...], tuple[str, ...]]:
+    """The rasters of a file, and a sentence for each kind of thing that was left out."""
+    out: Counter[str] = Counter()
+    found = []
+    for owner, groups in sorted(_families(mdf).items()):
+        group = mdf.groups[owner].channel_group
+        if version_of(mdf) == 4 and group.flags & _VLSD:  # the texts of a channel in another group
+            continue
+        if not group.cycles_nr:
+            out["empty"] += 1
+            continue
+        layout = _layout(mdf, owner, groups, out)
+        if layout:
+            found.append(layout)
+    return tuple(found), tuple(_warnings(out))
+
+
+def metadata_of(mdf: Any) -> dict[str, str]:
+    """What the file says of itself; of a file that clutchid wrote exactly the metadata of its log."""
+    root = _xml(_guarded(lambda: mdf.header.comment))
+    own = root.find(f".//e[@name='{KEY}']") if root is not None else None
+    if own is not None and (metadata := own_metadata(own.text)) is not None:
+        return metadata
+    start = _guarded(lambda: mdf.header.start_time.isoformat() if getattr(mdf.header, "abs_time", 1) else "")
+    program = _guarded(lambda: mdf.identification.program_identification.decode("latin-1"))
+    texts = {"start": start, "program": program.strip(" \0"), "comment": _text(root)}
+    texts |= {name: _guarded(lambda name=name: getattr(mdf.header, name)) for name in ("author", "project", "subject")}
+    return {name: text for name, text in texts.items() if text and len(text) <= _LONGEST}
+
+
+def comment_of(metadata: Mapping[str, str]) -> str:
+    """The comment of a header that `metadata_of` gives back as the same metadata.
+
+    The text is JSON in ASCII, so neither blanks nor characters that XML forbids are lost.
+    """
+    root = ET.Element("HDcomment", xmlns="http://www.asam.net/mdf/v4")
+    ET.SubElement(root, "TX")
+    ET.SubElement(ET.SubElement(root, "common_properties"), "e", name=KEY).text = json.dumps(dict(metadata))
+    return ET.tostring(root, encoding="unicode")
+
+
+def _families(mdf: Any) -> dict[int, list[int]]:
+    """Groups by the group whose stamps they use: MDF 4.2 may store each channel in a group of its own."""
+    families: dict[int, list[int]] = {}
+    for number, owner in mdf.virtual_groups_map.items():
+        families.setdefault(owner, []).append(number)
+    return families
+
+
+def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> Layout | None:
+    cycles = int(mdf.groups[owner].channel_group.cycles_nr)
+    known, others = [], []
+    for number in groups:
+        if not _follows(mdf, number, cycles):
+            out["apart"] += len(mdf.groups[number].channels)
+            continue
+        for index, item, what in _channels(mdf, number):
+            if what:
+                out[what if what in _OTHERS else "text"] += 1
+                others.append((str(item.name), _OTHERS.get(what, what)))
+            else:
+                known.append((number, index, item))
+    master = mdf.masters_db.get(owner)
+    own = [entry for entry in known if entry[:2] != (owner, master)]
+    if not own:
+        frames = version_of(mdf) == 4 and mdf.groups[owner].channel_group.flags & BUS_EVENT
+        out["frames" if frames else "bare"] += 1
+        return None
+    clock = next((i for i, entry in enumerate(known) if entry[:2] == (owner, master)), None)
+    if clock is not None and not _is_time(mdf, known[clock][2]):
+        clock = None
+    headings = tuple(_heading(mdf, i, entry[2], i == clock) for i, entry in enumerate(known))
+    raster = Raster(headings, cycles, _name(mdf.groups[owner].channel_group), clock, tuple(others))
+    places = (Place(number, index, _is_counted(mdf, item)) for number, index, item in known)
+    return Layout(raster, tuple(places))
+
+
+#: What is left out besides texts, by the word that counts it, for people.
+_OTHERS = {
+    "array": "an array", "structure": "a structure", "invalid": "no valid sample",
+    "outside": "bytes beyond the end of the record",
+}  # fmt: skip
+
+
+def _channels(mdf: Any, number: int) -> Iterator[tuple[int, Any, str]]:
+    """Numbers and channels of a group, each with what it is if it is no single number."""
+    group, version = mdf.groups[number], version_of(mdf)
+    for index, item in enumerate(group.channels):
+        if version == 4 and item.flags & _BUS_CHANNEL:
+            continue
+        if parts := group.channel_dependencies[index]:
+            yield index, item, "structure" if isinstance(parts, list) and isinstance(parts[0], tuple) else "array"
+        elif version == 4 and item.flags & _ALL_INVALID:
+            yield index, item, "invalid"
+        elif what := _no_number(item, version):
+            yield index, item, what
+        else:
+            yield index, item, "outside" if _end(item, version) > 8 * group.channel_group.samples_byte_nr else ""
+
+
+def _no_number(item: Any, version: int) -> str:
+    """What a channel holds if it is no number, else nothing."""
+    if version == 4 and item.channel_type in _COUNTED:
+        return "" if convertible(item.conversion, version) else "text"
+    if item.data_type in (_TEXTS_4 if version == 4 else (_TEXT_3,)):
+        return "text"
+    numeric = item.data_type in (_NUMBERS_4 if version == 4 else _NUMBERS_3) and 0 < item.bit_count <= 64
+    if not numeric or (version == 4 and item.channel_type not in _STORED):
+        return "bytes"
+    return "" if convertible(item.conversion, version) else "text"
+
+
+def _end(item: Any, version: int) -> int:
+    """The first bit behind a channel in its record."""
+    if version == 4:
+        counted = item.channel_type in _COUNTED
+        return 0 if counted else int(8 * item.byte_offset + item.bit_offset + item.bit_count)
+    return int(item.start_offset + 8 * getattr(item, "additional_byte_offset", 0) + item.bit_count)
+
+
+def _is_counted(mdf: Any, item: Any) -> bool:
+    return version_of(mdf) == 4 and item.channel_type in _COUNTED
+
+
+def _follows(mdf: Any, number: int, cycles: int) -> bool:
+    group = mdf.groups[number].channel_group
+    return int(group.cycles_nr) == cycles and group.samples_byte_nr > 0
+
+
+def _is_time(mdf: Any, master: Any) -> bool:
+    return version_of(mdf) == 3 or master.sync_type in (0, _TIME)
+
+
+def _heading(mdf: Any, index: int, item: Any, clock: bool) -> Heading:
+    unit = _plain((item.conversion and item.conversion.unit) or getattr(item, "unit", ""))
+    comment = _plain(item.comment)
+    if version_of(mdf) == 3:
+        description = item.description.decode("latin-1").partition("\0")[0]
+        comment = f"{comment} {description}"
+    return channel(index, str(item.name), unit or ("s" if clock else None), comment.strip())
+
+
+def _name(group: Any) -> str:
+    source = getattr(group, "acq_source", None)
+    names = (getattr(group, "acq_name", ""), source and source.name, source and source.path, group.comment)
+    return next((shortened(str(name), 80) for name in names if name and not str(name).startswith("<")), "")
+
+
+def _warnings(out: Counter[str]) -> Iterator[str]:
+    texts = {
+        "empty": "{} without samples {} left out.",
+        "frames": "{} {} raw bus frames; give their DBC with --dbc.",
+        "bare": "{} without a channel that is a number {} left out.",
+        "text": "{} of texts, bytes or other things that are no numbers {} left out.",
+        "array": "{} of more than one number a sample (array) {} left out.",
+        "structure": "{} of more than one number a sample (structure) {} left out.",
+        "apart": "{} without stored samples, or more or fewer than stamps, {} left out.",
+        "invalid": "{} without a valid sample {} left out.",
+        "outside": "{} beyond the end of the record {} left out.",
+    }
+    verbs = {"frames": ("holds", "hold")}
+    for what, text in texts.items():
+        if count := out[what]:
+            noun = "group" if what in ("empty", "frames", "bare") else "channel"
+            verb = verbs.get(what, ("is", "are"))[count > 1]
+            yield text.format(f"{count} {noun}{'s' if count > 1 else ''}", verb)
+
+
+def _xml(text: str) -> ET.Element | None:
+    """The root of an XML text; None where it is none, or declares entities, which could unfold to gigabytes."""
+    if not text.lstrip().startswith("<") or "<!" in text:
+        return None
+    try:
+        return ET.fromstring(text.strip("\0 \n").replace(' xmlns="http://www.asam.net/mdf/v4"', ""))
+    except (ET.ParseError, ValueError):
+        return None
+
+
+def _plain(text: Any) -> str:
+    """A text that may stand in XML."""
+    root = _xml(str(text or ""))
+    return str(text or "") if root is None else _text(root)
+
+
+def _text(root: ET.Element | None) -> str:
+    element = root if root is None or root.tag == "TX" else root.find(".//TX")
+    return " ".join((element.text or "").split()) if element is not None else ""
+
+
+def _guarded(read: Any) -> str:
+    """A text that asammdf makes of bytes of the file; empty where it cannot."""
+    try:
+        return str(read() or "")
+    except Exception:
+        return ""

@@ -1,0 +1,128 @@
+"""Open a file of any known format in this process: its reader is loaded on demand, a packed file unpacked first."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+import tempfile
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from clutchid.errors import DataError
+from clutchid.recordings.files import reading
+from clutchid.recordings.formats.kinds import head_of, kind_of, readable_kind
+from clutchid.recordings.source import Source, Tables
+from clutchid.recordings.table import Table
+
+#: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
+_MOST_UNPACKED = 8_000_000_000
+_CHUNK = 1 << 20
+
+
+def opened_here(file: Path, dbc: Sequence[Path], kind: str = "") -> Source:
+    """Open a file of any known format in this process; `kind` is its format where that is known already.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read; problems inside a recording are in ``Source.problems``.
+    MissingExtra
+        If the format needs a library that is not installed.
+    """
+    with reading(file):
+        source = _opened(file, dbc, kind or kind_of(head_of(file)))
+    if source.rasters or source.problems:
+        return source
+    return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
+
+
+def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
+    if kind == "gzip":
+        return _unpacked(file, dbc)
+    if kind == "mdf":
+        return _mdf(file, dbc)
+    if kind in ("blf", "asc", "trc"):
+        return _can(file, dbc, kind)
+    if kind == "parquet":
+        from clutchid.recordings.formats.parquet import file as parquet_file
+
+        return parquet_file.open_file(file)
+    if kind == "mat":
+        from clutchid.recordings.formats.mat import file as mat_file
+
+        return mat_file.open_file(file)
+    from clutchid.recordings.formats.csv import file as csv_file
+
+    return csv_file.open_file(file)
+
+
+def _can(file: Path, dbc: Sequence[Path], kind: str) -> Source:
+    from clutchid.recordings.formats.can import file as can_file
+
+    return can_file.open_file(file, dbc, kind)
+
+
+def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
+    """An MDF file with measured channels, or with bus frames if a DBC file is given."""
+    from clutchid.recordings.formats.can import mf4 as mf4_bus
+    from clutchid.recordings.formats.mdf import file as mdf_file
+
+    if dbc and mf4_bus.holds_bus_frames(file):
+        return _can(file, dbc, "mdf")
+    source = mdf_file.open_file(file)
+    silent = not (source.rasters or source.problems)
+    return _can(file, (), "mdf") if silent and mf4_bus.holds_bus_frames(file) else source
+
+
+def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
+    """The recording in a gzip file, unpacked to a temporary file that is deleted with its reader."""
+    folder = tempfile.TemporaryDirectory(prefix="clutchid-")
+    inner = Path(folder.name) / (file.name.removesuffix(".gz") or "recording")
+    with _named(file, inner):
+        _unpack(file, inner)
+        kind = readable_kind(inner)
+        if kind == "gzip":
+            raise DataError(f"{file}: is packed twice; unpack it once.")
+        source = opened_here(inner, dbc, kind)
+    return replace(source, path=file, tables=_UnpackedTables(file, inner, folder, source.tables))
+
+
+@contextmanager
+def _named(file: Path, inner: Path) -> Iterator[None]:
+    """What goes wrong with the unpacked file as an error that names the packed one."""
+    try:
+        yield
+    except DataError as error:
+        raise DataError(str(error).replace(str(inner), str(file))) from error
+
+
+def _unpack(file: Path, to: Path) -> None:
+    most = min(_MOST_UNPACKED, shutil.disk_usage(to.parent).free // 2)
+    try:
+        with gzip.open(file, "rb") as packed, to.open("wb") as plain:
+            size = 0
+            while chunk := packed.read(_CHUNK):
+                size += len(chunk)
+                if size > most:
+                    raise DataError(f"{file}: unpacks to more than {most / 1e9:.3g} GB; unpack and shorten it.")
+                plain.write(chunk)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _UnpackedTables:
+    """Reads from an unpacked file, see `Tables`, and keeps its folder as long."""
+
+    file: Path
+    inner: Path
+    folder: tempfile.TemporaryDirectory[str]
+    tables: Tables
+
+    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Tables of the unpacked file."""
+        with _named(self.file, self.inner):
+            yield from self.tables(raster, columns, rows)

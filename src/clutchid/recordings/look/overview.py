@@ -1,0 +1,192 @@
+"""Result of `look`: channels, time grids, problems and proposed channel map of a file, also as text."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+
+from clutchid.names import printable
+from clutchid.recordings.look.time_look import TimeLook
+from clutchid.recordings.map.proposal import Proposal
+from clutchid.recordings.table import and_more
+from clutchid.recordings.text_table import text_table
+
+#: Longest name in the table; the listing and the map have whole names.
+_WIDTH = 48
+
+#: Number of channels without numbers that are listed.
+_LISTED = 40
+
+_TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnLook:
+    """One channel of a file; unknown values are NaN, an unknown SI unit is None.
+
+    `name` is the quantity (None: the channel is ignored by `read`), `heading` the text as written, `low` and `high` the
+    range in `unit`, `low_si` and `high_si` in `si`, `missing` the number of samples without a finite value.
+    """
+
+    heading: str
+    name: str | None
+    unit: str | None
+    si: str | None
+    low: float
+    high: float
+    low_si: float
+    high_si: float
+    missing: int
+
+
+@dataclass(frozen=True, slots=True)
+class RasterLook:
+    """Channels with common time stamps: name in the file, samples, channels, time axis (None: there is none).
+
+    `place` is the unit of location of a sample: a line of a text, a row of a table. `others` are the channels that hold
+    no numbers, and what they hold.
+    """
+
+    name: str
+    samples: int
+    columns: tuple[ColumnLook, ...]
+    time: TimeLook | None
+    place: str
+    others: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Contents of a file: format, time grids, problems and warnings of `read`, and a proposed channel map.
+
+    `needs_map`: the columns do not have the standard names.
+    """
+
+    source: str
+    format: str
+    rasters: tuple[RasterLook, ...]
+    problems: tuple[str, ...]
+    warnings: tuple[str, ...]
+    proposal: Proposal
+    needs_map: bool
+
+    def __str__(self) -> str:
+        return self.table()
+
+    def table(self) -> str:
+        """All contents as plain text for a terminal."""
+        return _text(self)
+
+    def listing(self) -> str:
+        """One line per channel with time grid, unit and range, as a basis for a channel map."""
+        return _listing(self)
+
+
+def _text(look: Look) -> str:
+    samples = max((raster.samples for raster in look.rasters), default=0)
+    lines = []
+    if len(look.rasters) < 2:
+        time = look.rasters[0].time if look.rasters else None
+        lines.append(f"{printable(look.source)}: {_samples(samples)}{_time_text(time)}")
+    else:
+        channels = sum(len(raster.columns) for raster in look.rasters)
+        lines.append(
+            f"{printable(look.source)}: {look.format}, {len(look.rasters)} time grids with {channels} channels"
+        )
+    for raster in look.rasters:
+        lines += _raster(raster, len(look.rasters) > 1)
+    if look.needs_map and look.proposal.channels.channels:
+        lines += ["", "Proposed channel map (write it with --save, use it with --map):"]
+        lines += [
+            f"  {name:<15}  {entry.channel}" + (f" [{entry.unit}]" if entry.unit else "")
+            + (f" of {entry.group}" if entry.group else "")
+            for name, entry in look.proposal.channels.channels.items()
+        ]  # fmt: skip
+        lines += [f"  - {remark}" for remark in (*look.proposal.open, *look.proposal.notes)]
+    for title, sentences in (("Problems", look.problems), ("Warnings", look.warnings)):
+        if sentences:
+            lines += ["", f"{title}:", *(f"  - {sentence}" for sentence in sentences)]
+    return "\n".join(lines)
+
+
+def _listing(look: Look) -> str:
+    lines = ["The file has:"]
+    for raster in look.rasters:
+        group = f" group = {json.dumps(raster.name, ensure_ascii=False)}" if len(look.rasters) > 1 else ""
+        for column in raster.columns:
+            unit = f" {column.unit}" if column.unit not in (None, "1") else ""
+            text = json.dumps(column.heading, ensure_ascii=False)
+            held = dict(raster.others).get(column.heading)
+            what = f"{_short(column.low)} to {_short(column.high)}{unit}" if held is None else f"no numbers: {held}"
+            lines.append(f"channel = {text}{group}  # {what}")
+        lines += [
+            f"{json.dumps(name, ensure_ascii=False)}{group}  # no numbers: {held}" for name, held in _hidden(raster)
+        ]
+    return "\n".join(lines)
+
+
+def _raster(raster: RasterLook, named: bool) -> list[str]:
+    lines = []
+    if named:
+        lines += ["", f"{raster.name or '(no name)'}: {_samples(raster.samples)}{_time_text(raster.time)}"]
+    if raster.columns:
+        held = dict(raster.others)
+        rows = [_row(column, held.get(column.heading)) for column in raster.columns]
+        lines += [*([] if named else [""]), *text_table([_TITLES, *rows], 2)]
+    hidden = [f"'{_narrow(name)}' ({what})" for name, what in _hidden(raster)]
+    if hidden:
+        lines += ["", f"Without numbers: {and_more(hidden[:_LISTED], len(hidden[_LISTED:]))}"]
+    time = raster.time
+    if time and time.hole_count:
+        shown = [f"{_short(hole.length)} s after {raster.place} {hole.place}" for hole in time.holes]
+        lines += ["", f"Holes: {and_more(shown, time.hole_count - len(shown))}"]
+    if time and (time.repeated or time.back):
+        lines += ["", f"Time stamps: {time.repeated:,} repeated, {time.back:,} decreasing"]
+    return lines
+
+
+def _hidden(raster: RasterLook) -> list[tuple[str, str]]:
+    """Channels without numbers that are no columns."""
+    shown = {column.heading for column in raster.columns}
+    return [other for other in raster.others if other[0] not in shown]
+
+
+def _row(column: ColumnLook, held: str | None) -> tuple[str, ...]:
+    """The cells of one column in the table; `held` is what it holds if that is no numbers."""
+    si = f" {column.si}" if column.si not in (None, "1") else ""
+    in_unit = [_short(column.low), _short(column.high)]
+    converted = [f"{_short(value)}{si}" if math.isfinite(value) else "-" for value in (column.low_si, column.high_si)]
+    unit = f" [{column.unit}]" if column.unit and "[" not in column.heading else ""
+    return (
+        column.name or f"({held or 'ignored'})",
+        _narrow(column.heading) + unit,
+        *in_unit,
+        *converted,
+        f"{column.missing:,}",
+    )
+
+
+def _narrow(name: str) -> str:
+    """A name without its middle if it is too long for the table: the end often has the unit."""
+    if len(name) <= _WIDTH:
+        return name
+    half = _WIDTH // 2
+    return f"{name[: half - 1]}…{name[-half:]}"
+
+
+def _samples(count: int) -> str:
+    return f"{count:,} sample{'' if count == 1 else 's'}"
+
+
+def _time_text(time: TimeLook | None) -> str:
+    if time is None:
+        return ", no time axis"
+    if not math.isfinite(time.usual):
+        return f" at {_short(time.first)} s"
+    rate = f"{_short(time.rate)} Hz, every {_short(time.shortest)} to {_short(time.longest)} s"
+    return f", {_short(time.duration)} s from {_short(time.first)} s at {rate}"
+
+
+def _short(value: float) -> str:
+    return f"{value:.6g}" if math.isfinite(value) else "-"

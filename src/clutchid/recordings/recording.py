@@ -1,0 +1,274 @@
+"""Convert a file to a recording in SI on one time grid, as a whole or in pieces.
+
+Its channels are assigned by a channel map, or by their names: a table whose columns have the standard names is read as
+it stands, and its time must increase; the time stamps of any other file are repaired.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain, islice
+from pathlib import Path
+
+import numpy as np
+
+from clutchid.errors import DataError
+from clutchid.log import HOLE, FloatArray, Log, Samples
+from clutchid.recordings.alignment import Stream, aligned
+from clutchid.recordings.checks import check, in_si, usual_interval
+from clutchid.recordings.clock import Clock, repair
+from clutchid.recordings.columns import Heading, heading_problems, ignored
+from clutchid.recordings.guard.limits import MEMORY_VARIABLE, memory
+from clutchid.recordings.map.channel_map import Channel, ChannelMap
+from clutchid.recordings.map.picking import COUNTED, Pick, pick
+from clutchid.recordings.source import Source, with_unit
+from clutchid.recordings.table import Places, Rows, Table
+
+#: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
+_PART = 0.4
+
+Block = tuple[FloatArray, Mapping[str, FloatArray]]
+
+
+@dataclass(slots=True)
+class _Messages:
+    """Problems and warnings of all streams so far."""
+
+    problems: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+def pieces(
+    source: Source, channels: ChannelMap | None, ambient: float, required: Sequence[str], rows: int | None
+) -> Iterator[Log]:
+    """The recording as consecutive logs of about `rows` samples (None: one log), on one time grid.
+
+    Parameters
+    ----------
+    source, channels
+        The file and the assignment of its channels; None for a table whose columns have the standard names.
+    ambient : Pa
+        Absolute pressure that is added to gauge pressures.
+    required
+        Quantities that the recording must have.
+    rows
+        Samples per piece, which limits the memory.
+
+    Raises
+    ------
+    DataError
+        If the map does not match the file, samples are invalid, or the file is too large to be read as a whole; the
+        text lists all problems of the block.
+    """
+    picks, problems = by_names(source, required) if channels is None else picked(source, channels, required)
+    messages = _Messages([*source.problems, *problems], [*source.warnings])
+    if messages.problems and (channels is not None or not picks):
+        raise DataError.of(str(source.path), messages.problems)
+    if rows is None:
+        longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
+        _check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
+    if channels is not None:
+        messages.warnings += channels.comments.get("", "").splitlines()
+    messages.warnings += [note for chosen in picks for note in chosen.notes]
+    if len(picks) == 1 and (channels is None or channels.raster is None):
+        base, others = Stream(_blocks(source, picks[0], ambient, rows, messages), {}), list[Stream]()
+    else:
+        streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
+        streams.sort(key=lambda stream: stream[0])
+        usual, base, fastest = streams[0]
+        others = [stream for _, stream, _ in streams[1:]]
+        if channels is not None and channels.raster is not None:
+            _, clock = _stream(source, fastest, ambient, rows, _Messages())
+            base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
+    read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
+    edges = source.edges if channels is None else {}
+    described = replace(source, metadata=with_unit(source.metadata, read), edges=edges)
+    yield from _logs(described, aligned(base, others), messages)
+
+
+def _check_size(path: Path, samples: int, channels: int) -> None:
+    """Check, before a sample is read, that as many `samples` of as many `channels` as the file has fit into memory.
+
+    Raises
+    ------
+    DataError
+        If their values take more than a part of the memory limit.
+    """
+    size, most = 8 * samples * channels, _PART * memory()
+    if size > most:
+        raise DataError(
+            f"{path}: its {samples:,} samples of {channels} channels take {size / 1e9:.3g} GB in memory, more than the "
+            f"{most / 1e9:.3g} GB that are read as a whole; cut out what is needed with `clutchid cut`, or allow more "
+            f"with the environment variable {MEMORY_VARIABLE}={math.ceil(size / _PART / 1e9)}GB."
+        )
+
+
+def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+    """The columns of a table that have standard names, and all problems of its headings."""
+    if not source.rasters or source.unnamed:
+        return (), ((source.unnamed,) if source.unnamed else ())
+    headings = source.rasters[0].headings
+    columns = {heading.name: (heading, Channel(heading.text)) for heading in headings if heading.name is not None}
+    chosen = Pick(0, columns, notes=tuple(ignored(headings)), increasing=True)
+    return (chosen,), tuple(heading_problems(headings, tuple(dict.fromkeys(("time", *required)))))
+
+
+def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+    """Channels that the map selects from the file, and all problems of the map, also for `required` quantities."""
+    picks, problems = pick(source, channels, required)
+    missing = [name for name in required if name not in channels.channels and name != "time"]
+    if missing:
+        problems = (*problems, f"no channel is assigned to {', '.join(missing)}; add [{missing[0]}] to the map.")
+    return picks, problems
+
+
+def findings(source: Source, picks: Sequence[Pick], ambient: float, rows: int | None) -> tuple[list[str], list[str]]:
+    """Problems and warnings that `pieces` has for the samples of these channels."""
+    messages = _Messages(warnings=[note for chosen in picks for note in chosen.notes])
+    for chosen in [chosen for chosen in picks if "time" in chosen.columns]:
+        for _ in _blocks(source, chosen, ambient, rows, messages):
+            pass
+    return messages.problems, messages.warnings
+
+
+def _logs(
+    source: Source, blocks: Iterator[tuple[FloatArray, dict[str, FloatArray], dict[str, Samples]]], messages: _Messages
+) -> Iterator[Log]:
+    """Blocks as logs; messages since the previous log are attached to the next one."""
+    for time, columns, edges in blocks:
+        if messages.problems:
+            raise DataError.of(str(source.path), messages.problems)
+        warnings, messages.warnings = tuple(dict.fromkeys(messages.warnings)), []
+        own = {name: samples for name, samples in source.edges.items() if name in columns}
+        yield Log(time, columns, source.name, dict(source.metadata), warnings, own | edges)
+    if messages.problems:
+        raise DataError.of(str(source.path), messages.problems)
+
+
+def _stream(
+    source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages
+) -> tuple[float, Stream]:
+    """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
+    blocks = _blocks(source, chosen, ambient, rows, messages)
+    first = list(islice(blocks, 1))
+    usual = usual_interval(first[0][0]) if first else math.inf
+    longest = {
+        name: entry.longest if entry.longest is not None else HOLE * usual
+        for name, (_, entry) in chosen.columns.items()
+        if name != "time"
+    }
+    return usual, Stream(chain(first, blocks), longest)
+
+
+def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages) -> Iterator[Block]:
+    """The samples of a pick, block by block, with increasing time stamps."""
+    clock: Clock | None = None
+    done = 0
+    columns_read = [heading.index for heading, _ in chosen.columns.values() if heading.index != COUNTED]
+    if chosen.increasing:  # of columns with the same name all are checked
+        columns_read = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
+    for table in source.tables(chosen.raster, columns_read, rows):
+        if chosen.increasing:
+            checked = check(table, ambient)
+        else:
+            named = _named(table if chosen.rate is None else _counted(table, done, chosen.rate), chosen)
+            done += table.size
+            stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
+            repaired = repair(stamps, named.places, clock)
+            clock = repaired.clock
+            messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
+            checked = check(_kept(named, np.flatnonzero(repaired.kept), repaired.time), ambient)
+        messages.problems += checked.problems
+        messages.warnings += checked.warnings
+        if table.problems or (chosen.increasing and messages.problems):
+            yield np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}
+            return
+        columns = dict(checked.columns)
+        time = columns.pop("time")
+        yield time - chosen.delay if chosen.delay else time, columns
+
+
+def _counted(table: Table, done: int, rate: float) -> Table:
+    """The table with the time sample / rate, `done` samples after the first one."""
+    return replace(table, numbers={**table.numbers, COUNTED: (done + np.arange(table.size)) / rate})
+
+
+def _where(source: Source, chosen: Pick) -> str:
+    name = source.rasters[chosen.raster].name
+    return f"{name}: " if name and len(source.rasters) > 1 else ""
+
+
+def _named(table: Table, chosen: Pick) -> Table:
+    """The picked columns under the names of their quantities, with sign, factor and offset applied."""
+    headings, numbers, unread = [], {}, {}
+    for i, (heading, entry) in enumerate(chosen.columns.values()):
+        headings.append(replace(heading, index=i))
+        written = table.numbers.get(heading.index)
+        numbers[i] = np.full(table.size, np.nan) if written is None else scaled(written, entry)
+        if heading.index in table.unread:
+            unread[i] = table.unread[heading.index]
+    return replace(table, headings=tuple(headings), numbers=numbers, unread=unread)
+
+
+def scaled(values: FloatArray, entry: Channel) -> FloatArray:
+    """Samples with the sign, factor and offset of a map entry, in its unit; infinite where they overflow."""
+    scale = entry.sign * entry.factor
+    if (scale, entry.offset) == (1.0, 0.0):
+        return values
+    with np.errstate(over="ignore", invalid="ignore"):  # `check` says which samples are not finite
+        return scale * values + entry.offset
+
+
+def _kept(table: Table, rows: Rows, time: FloatArray) -> Table:
+    """The selected rows of a table, with repaired time stamps in s."""
+    clock, *others = table.headings
+    numbers = {heading.index: table.numbers[heading.index][rows] for heading in others}
+    places = table.places
+    if rows.size < table.size:
+        numbered = places.numbers
+        places = Places(places.word, numbers=rows + places.first if numbered is None else numbered[rows])
+    unread = {index: _moved(missing, rows) for index, missing in table.unread.items()}
+    return Table(
+        (Heading(clock.index, clock.text, "time", "s"), *others),
+        {clock.index: time, **numbers},
+        rows.size,
+        places,
+        table.problems,
+        unread,
+    )
+
+
+def _moved(missing: Rows, rows: Rows) -> Rows:
+    """Positions of the rows `missing` among the kept ones."""
+    return np.flatnonzero(np.isin(rows, missing))
+
+
+def _uniform(clock: Stream, interval: float, longest: float) -> Stream:
+    """Uniform time grid over the time of a stream, without the instants in its holes."""
+
+    def blocks() -> Iterator[Block]:
+        start = last = math.nan
+        count = 0
+        for time, _ in clock.blocks:
+            if not time.size:
+                continue
+            if math.isnan(start):
+                start = last = float(time[0])
+            end = math.floor((time[-1] - start) / interval + 1e-9) + 1
+            instants = start + interval * np.arange(count, end)
+            stamps = np.r_[last, time]
+            instants = _snapped(instants, time, 1e-6 * interval)
+            before = np.clip(np.searchsorted(stamps, instants, side="right") - 1, 0, stamps.size - 2)
+            known = (stamps[before + 1] - stamps[before] <= longest) | (instants == stamps[before])
+            yield instants[known], {}
+            count, last = max(count, end), float(time[-1])
+
+    return Stream(blocks(), {})
+
+
+def _snapped(instants: FloatArray, stamps: FloatArray, slack: float) -> FloatArray:
+    """Replace instants that differ from a time stamp by rounding only, so that a held input is not a sample late."""
+    after = np.minimum(np.searchsorted(stamps, instants - slack), stamps.size - 1)
+    return np.where(np.abs(stamps[after] - instants) <= slack, stamps[after], instants)

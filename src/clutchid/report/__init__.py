@@ -1,6 +1,0 @@
-"""Figures, tables and self-contained pages; matplotlib and jinja2 are imported on demand."""
-
-from clutchid.report.fit_page import fit_page
-from clutchid.report.tables import Column, Table
-
-__all__ = ["Column", "Table", "fit_page"]

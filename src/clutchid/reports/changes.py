@@ -1,0 +1,117 @@
+"""Changes since a calibration, as sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
+import numpy as np
+
+from clutchid.estimation.assess.evidence import reach
+from clutchid.estimation.assess.states import states_of_wear
+from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Fit
+from clutchid.inference.uncertainty.conditions import Assumption, by_supply
+from clutchid.inference.uncertainty.identifiability import listed
+from clutchid.reports.rest import rest_sentences
+from clutchid.reports.style import BAR
+
+#: Most groups of changes that a summary shows with their values, and most parameters of a group.
+MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3
+
+#: Probability from which on a group is said to have changed; below it may have.
+LIKELY = 0.5
+
+
+def notes_of(fit: Fit) -> list[str]:
+    """Notes on a result: of the verdict, changes since the calibration, what is assumed, what the data determine."""
+    return [*verdict(fit).notes, *since_calibration(fit), *assumed_sentences(fit), *fit.notes]
+
+
+def since_calibration(fit: Fit) -> list[str]:
+    """A sentence for each vented rest that has moved, and each group of parameters that has changed, or may have."""
+    return [*rest_sentences(fit), *change_sentences(fit)]
+
+
+def assumed_sentences(fit: Fit) -> list[str]:
+    """What is assumed of the conditions of the recordings, and what the supply pressure is worth."""
+    return [_assumed(one, supply_worth(fit), len(fit.recordings)) for one in fit.assumed]
+
+
+def _assumed(one: Assumption, worth: float | None, of: int) -> str:
+    """A sentence on a condition that is not known in some of several recordings."""
+    supply = one.name == "P_S"
+    where = f" in {', '.join(one.recordings)}" if len(one.recordings) < of else ""
+    value = (
+        f"{one.value / BAR:.2f} ± {one.half_width / BAR:.2f} bar"
+        if supply
+        else f"{one.value - 273.15:.0f} ± {one.half_width:.0f} °C"
+    )
+    text = f"{'supply pressure' if supply else 'air temperature'} not recorded"
+    text += f"{' in the calibration' if one.recorded else where}: as calibrated, {value}"
+    if not supply or worth is None:
+        return text
+    return f"{text}; 1 % of it is {worth:.1f} % of the load, and recorded in both it may halve the band"
+
+
+def supply_worth(fit: Fit) -> float | None:
+    """By how many % the greatest load within the recorded positions changes for 1 % of the supply; None if unknown."""
+    curve = fit.load_curve
+    if not (fit.load_is_fitted and fit.recordings and np.isfinite(curve.force).any()):
+        return None
+    peak = curve.force[curve.peak(reach(fit))]
+    return float(by_supply(fit.actuator, peak) / peak) if peak > 0.0 else None
+
+
+def change_sentences(fit: Fit) -> list[str]:
+    """A sentence for each group of parameters that has changed, or may have changed, in each recording.
+
+    One load for several states of wear leaves a difference that changes only seem to explain.
+    """
+    if fit.changes and states_of_wear(fit) is not None:
+        groups = listed(list(dict.fromkeys(change.group for change in fit.changes)))
+        return [
+            f"with one load for several states of wear the difference between them was explained by {groups}: that is "
+            "no change; those of the readings one by one are."
+        ]
+    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(fit.changes)]
+
+
+def short_changes(changes: Sequence[Change]) -> list[str]:
+    """The same in a few words each, for a summary; of many groups without the values."""
+    members = [(recording, list(each)) for (recording, _), each in _grouped(changes)]
+    return [_short(recording, each, len(members) <= MOST_WITH_VALUES) for recording, each in members]
+
+
+def _grouped(changes: Sequence[Change]) -> Iterable[tuple[tuple[str, str], Iterable[Change]]]:
+    return groupby(changes, key=lambda change: (change.recording, change.group))
+
+
+def _short(recording: str, changes: Sequence[Change], with_values: bool) -> str:
+    shown, others = changes[:MOST_OF_A_GROUP], [change.name for change in changes[MOST_OF_A_GROUP:]]
+    also = f"; also {', '.join(others)}" if others else ""
+    values = f": {', '.join(map(_from_to, shown))}{also}" if with_values else ""
+    return f"{_state(changes[0])} in {recording} ({_probability(changes[0])}{values})"
+
+
+def _sentence(recording: str, changes: Sequence[Change]) -> str:
+    values = ", ".join(map(_from_to, changes))
+    return (
+        f"{recording}: {_state(changes[0])} since the calibration ({_probability(changes[0])}): {values}; the load and "
+        "its interval allow for it."
+    )
+
+
+def _state(change: Change) -> str:
+    verb = "changed" if change.probability >= LIKELY else "may have changed"
+    return f"{change.group} {verb}"
+
+
+def _probability(change: Change) -> str:
+    return f"{'over ' if change.probability > 0.99 else ''}{100 * min(change.probability, 0.99):.0f} %"
+
+
+def _from_to(change: Change) -> str:
+    unit = "" if change.unit == "1" else f" {change.unit}"
+    return f"{change.name} {change.before:.4g} -> {change.after:.4g}{unit}"

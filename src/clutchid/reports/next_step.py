@@ -1,0 +1,125 @@
+"""What to do after a fit, as a command that can be pasted."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain, count
+from pathlib import Path
+
+from clutchid.estimation import Fit
+from clutchid.estimation.assess.states import states_of_wear
+from clutchid.estimation.assess.verdict import verdict
+from clutchid.model import Actuator
+from clutchid.reports.summary import of_the_paper
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The command of a fit: its arguments behind ``clutchid``, the recordings, and the files of its options.
+
+    `save` is the parameter file, `others` are further files that are saved, such as those for MATLAB. `reading` are the
+    arguments that say how any recording is read, `forced` that these recordings are fitted although a check of them is
+    bad.
+    """
+
+    arguments: tuple[str, ...]
+    logs: tuple[Path, ...]
+    start: Path | None = None
+    save: Path | None = None
+    report: Path | None = None
+    reading: tuple[str, ...] = ()
+    forced: bool = False
+    others: tuple[Path, ...] = ()
+
+    def with_options(self, *options: str, without: Sequence[str] = ()) -> str:
+        """The command with `options` added, and `without` options that have one value."""
+        kept: list[str] = []
+        skip = False
+        for argument in self.arguments:
+            name = argument.partition("=")[0]
+            if not skip and name not in without:
+                kept.append(argument)
+            skip = not skip and argument in without  # its value follows
+        at = kept.index("--") if "--" in kept else len(kept)  # what follows is no option
+        return shlex.join(["clutchid", *kept[:at], *options, *kept[at:]])
+
+    @property
+    def names(self) -> list[str]:
+        """The recordings as arguments."""
+        return [_argument(path) for path in self.logs]
+
+    @property
+    def again(self) -> tuple[str, ...]:
+        """The arguments that say how these recordings are read."""
+        return (*self.reading, *(("--force",) if self.forced else ()))
+
+    def new_file(self, name: str) -> str:
+        """`name`, with a number if the command reads or writes a file of that name."""
+        path = Path(name)
+        files = (*self.logs, self.start, self.save, *self.others, self.report)
+        taken = {one.absolute() for one in files if one is not None}
+        numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
+        return _argument(next(one for one in chain([path], numbered) if one.absolute() not in taken))
+
+
+def next_step(fit: Fit, command: Command) -> tuple[str, str]:
+    """Why, and the command: continue, calibrate, read a worn clutch, follow its wear, or look at the page.
+
+    Parameters
+    ----------
+    fit : Fit
+        Not failed.
+    command : Command
+        The one that made it.
+    """
+    saved = command.save if command.save and command.save.suffix.lower() in ("", ".toml") else None
+    if not fit.converged:
+        return _continue(command, saved)
+    if states_of_wear(fit) is not None and command.start is not None and "--model" not in command.reading:
+        words = ["clutchid", "track", *command.names, *command.reading, "--start", _argument(command.start)]
+        return "follow the wear", shlex.join([*words, "--out", command.new_file("WEAR.parquet")])
+    if fit.baseline is not None:
+        return _after_reading(command, saved)
+    if fit.calibration is not None:
+        return _after_calibration(fit, command, saved)
+    measured = any("pressure_a" in recording.measured for recording in fit.recordings.values())
+    logs = [*command.names, *command.again] if measured else ["CAL.csv", *command.reading]
+    own = command.start is not None and not (of_the_paper(fit) and fit.actuator.equipment == Actuator().equipment)
+    words = ["clutchid", "calibrate", *logs, *(("--start", _argument(command.start)) if own and command.start else ())]
+    why = "calibrate, because this recording has pressure" if measured else "record once with pressure, and calibrate"
+    return why, shlex.join([*words, "--save", command.new_file("CAL.toml")])
+
+
+def _continue(command: Command, saved: Path | None) -> tuple[str, str]:
+    if saved is None:
+        kept = command.with_options("--save", command.new_file("FIT.toml"))
+        return "save the result, to continue the search from it", kept
+    further = saved.with_name(f"{saved.stem}-continued{saved.suffix}")
+    options = ("--start", _argument(saved), "--save", _argument(further))
+    return "continue the search", command.with_options(*options, without=("--start", "--save", "--report"))
+
+
+def _after_calibration(fit: Fit, command: Command, saved: Path | None) -> tuple[str, str]:
+    if verdict(fit).trust == "none":
+        return "correct what the reasons say, and calibrate again", command.with_options()
+    if saved is None:
+        return "keep the calibration", command.with_options("--save", command.new_file("CAL.toml"))
+    words = ["clutchid", "estimate", "WORN.csv", *command.reading, "--start", _argument(saved)]
+    return "read a worn clutch, from position alone", shlex.join(words)
+
+
+def _after_reading(command: Command, saved: Path | None) -> tuple[str, str]:
+    log = command.logs[0]
+    if command.report is None:
+        return "see both loads on a page", command.with_options("--report", command.new_file(f"{log.stem}.html"))
+    if saved is None:
+        return "keep the result", command.with_options("--save", command.new_file(f"{log.stem}.toml"))
+    words = ["clutchid", "simulate", command.names[0], *command.again, "--parameters", _argument(saved)]
+    return "the pressure over time", shlex.join([*words, "--out", command.new_file(f"{log.stem}-pressure.csv")])
+
+
+def _argument(path: Path) -> str:
+    """A path as an argument; one that begins with a dash is no option."""
+    return f"./{path}" if str(path).startswith("-") else str(path)

@@ -1,0 +1,104 @@
+"""Figures and HTML of logs, simulations and fits, as notebooks show them."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clutchid.log import Log
+from clutchid.reports.figures import draw, fill, label, legend, new_figure, svg
+from clutchid.reports.html import escape
+from clutchid.reports.style import BAR, MM, STYLE, Line
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from clutchid.estimation.result import Fit
+    from clutchid.simulation.simulation import Simulation
+
+#: Panels of a log: label, and display unit in SI and line of its columns; a panel without a column is left out.
+_PANELS: tuple[tuple[str, dict[str, tuple[float, Line]]], ...] = (
+    ("position [mm]", {"position": (MM, Line(STYLE.blue))}),
+    (
+        "pressure,\nabsolute [bar]",
+        {
+            "pressure_a": (BAR, Line(STYLE.blue, "chamber A")),
+            "pressure_b": (BAR, Line(STYLE.orange, "chamber B")),
+            "pressure_supply": (BAR, Line(STYLE.green, "supply")),
+        },
+    ),
+    (
+        "duty cycle [1]",
+        {
+            "duty_supply": (1.0, Line(STYLE.green, "supply", 0.9)),
+            "duty_exhaust": (-1.0, Line(STYLE.purple, "exhaust (negative)", 0.9)),
+        },
+    ),
+    ("force [N]", {"force": (1.0, Line(STYLE.blue))}),
+)
+
+
+def log_figure(log: Log) -> Figure:
+    """Position, pressures, duty cycles and force over time, those that `log` has."""
+    panels = [(y, lines) for y, lines in _PANELS if any(name in log for name in lines)]
+    figure, axes = new_figure([1.7] * max(1, len(panels)))
+    for axis, (y, lines) in zip(axes, panels, strict=False):
+        if "pressure_a" in lines and {"pressure_a low", "pressure_a high"} <= set(log.columns):
+            low, high = log["pressure_a low"] / BAR, log["pressure_a high"] / BAR
+            fill(axis, log.time, low, high, Line(STYLE.blue, "95 % band", opacity=0.3))
+        for name, (unit, line) in lines.items():
+            if name in log:
+                draw(axis, log.time, log[name] / unit, line)
+        label(axis, y=y)
+        legend(axis, 4)
+    label(axes[-1], "time [s]")
+    if len(log) > 1:
+        axes[-1].set_xlim(float(log.time[0]), float(log.time[-1]))
+    figure.align_ylabels()
+    return _displayed(figure)
+
+
+def fit_figure(fit: Fit) -> Figure:
+    """The load of a fit with its band."""
+    from clutchid.reports.fit_figures import load_figure
+
+    return _displayed(load_figure(fit))
+
+
+def _displayed(figure: Figure) -> Figure:
+    """The figure, which a notebook shows as SVG although pyplot does not know it."""
+    figure._repr_svg_ = partial(svg, figure)  # type: ignore[attr-defined]
+    return figure
+
+
+def log_html(log: Log) -> str:
+    """What a log is, and its figure."""
+    return _html(repr(log), log_figure(log))
+
+
+def simulation_html(simulation: Simulation) -> str:
+    """What a simulation is, and its figure."""
+    return _html(repr(simulation), log_figure(simulation.log))
+
+
+def fit_html(fit: Fit) -> str:
+    """What a fit found, and its load; a failed fit has no load."""
+    drawn = fit.status != "failed" and np.isfinite(fit.load_curve.force).any()
+    return _html(printed_fit(fit), fit_figure(fit) if drawn else None)
+
+
+def printed_fit(fit: Fit) -> str:
+    """What `repr` has, with the verdict behind its first line."""
+    from clutchid.estimation.assess.verdict import verdict
+
+    first, *rest = repr(fit).splitlines()
+    judged = verdict(fit)
+    trust = [f"  trust: {judged.trust}", *(f"    {reason}" for reason in judged.reasons)]
+    return "\n".join([first, *trust, *rest])
+
+
+def _html(text: str, figure: Figure | None) -> str:
+    picture = "" if figure is None else svg(figure)
+    return f'<div style="max-width: {STYLE.width:g}in"><pre>{escape(text)}</pre>{picture}</div>'

@@ -1,0 +1,65 @@
+"""What an observer found in a recording, in words."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.estimation.assess.observed import indicators, observed_verdict
+from clutchid.observer.by_stroke import Curve, curve
+from clutchid.observer.observer import start
+from clutchid.observer.recording import ObservedRecording
+from clutchid.reports.style import MM
+from clutchid.reports.summary import POSITIONS, Row, with_interval
+
+#: Points of a load curve.
+POINTS = 101
+
+
+class Loads(NamedTuple):
+    """The load of the calibration, before the first sample of a recording, and after its last one.
+
+    Each at 101 points from 0 to the full stroke.
+    """
+
+    calibrated: Curve
+    before: Curve
+    after: Curve
+
+
+def loads(run: ObservedRecording) -> Loads:
+    """The loads of a recording."""
+    position = np.linspace(0.0, run.observer.actuator.parameters.y_max, POINTS)
+    return Loads(*(curve(run.observer, state, position) for state in (start(run.observer), run.before, run.after)))
+
+
+def observe_sentence(run: ObservedRecording) -> str:
+    """The load at half stroke before and after, its change, strokes, flags, and what is assumed, on one line."""
+    raised = [f"{name} {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
+    flags = f"flags: {', '.join(raised)}" if raised else "no flags"
+    assumed = "; supply pressure assumed" if run.assumes_supply else ""
+    return f"{load_sentence(run)}; {flags}{assumed}"
+
+
+def load_sentence(run: ObservedRecording) -> str:
+    """The load at half stroke before and after, its change, and the strokes."""
+    _, before, after = loads(run)
+    half = POINTS // 2
+    change = after.force[half] - before.force[half]
+    share = 100.0 * change / before.force.max()
+    strokes = run.after.strokes.ended - run.before.strokes.ended
+    return (
+        f"load at {before.position[half] / MM:.1f} mm {before.force[half]:.0f} → {after.force[half]:.0f} N "
+        f"({share:+.1f} % of the peak), {strokes} stroke{'' if strokes == 1 else 's'}"
+    )
+
+
+def end_rows(run: ObservedRecording) -> list[Row]:
+    """The load at the end of a recording where the clutch engages, with its 95 % band, and the trust in it."""
+    at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS])
+    halves = ((at.high - at.low) / 2).tolist()
+    shown = ", ".join(with_interval(force, half) for force, half in zip(at.force.tolist(), halves, strict=True))
+    load = f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"
+    judged = observed_verdict(indicators(run))
+    return [Row("load", load), Row("trust", judged.trust, judged.trust), *(Row("", text) for text in judged.reasons)]

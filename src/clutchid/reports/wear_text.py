@@ -1,0 +1,112 @@
+"""The wear of a clutch in words."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from clutchid.model.valves import leak_flow
+from clutchid.parameters import Parameters
+from clutchid.reports.style import MM
+from clutchid.wear.alarms import Alarm
+from clutchid.wear.life import Wear
+from clutchid.wear.trend import Band
+
+#: Words for the axis of a trend.
+AXIS = {"strokes": "strokes", "km": "km", "days": "days", "recordings": "recordings"}
+
+_ALARM = {
+    "replaced": "the clutch, or its sensor, was replaced",
+    "sudden": "the load changed suddenly",
+    "leak": "chamber A, or what is connected to it, began to leak",
+    "departed": "the actuator departed from its calibration farther than a change explains",
+    "sensor moved": "the position sensor, or its bracket, moved or was exchanged",
+}
+
+
+def wear_lines(wear: Wear) -> list[str]:
+    """The recordings, the change since the calibration, the alarms, and what is left: a line each."""
+    lines = [f"recordings  {recordings_words(wear)}"]
+    if not any(wear.counted):
+        return [*lines, "wear        no recording determines it"]
+    lines.append(f"now         {change_words(wear)}")
+    lines += [f"alarm       {alarm_words(alarm)}" for alarm in wear.alarms]
+    return [*lines, f"left        {left_words(wear) or 'not known without a limit: --limit, or a table of wear'}"]
+
+
+def recordings_words(wear: Wear) -> str:
+    """How many recordings there are, over what, and what became of them."""
+    counts = Counter(wear.outcomes)
+    used = counts["used"] + counts["jump"]
+    words = [f"{used} of {len(wear.outcomes)} count"]
+    if counts["left out"]:
+        words.append(f"{counts['left out']} outlier{'s' if counts['left out'] > 1 else ''} left out")
+    failed = Counter(one.status for one in wear.readings if one.measurement is None)
+    words += [f"{number} without a measurement ({status})" for status, number in failed.items()]
+    over = f", over {wear.s[-1] - wear.s[0]:,.0f} {AXIS[wear.axis]}" if wear.axis != "recordings" else ""
+    return f"{', '.join(words)}{over}"
+
+
+def change_words(wear: Wear) -> str:
+    """The change since the calibration at the last recording."""
+    shift, load = (_last(wear.then[name]) for name in ("shift", "load"))
+    words = (
+        f"half-load position {shift[0] / MM:+.3f} mm ({shift[1] / MM:+.3f} to {shift[2] / MM:+.3f}), "
+        f"load over 5 to 8 mm {100 * load[0]:+.1f} % ({100 * load[1]:+.1f} to {100 * load[2]:+.1f})"
+    )
+    if "wear" in wear.then:
+        worn = _last(wear.then["wear"])
+        words = f"{_worn(wear, worn)}; {words}"
+    return words
+
+
+def _worn(wear: Wear, worn: tuple[float, float, float]) -> str:
+    """Wear of the facing with its band, as far as its table goes."""
+    interval = f"({worn[1] / MM:.2f} to {worn[2] / MM:.2f})"
+    end = wear.end_of_table
+    if end is not None and worn[0] >= end:
+        return f"facing worn beyond the end of its table, {end / MM:.2f} mm {interval}"
+    return f"facing worn by {worn[0] / MM:.2f} mm {interval}"
+
+
+def alarm_words(alarm: Alarm) -> str:
+    """One alarm."""
+    when = f" on {alarm.begin:%Y-%m-%d}" if alarm.begin else ""
+    where = f"between {alarm.after} and {alarm.before}" if alarm.after else f"before {alarm.before}"
+    words = f"{_ALARM[alarm.kind]} {where}{when}"
+    if alarm.kind == "leak":
+        return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
+    if alarm.kind == "departed":
+        return f"{words}: look for a fault, or calibrate again"
+    if alarm.kind == "sensor moved":
+        return f"{words}: the vented rest by {alarm.rest / MM:+.2f} mm, which is no wear and does not count as such"
+    return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+.1f} %"
+
+
+def _lost(conductance: float) -> float:
+    """Air in g/s that a leak loses at 5 bar(g)."""
+    return 1e3 * float(leak_flow(6e5, 1e5, conductance, Parameters().rho_0))
+
+
+def left_words(wear: Wear) -> str:
+    """What is left until the limit; nothing without one."""
+    if wear.limit is not None and wear.sudden:
+        return f"unknown after the load changed suddenly before {wear.sudden.before}: find the cause"
+    if wear.left is None or wear.limit is None:
+        return ""
+    unit = AXIS[wear.axis]
+    what = "of wear" if "wear" in wear.then else "of shift"
+    low, median, high = wear.left
+    if not np.isfinite(low):
+        return f"{wear.limit / MM:.2f} mm {what} are not in sight: the trend does not reach them"
+    return f"{_rounded(median)} {unit} to {wear.limit / MM:.2f} mm {what} ({_rounded(low)} to {_rounded(high)}, 90 %)"
+
+
+def _rounded(value: float) -> str:
+    """Two significant digits; open where the horizon ends."""
+    return f"{float(f'{value:.2g}'):,.0f}" if np.isfinite(value) else "no end in sight"
+
+
+def _last(band: Band) -> tuple[float, float, float]:
+    return float(band.value[-1]), float(band.low[-1]), float(band.high[-1])

@@ -1,0 +1,128 @@
+"""What results can do that belongs to higher rooms: ``fit.plot()``, ``fit.verdict``, a picture in a notebook.
+
+The classes of lower rooms only declare it. Whoever takes a name from `clutchid` has it attached to them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from clutchid.estimation.assess.comparison import Comparison
+    from clutchid.estimation.assess.evidence import Evidence
+    from clutchid.estimation.assess.verdict import Verdict
+    from clutchid.estimation.result import Fit
+    from clutchid.log import Log
+    from clutchid.simulation.simulation import Simulation
+
+
+def plot_log(log: Log) -> Figure:
+    """Position, pressure and duty cycles over time, as a matplotlib figure without pyplot."""
+    from clutchid.reports.notebook import log_figure
+
+    return log_figure(log)
+
+
+def plot_simulation(simulation: Simulation) -> Figure:
+    """Simulated position and pressure, and the duty cycles, over time, as a matplotlib figure without pyplot."""
+    return plot_log(simulation.log)
+
+
+def plot_fit(fit: Fit) -> Figure:
+    """Load over position with its 95 % band, as a matplotlib figure without pyplot.
+
+    Raises
+    ------
+    SolveError
+        If the fit failed: there is no load to draw.
+    """
+    from clutchid.reports.notebook import fit_figure
+
+    return fit_figure(fit.raised())
+
+
+def report_fit(fit: Fit, path: str | PathLike[str]) -> None:
+    """Write the page that ``clutchid fit --report`` writes, one self-contained HTML file.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written; an existing file is unchanged.
+    """
+    from clutchid.reports.fit_page import fit_page
+
+    fit_page(fit, "clutchid.fit(...) in Python", path)
+
+
+def evidence_of(fit: Fit) -> Evidence:
+    """Evidence for the verdict, see `clutchid.estimation.assess.evidence.evidence`."""
+    from clutchid.estimation.assess.evidence import evidence
+
+    return evidence(fit)
+
+
+def verdict_of(fit: Fit) -> Verdict:
+    """Whether parameters and load can be trusted, see `clutchid.estimation.assess.verdict.verdict`."""
+    from clutchid.estimation.assess.verdict import verdict
+
+    return verdict(fit)
+
+
+def comparison_of(fit: Fit) -> Comparison | None:
+    """The load against that of the baseline, see `clutchid.estimation.assess.comparison`; None without one."""
+    from clutchid.estimation.assess.comparison import comparison
+
+    return comparison(fit)
+
+
+def _printed_fit(fit: Fit) -> str:
+    from clutchid.reports.notebook import printed_fit
+
+    return printed_fit(fit)
+
+
+def _log_in_notebook(log: Log) -> str:
+    from clutchid.reports.notebook import log_html
+
+    return log_html(log)
+
+
+def _simulation_in_notebook(simulation: Simulation) -> str:
+    from clutchid.reports.notebook import simulation_html
+
+    return simulation_html(simulation)
+
+
+def _fit_in_notebook(fit: Fit) -> str:
+    from clutchid.reports.notebook import fit_html
+
+    return fit_html(fit)
+
+
+#: Module and name of a class, and what is attached to it.
+_ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
+    ("clutchid.log", "Log"): {"plot": plot_log, "_repr_html_": _log_in_notebook},
+    ("clutchid.simulation.simulation", "Simulation"): {"plot": plot_simulation, "_repr_html_": _simulation_in_notebook},
+    ("clutchid.estimation.result", "Fit"): {
+        "plot": plot_fit,
+        "report": report_fit,
+        "evidence": property(evidence_of),
+        "verdict": property(verdict_of),
+        "comparison": property(comparison_of),
+        "__str__": _printed_fit,
+        "_repr_html_": _fit_in_notebook,
+    },
+}
+
+
+def attach() -> None:
+    """Attach to the classes that have been imported what belongs to them."""
+    for (module, name), members in _ATTACHED.items():
+        if module in sys.modules and (found := getattr(sys.modules[module], name, None)) is not None:
+            for member, value in members.items():
+                setattr(found, member, value)

@@ -1,0 +1,65 @@
+"""Trust in the load of an observer."""
+
+import numpy as np
+import pytest
+
+from clutchid.estimation.assess.observed import FLAGGED, Indicators, indicators, observed_verdict
+from clutchid.observer.health import FLAGS
+from clutchid.observer.observer import observer
+from clutchid.observer.recording import observe_recording
+
+#: Indicators of a load without any fault.
+GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), False)
+
+
+@pytest.mark.parametrize(
+    ("change", "trust", "reason"),
+    [
+        ({}, "good", None),
+        ({"strokes": 1}, "with care", "1 stroke has ended, fewer than 2"),
+        ({"strokes": 0}, "none", "no stroke has ended"),
+        ({"adapts": False}, "none", "the load does not adapt with this method"),
+        ({"half_width": 0.15}, "with care", "± 15 % of the peak, wider than the limit of ± 10 %"),
+        ({"half_width": 0.4}, "none", "± 40 % of the peak"),
+        ({"half_width": np.nan}, "none", "is infinite, wider"),
+        ({"mismatch": np.nan}, "good", None),
+        ({"mismatch": 1.7}, "with care", "1.7 times those of the calibration recordings"),
+        ({"mismatch": 2.5}, "none", "2.5 times those of the calibration recordings"),
+        ({"flagged": {"position_missing": 0.1}}, "good", None),
+        ({"flagged": {"position_missing": 0.3}}, "with care", "the position is missing (30 % of the time)"),
+        ({"flagged": {"duty_missing": 0.9}}, "none", "a duty cycle is missing"),
+        ({"flagged": {"position_frozen": 0.9}}, "good", None),
+        ({"flagged": {"leak": 0.01}}, "with care", "leaks (1 % of the time)"),
+        ({"flagged": {"diverged": 0.001}}, "with care", "started again (0.1 % of the time)"),
+        ({"supply_assumed": True}, "with care", "the supply pressure was not recorded"),
+        ({"kept": 3e-4}, "with care", "the vented rest has moved by +0.30 mm since the calibration, and was kept"),
+    ],
+)
+def test_the_trust_falls_with_each_indicator_and_says_why(change, trust, reason):
+    found = observed_verdict(GOOD._replace(**change))
+    assert found.trust == trust
+    assert len(found.reasons) == (reason is not None)
+    assert reason is None or reason in found.reasons[0]
+
+
+def test_the_worst_of_several_reasons_decides_and_all_are_said():
+    found = observed_verdict(GOOD._replace(strokes=0, supply_assumed=True))
+    assert (found.trust, len(found.reasons)) == ("none", 2)
+
+
+def test_every_limit_is_of_a_flag_that_exists():
+    assert set(FLAGGED) <= set(FLAGS)
+
+
+def test_the_indicators_are_those_of_the_end_of_the_recording(plant, recorded_by):
+    log = recorded_by(plant, seconds=6.0)
+    torn = log.with_columns(position=np.where(np.arange(len(log)) < 600, np.nan, log["position"]))
+    found = indicators(observe_recording(observer(plant), torn))
+    assert found.adapts
+    assert found.supply_assumed
+    assert found.flagged["position_missing"] == pytest.approx(600 / len(log))
+    begin = indicators(observe_recording(observer(plant), log.slice(0, 2)))
+    assert found.half_width < begin.half_width, "the band becomes narrower"
+    short = indicators(observe_recording(observer(plant), log.slice(0, 100)))
+    assert short.strokes == 0
+    assert indicators(observe_recording(observer(plant, "states"), log)).adapts is False

@@ -1,0 +1,104 @@
+"""Reasons against a load from position alone: another truck's calibration, a poor fit, and a wide band."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid import fit
+from clutchid.estimation import LoadCurve
+from clutchid.estimation.assess.evidence import reach
+from clutchid.estimation.assess.reading import expected_error, reading_reasons
+from clutchid.estimation.assess.slow import slow_reasons
+from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.changes import Departure
+from fixtures.baselines import ORIGIN, with_baseline
+
+NEAR = Departure(distance=5.0, parameters=24, misfit=1.0)
+
+
+@pytest.fixture(scope="module")
+def reading(drive, with_noise):
+    """A fit that passes for a reading with a calibration whose recordings it resembles."""
+    found = fit(with_noise(drive, 1).slice(0, 4000), measure=("position", "pressure_a"))
+    return replace(with_baseline(found, origin=ORIGIN, converged=True), departure=NEAR)
+
+
+def with_error(result, percent):
+    """`result` with a band of the same standard deviation everywhere, in % of the peak."""
+    curve = result.load_curve
+    half = 1.96 * percent / 100 * curve.force[curve.peak(reach(result))]
+    return replace(result, load_curve=LoadCurve(curve.position, curve.force, curve.force - half, curve.force + half))
+
+
+def test_a_reading_near_its_calibration_is_good(reading):
+    assert reading_reasons(reading) == []
+    assert verdict(reading).trust == "good"
+
+
+def test_another_fit_has_no_reason_of_a_reading(reading):
+    assert reading_reasons(replace(with_error(reading, 9.0), departure=None)) == []
+
+
+@pytest.mark.parametrize(("distance", "trust"), [(36.0, "good"), (45.0, "with care"), (60.0, "none")])
+def test_parameters_far_from_the_calibration_are_those_of_another_truck(reading, distance, trust):
+    judged = verdict(replace(reading, departure=NEAR._replace(distance=distance)))
+    assert judged.trust == trust
+    if trust == "none":
+        assert "CAL.toml seems to be of another truck" in judged.reasons[0]
+        assert f"squared distance {distance:.0f} over 24 parameters" in judged.reasons[0]
+
+
+@pytest.mark.parametrize(("ratio", "trust"), [(1.4, "good"), (1.6, "with care"), (3.0, "none"), (np.nan, "good")])
+def test_a_cost_that_the_calibration_did_not_have_is_a_reason(reading, ratio, trust):
+    judged = verdict(replace(reading, departure=NEAR._replace(misfit=ratio)))
+    assert judged.trust == trust
+    assert [f"costs {ratio:.1f} times as much" in reason for reason in judged.reasons] == [True] * (trust != "good")
+
+
+@pytest.mark.parametrize(("percent", "trust"), [(1.0, "good"), (2.5, "with care"), (4.0, "none")])
+def test_the_expected_error_is_that_of_the_band(reading, percent, trust):
+    wide = with_error(reading, percent)
+    assert expected_error(wide) == pytest.approx(percent, rel=1e-3)
+    assert verdict(wide).trust == trust
+
+
+def test_a_bound_does_not_lower_the_trust_in_a_reading(reading):
+    name = "theta_1"
+    at_bound = replace(reading, bounds={**reading.bounds, name: (0.0, reading.parameters[name].value)})
+    assert verdict(at_bound).trust == "good"
+    assert verdict(replace(at_bound, departure=None)).trust == "with care"
+
+
+def test_a_load_that_is_only_uncertain_is_not_flawed(reading):
+    uncertain = verdict(with_error(reading, 6.0))
+    assert (uncertain.trust, uncertain.flawed) == ("none", False)
+    for departure in (NEAR._replace(distance=60.0), NEAR._replace(misfit=3.0)):
+        assert verdict(replace(with_error(reading, 6.0), departure=departure)).flawed
+    poor = replace(reading, baseline=replace(reading.baseline, origin=ORIGIN._replace(trust="none")))
+    assert verdict(poor).flawed
+    assert not verdict(reading).flawed
+
+
+@pytest.fixture(scope="module")
+def slow(reading):
+    """The same fit as a load from position alone of a recording with a sample every 10 ms."""
+    (name, one), *_ = reading.recordings.items()
+    measured, simulated = (replace(log, time=10.0 * log.time) for log in (one.measured, one.simulated))
+    scales = {"position": reading.scales["position"]}
+    return replace(reading, recordings={name: replace(one, measured=measured, simulated=simulated)}, scales=scales)
+
+
+def test_a_slow_recording_is_read_with_care(slow):
+    judged = verdict(slow)
+    assert (judged.trust, judged.flawed) == ("with care", False)
+    assert judged.reasons == (
+        "drive: at 100 Hz the valves open and close between the samples, at times that are not recorded. The interval "
+        "is widened for that, but by what it costs on virtual trucks only; record position and duty cycles at 1 kHz.",
+    )
+
+
+def test_only_a_load_from_position_alone_has_an_interval_for_slow_recordings(slow):
+    for other in (replace(slow, baseline=None), replace(slow, scales={**slow.scales, "pressure_a": 1e3})):
+        (reason,) = slow_reasons(other)
+        assert "errors that its interval does not include; record position" in reason.text

@@ -1,0 +1,194 @@
+"""Work on a Dask scheduler: nothing is lost or done twice, and what ends its process is named."""
+
+import asyncio
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+from distributed.security import Security
+
+from clutchid.errors import DataError, ParameterError, SolveError
+from clutchid.fleets.cluster import Place, connected, results
+from clutchid.fleets.scheduler import Tls, answered, security_of
+from fixtures.fleet_faults import faulty, own_error
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+
+GOOD = [("good", n) for n in range(30)]
+
+
+def test_a_scheduler_that_does_not_answer_is_a_sentence_within_10_s():
+    with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections, and says nothing
+        for address in ("tcp://127.0.0.1:9", "nowhere at all", f"tcp://127.0.0.1:{silent.getsockname()[1]}"):
+            begin = time.monotonic()
+            with (
+                pytest.raises(ParameterError, match=f"--scheduler {address}: does not answer"),
+                connected(Place(scheduler=address)),
+            ):
+                pass
+            assert time.monotonic() - begin < 10.0
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Workers of Dask take long to start on a busy machine."""
+    monkeypatch.setattr("clutchid.fleets.cluster.ANSWER", 60.0)
+
+
+@pytest.fixture
+def scheduler(tmp_path, patient):
+    """A scheduler in a process of its own; gives its address, and starts a worker for it."""
+    with _started(tmp_path) as started:
+        yield started
+
+
+@contextmanager
+def _started(folder, *options):
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *options]
+    file, processes = folder / "scheduler.json", []
+
+    def start(*arguments):
+        paths = (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", ""))  # of the work of these tests
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+        processes.append(subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env))
+
+    start(*command, "--no-dashboard", "--scheduler-file", str(file))
+    while not file.exists():
+        time.sleep(0.1)
+    address = json.loads(file.read_text())["address"]
+
+    def worker(*options):
+        command = (sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard")
+        start(*command, *options)
+
+    try:
+        yield address, worker, processes
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+def test_the_workers_of_a_scheduler_do_the_same_work(scheduler):
+    address, worker, _ = scheduler
+    worker()
+    for place in (Place(scheduler=address), Place(2)):
+        assert sorted((one.item, one.result) for one in results(abs, range(50), place)) == [(n, n) for n in range(50)]
+
+
+def test_a_scheduler_without_workers_is_a_sentence(scheduler, monkeypatch):
+    monkeypatch.setattr("clutchid.fleets.cluster.ANSWER", 1.0)
+    with pytest.raises(ParameterError, match="has no workers"):
+        list(results(abs, range(9), Place(scheduler=scheduler[0])))
+
+
+def test_what_ends_its_process_on_a_scheduler_is_named_and_the_workers_of_dask_live_on(scheduler):
+    address, worker, started = scheduler
+    worker("--memory-limit", "600MB")
+    bad = [("SIGKILL", 100), ("slow", 102), ("memory", 103), ("error", 104)]
+    done = list(results(faulty, [*GOOD[:5], *bad, *GOOD[5:]], Place(scheduler=address, seconds=5.0)))
+    found = {one.item: one.result for one in done}
+    assert [found[item] for item in GOOD] == [n for _, n in GOOD]
+    assert [found[item].status for item in bad] == ["killed", "timed_out", "killed", "failed"]
+    assert "needs more than 0.6 GB of memory" in found["memory", 103].message, "that of the worker of Dask"
+    left = psutil.Process(started[1].pid).children(recursive=True)
+    assert not [one for one in left if "clutchid.processes" in " ".join(one.cmdline())], "they rest when all is done"
+
+
+def test_a_sentence_for_the_user_is_raised_on_a_scheduler_too(scheduler):
+    address, worker, _ = scheduler
+    worker()
+    with pytest.raises(DataError, match="it is so"):
+        list(results(own_error, [1], Place(scheduler=address)))
+
+
+def test_an_item_whose_worker_of_dask_is_lost_is_given_to_another_one(scheduler, tmp_path):
+    address, worker, started = scheduler
+    worker("--no-nanny")
+    worker("--no-nanny")
+    found = results(time.sleep, [0.2] * 20, Place(scheduler=address))
+    next(found)
+    started[1].kill()
+    assert [one.result for one in found] == [None] * 19
+
+
+def test_more_items_than_fit_at_the_scheduler_come_back_once_each(scheduler):
+    address, worker, _ = scheduler
+    worker()
+    assert sorted(one.result for one in results(abs, iter(range(1500)), Place(scheduler=address))) == list(range(1500))
+
+
+def test_a_scheduler_that_is_lost_is_a_sentence_and_what_is_done_was_given(scheduler, capfd):
+    address, worker, started = scheduler
+    worker()
+    done = []
+    with pytest.raises(SolveError, match="the connection to the scheduler"):  # noqa: PT012
+        for one in results(time.sleep, [0.05] * 200, Place(scheduler=address)):
+            done.append(one)
+            if len(done) == 5:
+                started[0].kill()
+    assert 5 <= len(done) < 200
+    assert "distributed" not in capfd.readouterr().err, "Dask's own words are not shown"
+
+
+def test_local_workers_open_no_port_and_need_no_dask():
+    code = (
+        "import sys, psutil; from clutchid.fleets.cluster import Place, results\n"
+        "found = results(abs, iter([-1, -2]), Place(2)); next(found); this = psutil.Process()\n"
+        "for one in (this, *this.children(recursive=True)): print(one.net_connections())\n"
+        "assert 'distributed' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {"[]"}, "a process and its workers"
+    assert len(done.stdout.split()) >= 2
+
+
+@pytest.fixture(scope="module")
+def certificates(tmp_path_factory):
+    """An authority, a certificate of it, and its key."""
+    made, folder = Security.temporary(), tmp_path_factory.mktemp("tls")
+    files = Tls(folder / "ca.pem", folder / "cert.pem", folder / "key.pem")
+    for path, text in zip(files, (made.tls_ca_file, made.tls_client_cert, made.tls_client_key), strict=True):
+        path.write_text(text)
+    return files
+
+
+def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, certificates, patient):
+    options = ("--tls-ca-file", "--tls-cert", "--tls-key")
+    tls = [str(part) for pair in zip(options, certificates, strict=True) for part in pair]
+    with _started(tmp_path, *tls, "--protocol", "tls") as (address, worker, _):
+        worker(*tls)
+        found = results(abs, range(9), Place(scheduler=address, tls=certificates))
+        assert sorted(one.result for one in found) == list(range(9))
+        with pytest.raises(ParameterError, match="needs certificates"):
+            list(results(abs, range(9), Place(scheduler=address)))
+        strangers = Security.temporary()
+        with pytest.raises((OSError, TimeoutError)):
+            asyncio.run(answered(address, strangers, 1.0))
+
+
+def test_certificates_that_do_not_fit_are_a_sentence(tmp_path, certificates):
+    address, text = "tls://127.0.0.1:9", tmp_path / "text.pem"
+    text.write_text("no certificate")
+    for where, files, error, said in (
+        (address, None, ParameterError, "a connection by TLS needs certificates; give --tls-ca, --tls-cert and"),
+        ("tcp://127.0.0.1:9", certificates, ParameterError, "is not secured by TLS"),
+        (address, certificates._replace(authority=text), ParameterError, "--tls-ca .*text.pem: is no certificate"),
+        (address, certificates._replace(certificate=text), ParameterError, "are no certificate and its key"),
+        (
+            address,
+            certificates._replace(key=certificates.certificate),
+            ParameterError,
+            "are no certificate and its key",
+        ),
+        (address, certificates._replace(key=tmp_path / "no.pem"), DataError, "no.pem: there is no such file"),
+    ):
+        with pytest.raises(error, match=said):
+            security_of(where, files)

@@ -1,0 +1,129 @@
+"""Which recordings a fleet has, from folders and from tables, and what contradicts."""
+
+import os
+
+import pytest
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.fleets.jobs import fleet_of
+from clutchid.fleets.tracking import recordings_of
+
+
+@pytest.fixture
+def depot(tmp_path):
+    """Two vehicles with recordings of the same names, and a calibration."""
+    for vehicle in ("V1", "V2"):
+        (tmp_path / "fleet" / vehicle).mkdir(parents=True)
+        for name in ("a.parquet", "b.mf4", "notes.txt"):
+            (tmp_path / "fleet" / vehicle / name).touch()
+    (tmp_path / "cal.toml").touch()
+    return tmp_path
+
+
+def table(folder, *rows, head="recording,vehicle,type"):
+    path = folder / "fleet" / "recordings.csv"
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+def calibrations(folder, *names):
+    for name in names:
+        (folder / "cals").mkdir(exist_ok=True)
+        (folder / "cals" / f"{name}.toml").touch()
+    return folder / "cals"
+
+
+def keys(fleet):
+    return [(job.vehicle, job.recording) for job in fleet.jobs]
+
+
+def test_each_folder_of_recordings_is_a_vehicle(depot):
+    found = fleet_of(depot / "fleet", depot / "cal.toml")
+    assert keys(found) == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b")]
+    assert {job.start for job in found.jobs} == {depot / "cal.toml"}
+    assert found.jobs[2].path == depot / "fleet" / "V2" / "a.parquet"
+
+
+def test_a_table_says_vehicle_and_type_and_finds_the_files_below_it(depot):
+    path = table(depot, "a,V1,T1", "a,V2,T2", "b.mf4,V2,T2", "c,V2,T2", "d,V3,T3")
+    cals = calibrations(depot, "T1", "V2")
+    for source in (path, depot / "fleet"):
+        found = {(job.vehicle, job.recording): job for job in fleet_of(source, cals).jobs}
+        assert found["V1", "a"].path == depot / "fleet" / "V1" / "a.parquet"
+        assert (found["V1", "a"].start, found["V2", "a"].start) == (cals / "T1.toml", cals / "V2.toml")
+        assert found["V2", "b"].path == depot / "fleet" / "V2" / "b.mf4"
+        assert "its file is not there" in found["V2", "c"].problem
+    (depot / "fleet" / "d.csv").touch()
+    job = fleet_of(path, cals).jobs[-1]
+    assert job.start is None
+    assert job.problem.startswith("there is no calibration of type 'T3'")
+
+
+def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
+    cal = depot / "cal.toml"
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(DataError, match="empty: has no recordings"):
+        fleet_of(tmp_path / "empty", cal)
+    for name in ("nowhere", "n" * 300):
+        with pytest.raises(DataError, match=f"{name}: there is no such folder or table"):
+            fleet_of(tmp_path / name, cal)
+    (depot / "fleet" / "other" / "V1").mkdir(parents=True)
+    (depot / "fleet" / "other" / "V1" / "c.csv").touch()
+    with pytest.raises(DataError, match="two vehicles under one name, 'V1'"):
+        fleet_of(depot / "fleet", cal)
+    for rows, said in (
+        (("a,,T1",), "'a' has no vehicle"),
+        (("a,V1,T1", "b,V1,T2"), "of type 'T1' and of type 'T2', so it is two vehicles under one name"),
+        (("a,V1,T1", "a,V1,T1", "x,V9,T1", "x,V9,T2"), "'x' stands there twice, with other values"),
+        (("y,V1,T1", "z,V1,T1"), "none of the files of its 2 recordings is there"),
+    ):
+        with pytest.raises(DataError, match=said):
+            fleet_of(table(depot, *rows), cal)
+    path = table(depot, "a,V1,T1")
+    with pytest.raises(ParameterError, match="there is no calibration of type 'T1'"):
+        fleet_of(path, calibrations(depot, "T7"))
+    with pytest.raises(ParameterError, match="no such file or folder"):
+        fleet_of(path, tmp_path / "nothing.toml")
+    (tmp_path / "none").mkdir()
+    with pytest.raises(ParameterError, match="has no calibrations"):
+        fleet_of(path, tmp_path / "none")
+
+
+@pytest.mark.parametrize("strokes", ["", "nan", "700"])
+def test_a_row_that_stands_twice_with_the_same_values_counts_once(depot, strokes):
+    path = table(depot, *[f"a,V1,T1,{strokes}"] * 2, head="recording,vehicle,type,strokes")
+    assert keys(fleet_of(path, depot / "cal.toml")) == [("V1", "a")]
+
+
+def test_results_of_a_run_are_no_recordings_and_a_link_to_a_file_that_is_gone_is_one(depot):
+    results = depot / "fleet" / "result"
+    (results / "curves").mkdir(parents=True)
+    for name in ("run.sqlite", "results.parquet", "curves/part-00000.parquet"):
+        (results / name).touch()
+    (depot / "fleet" / "V2" / "c.parquet").symlink_to(depot / "share" / "c.parquet")
+    found = keys(fleet_of(depot / "fleet", depot / "cal.toml"))
+    assert found == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b"), ("V2", "c")]
+
+
+def test_hidden_files_and_folders_are_no_recordings(depot):
+    """As a write that was cut off leaves them, the system of a share, or another program."""
+    hidden = depot / "fleet" / "V1" / ".trash"
+    hidden.mkdir()
+    for path in (hidden / "a.parquet", hidden.parent / ".clutchid-0123456789ab.parquet", hidden.parent / "._a.parquet"):
+        path.touch()
+    assert keys(fleet_of(depot / "fleet", depot / "cal.toml")) == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b")]
+    assert keys(fleet_of(table(depot, "a,V1,"), depot / "cal.toml")) == [("V1", "a")]
+    assert [path.name for path in recordings_of([depot / "fleet" / "V1"])] == ["a.parquet", "b.mf4"]
+
+
+def test_names_that_are_no_text_are_shown_by_their_bytes(depot):
+    folder = depot / "fleet" / os.fsdecode(b"V\xfc3")
+    folder.mkdir()
+    for name in (b"\xff\xfe.parquet", b"\xff\xff.parquet"):
+        (folder / os.fsdecode(name)).touch()
+    found = fleet_of(depot / "fleet", depot / "cal.toml")
+    assert keys(found)[-2:] == [(r"V\xfc3", r"\xff\xfe"), (r"V\xfc3", r"\xff\xff")]
+    (depot / "cals").mkdir()
+    (depot / "cals" / "V1.toml").touch()
+    problems = [job.problem for job in fleet_of(depot / "fleet", depot / "cals").jobs]
+    assert any(one.startswith(r"there is no calibration of vehicle 'V\xfc3'") for one in problems)

@@ -1,0 +1,125 @@
+"""The rows of a run: what counts once, and what is no result."""
+
+import resource
+
+import polars as pl
+import pytest
+
+from clutchid.errors import ExportError
+from clutchid.fleets.jobs import Fleet, Job
+from clutchid.fleets.output import rows_of
+from clutchid.fleets.reading import How, Read, checksum_of, read_recording
+from clutchid.fleets.run import Options, tasks
+from clutchid.fleets.store import Kept, store
+from clutchid.fleets.tracking import track
+from clutchid.recordings.files import write_frame
+from clutchid.wear.measurement import Reading
+
+
+def statuses(tmp_path, status):
+    """What becomes of one file under two vehicles that ended with a status."""
+    jobs = tuple(Job(vehicle, "r", "", tmp_path, tmp_path) for vehicle in ("V1", "V2"))
+    with store(tmp_path / status, {}) as one:
+        for job in jobs:
+            read = Read(tmp_path, Reading(status, "its sentence", "none", None), sha256="same")
+            one.put(Kept(job.vehicle, job.recording, "", "", read, 0.0))
+        return [row.read.reading[:2] for row in rows_of(Fleet(tmp_path, jobs, {}), one)]
+
+
+def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice(tmp_path):
+    assert statuses(tmp_path, "ok")[1] == ("warning", "the same recording as r of V1; it counts once.")
+    for status in ("bad_input", "failed", "killed", "timed_out"):
+        assert statuses(tmp_path, status) == [(status, "its sentence")] * 2
+
+
+def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
+    gone, start = tmp_path / "gone.parquet", tmp_path / "cal.toml"
+    start.touch()
+    fleet = Fleet(tmp_path, (Job("V1", "gone", "", gone, start),), {})
+    with store(tmp_path / "out", {}) as one:
+        (task,) = tasks(fleet, Options(), one)
+        read = read_recording(task.how, gone)
+        assert read.reading.status == "bad_input"
+        assert "gone.parquet: there is no such file" in read.reading.message
+        one.put(Kept("V1", "gone", task.inputs, task.file, read, 0.0))
+        assert not tasks(fleet, Options(), one)
+        gone.touch()
+        assert tasks(fleet, Options(), one), "it has come back"
+
+
+def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, monkeypatch):
+    recording, start, channels = tmp_path / "r.parquet", tmp_path / "cal.toml", tmp_path / "map.toml"
+    for path in (recording, start, channels):
+        path.write_text("before")
+    fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
+    options = Options(channel_map=channels)
+    with store(tmp_path / "out", {}) as one:
+
+        def is_read(options=options, **retry):
+            """Whether the recording is read now; then it is done."""
+            todo = tasks(fleet, options, one, **retry)
+            for task in todo:
+                read = Read(recording, Reading("killed", "lost", "none", None), sha256=checksum_of(recording))
+                one.put(Kept("V1", "r", task.inputs, task.file, read, 0.0))
+            return bool(todo)
+
+        assert is_read()
+        assert not is_read()
+        for path in (start, channels, recording):
+            path.write_text(f"{path.read_text()}, and after")
+            assert is_read(), path.name
+            assert not is_read()
+        assert is_read(Options(channel_map=channels, ambient=1e5))
+        assert is_read(Options("observe", channel_map=channels))
+        assert is_read()
+        monkeypatch.setattr("clutchid.fleets.run.version_and_source", lambda: {"clutchid": "9", "source": "other"})
+        assert is_read()
+        assert not is_read()
+        assert is_read(retry=True), "it ended its worker"
+
+
+def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path):
+    recording, start = tmp_path / "r.parquet", tmp_path / "cal.toml"
+    recording.touch()
+    start.touch()
+    fleet = Fleet(tmp_path, (Job("V1", "r", "", recording, start),), {})
+    with store(tmp_path / "out", {}) as one:
+        (task,) = tasks(fleet, Options(), one)
+        for checksum, again in (("", 1), (checksum_of(recording), 0)):
+            read = Read(recording, Reading("bad_input", "cannot be read.", "none", None), sha256=checksum)
+            one.put(Kept("V1", "r", task.inputs, task.file, read, 0.0))
+            assert len(tasks(fleet, Options(), one)) == again
+
+
+def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):
+    start, recording = tmp_path / "cal.toml", tmp_path / "r.csv"
+    recording.touch()
+    start.write_text("[parameters]\n")
+    assert "r.csv" in read_recording(How(start, 1e5), recording).reading.message
+    start.write_text("no calibration any more")
+    assert "cal.toml" in read_recording(How(start, 1e5), recording).reading.message
+
+
+def test_a_full_disk_under_a_table_is_a_sentence_and_the_table_before_is_whole(tmp_path):
+    path, limits = tmp_path / "results.parquet", resource.getrlimit(resource.RLIMIT_FSIZE)
+    write_frame(pl.DataFrame({"a": [1]}), path)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+        with pytest.raises(ExportError, match=r"results.parquet: cannot be written .* what was there is unchanged"):
+            write_frame(pl.DataFrame({"a": pl.int_range(100_000, eager=True)}).sample(fraction=1.0, shuffle=True), path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert pl.read_parquet(path)["a"].to_list() == [1]
+    assert [one.name for one in tmp_path.iterdir()] == ["results.parquet"]
+
+
+@pytest.mark.slow
+def test_recordings_of_several_folders_without_a_table_are_warned_of(tmp_path):
+    paths = [tmp_path / vehicle / f"{vehicle}.csv" for vehicle in ("V1", "V2")]
+    for path in paths:
+        path.parent.mkdir()
+        path.touch()
+    (tmp_path / "cal.toml").touch()
+    tracked = track(paths, How(tmp_path / "cal.toml", 1e5), {})
+    assert "the recordings lie in 2 folders (V1, V2) and are taken for those of one" in tracked.wear.warnings[0]
+    assert not any("folders" in one for one in track(paths[:1], How(tmp_path / "cal.toml", 1e5), {}).wear.warnings)

@@ -1,0 +1,223 @@
+"""What a run keeps: whole after any end, for one run at a time, and only for what it is about."""
+
+import resource
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ExportError
+from clutchid.estimation.assess.half_load import HalfLoad
+from clutchid.fleets.reading import Read
+from clutchid.fleets.store import Kept, store
+from clutchid.wear.life import Curve
+from clutchid.wear.measurement import Measurement, Reading
+
+ABOUT = {"source": "/fleet", "verb": "fit"}
+
+
+def kept(name, vehicle="V1", status="ok"):
+    y = np.linspace(0.0, 0.02, 5)
+    read = Read(
+        Path(name),
+        Reading(status, "ü’s “sentence”", "good", Measurement(1e-4, 2e-5, 0.01, 0.005, float("nan"))),
+        "2026-01-02T03:04:05+00:00", "abc",
+        Curve(y, y * 1e5, y, y * np.pi), HalfLoad(1e-3, 9e-4, float("nan")), ("a", "b"),
+    )  # fmt: skip
+    return Kept(vehicle, name, "inputs", "12 34", read, 1.5)
+
+
+def test_a_result_comes_back_as_it_was(tmp_path):
+    with store(tmp_path / "out", ABOUT) as one:
+        one.put(kept("r2"))
+        one.put(kept("r1", "V2"))
+        one.put(kept("r1"))
+    with store(tmp_path / "out", ABOUT) as one:
+        found = list(one.results())
+        assert one.keys()["V1", "r2"] == ("inputs", "12 34", "abc", "ok")
+    assert [(k.vehicle, k.recording) for k in found] == [("V1", "r1"), ("V1", "r2"), ("V2", "r1")]
+    before, after = kept("r1").read, found[0].read
+    assert after.reading[:3] == before.reading[:3]
+    assert (after.clock, after.sha256, after.changes) == (before.clock, before.sha256, before.changes)
+    np.testing.assert_array_equal(after.reading.measurement, before.reading.measurement)
+    np.testing.assert_array_equal(after.half_load, before.half_load)
+    np.testing.assert_array_equal(after.curve, before.curve)
+
+
+def test_a_folder_of_something_else_is_refused_unchanged(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(ExportError, match="is not empty and has no run of a fleet"), store(tmp_path / "mine", ABOUT):
+        pass
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
+    with store(tmp_path / "out", ABOUT) as one:
+        one.put(kept("r1"))
+    with (
+        pytest.raises(ExportError, match="has a run whose verb is fit, not track; name another folder"),
+        store(tmp_path / "out", {**ABOUT, "verb": "track"}),
+    ):
+        pass
+
+
+def test_only_one_run_at_a_time_works_in_a_folder(tmp_path):
+    with (
+        store(tmp_path, ABOUT),
+        pytest.raises(ExportError, match="another run is going on in this folder"),
+        store(tmp_path, ABOUT),
+    ):
+        pass
+
+
+def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with store(tmp_path, ABOUT) as one:
+        one.put(kept("first"))
+
+    def fill(one):
+        for k in range(2000):
+            one.put(kept(f"r{k}"))
+            one.saved()
+
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+        with pytest.raises(ExportError, match="Make room on the disk"), store(tmp_path, ABOUT) as one:
+            fill(one)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with store(tmp_path, ABOUT) as one:
+        names = [k.recording for k in one.results()]
+        assert "first" in names
+        fill(one)
+    with store(tmp_path, ABOUT) as one:
+        assert len(list(one.results())) == 2001
+
+
+def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
+    (tmp_path / "text").mkdir()
+    (tmp_path / "text" / "run.sqlite").write_text("no database, but a text that is long enough to be told from one")
+    with pytest.raises(ExportError, match="is not the file of a run, or was damaged"), store(tmp_path / "text", ABOUT):
+        pass
+    (tmp_path / "other").mkdir()
+    with closing(sqlite3.connect(tmp_path / "other" / "run.sqlite")) as base:
+        base.execute("CREATE TABLE done (vehicle TEXT, name TEXT)")
+    with pytest.raises(ExportError, match="is not from this version of clutchid"), store(tmp_path / "other", ABOUT):
+        pass
+
+
+def test_a_run_that_has_done_nothing_may_become_another(tmp_path):
+    with store(tmp_path, ABOUT):
+        pass
+    with store(tmp_path, {**ABOUT, "verb": "track"}) as one:
+        one.put(kept("r1"))
+    with pytest.raises(ExportError, match="has a run whose verb is track, not fit"), store(tmp_path, ABOUT):
+        pass
+
+
+def filled(folder, count=60):
+    """The file of a run with results, and these by recording, as text."""
+    with store(folder, ABOUT) as one:
+        for k in range(count):
+            one.put(kept(f"r{k:02d}", f"V{k % 3}"))
+        found = {k.recording: repr(k) for k in one.results()}
+    return folder / "run.sqlite", found
+
+
+def resumed(folder, before):
+    """Recordings that are to be read again after a damage; all others are as they were, and then all are again."""
+    with store(folder, ABOUT) as one:
+        left = {k.recording: repr(k) for k in one.results()}
+        assert {name for _, name in one.keys()} == left.keys()  # noqa: SIM118
+        assert left.items() <= before.items()
+        lost = before.keys() - left.keys()
+        for name in lost:
+            one.put(kept(name, f"V{int(name[1:]) % 3}"))
+    with store(folder, ABOUT) as one:
+        assert {k.recording: repr(k) for k in one.results()} == before
+    return lost
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        "status = 'warning'", "message = ''", "sha256 = 'xyz'", "inputs = 'other'", "file = '12 35'", "seconds = 1",
+        "content = replace(content, '0.0001', '0.0002')", "content = '{}'", "content = 'no JSON'", "content = x'ff'",
+        "curve = NULL", "curve = x'00'", "checksum = ''", "recording = 'r99'",
+    ],
+)  # fmt: skip
+def test_a_row_that_was_spoiled_is_read_again(tmp_path, edit):
+    path, before = filled(tmp_path / "out", 3)
+    with closing(sqlite3.connect(path)) as base:
+        base.execute(f"UPDATE done SET {edit} WHERE recording = 'r01'")
+        base.commit()
+    assert resumed(tmp_path / "out", before) == {"r01"}
+
+
+def test_what_a_run_is_about_may_be_spoiled_too(tmp_path):
+    path, before = filled(tmp_path / "out", 3)
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("UPDATE about SET value = 'fjt' WHERE what = 'verb'")
+        base.commit()
+    assert not resumed(tmp_path / "out", before)
+
+
+@pytest.mark.slow
+def test_a_file_that_is_damaged_anywhere_gives_its_whole_rows_and_never_others(tmp_path):
+    path, before = filled(tmp_path / "out")
+    whole, page, rng = path.read_bytes(), 4096, np.random.default_rng(7)
+    assert len(whole) > 8 * page
+    lost = []
+    for k in range(30):
+        content = bytearray(whole)
+        at = int(rng.integers(page, len(whole)))
+        if k % 3 == 0:  # bytes
+            content[at : at + 1 + k] = rng.bytes(1 + k)
+        elif k % 3 == 1:  # a page that the disk lost
+            content[at // page * page : (at // page + 1) * page] = bytes(page)
+        else:  # a copy that was cut off
+            del content[at:]
+        path.write_bytes(content)
+        lost.append(len(resumed(tmp_path / "out", before)))
+    assert min(lost) == 0
+    assert sum(lost) < 0.8 * len(lost) * len(before), "most damages leave rows"
+
+
+@pytest.mark.slow
+def test_a_damage_of_the_first_page_is_a_sentence_or_is_mended(tmp_path):
+    path, before = filled(tmp_path / "out")
+    whole = path.read_bytes()
+    mended = 0
+    for at in range(0, 4096, 256):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x5A]) + whole[at + 1 :])
+        try:
+            resumed(tmp_path / "out", before)
+            mended += 1
+        except ExportError as error:
+            assert "name another folder" in str(error)  # noqa: PT017
+    assert mended > 8
+
+
+def test_a_store_of_an_earlier_version_is_gone_on_with(tmp_path):
+    path, before = filled(tmp_path / "out", 3)
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("ALTER TABLE done DROP COLUMN checksum")
+        base.execute("DELETE FROM about WHERE what = 'checksum'")
+        base.commit()
+    with pytest.raises(ExportError, match="whose verb is fit, not track"), store(path.parent, {"verb": "track"}):
+        pass
+    assert resumed(tmp_path / "out", before) == before.keys()
+
+
+def test_a_folder_that_cannot_be_made_or_written_is_a_sentence(tmp_path):
+    (tmp_path / "closed" / "run.sqlite").mkdir(parents=True)  # as good as a folder without permission, also for root
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "file").touch()
+    for out, said in (
+        (tmp_path / ("n" * 300), "the folder cannot be created .File name too long"),
+        (tmp_path / "file" / "out", "the folder cannot be created .Not a directory"),
+        (tmp_path / "loop", "the folder cannot be created"),
+        (tmp_path / "closed", "cannot be written .unable to open database file.; allow writing in it"),
+    ):
+        with pytest.raises(ExportError, match=f"^--out .*{said}"), store(out, ABOUT):
+            pass

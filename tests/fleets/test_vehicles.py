@@ -1,0 +1,71 @@
+"""The tables and pages of the vehicles of a fleet, whatever their names are."""
+
+import os
+
+import polars as pl
+import pytest
+
+from clutchid.fleets.jobs import Fleet, Job, fleet_of
+from clutchid.fleets.output import write_results
+from clutchid.fleets.reading import How, Read, read_recording
+from clutchid.fleets.store import Kept, store
+from clutchid.fleets.tracking import NO_LIMIT, track, write_tracked
+from clutchid.fleets.vehicles import vehicles_of, write_vehicles
+from clutchid.wear.measurement import Reading
+
+pytestmark = pytest.mark.slow
+
+
+def written(out, fleet, read):
+    """The files of a run in which every recording was read by a function; vehicles with their pages."""
+    with store(out, {}) as one:
+        for job in fleet.jobs:
+            one.put(Kept(job.vehicle, job.recording, "", "", read(job), 0.0))
+        write_results(fleet, one, out)
+        write_vehicles(vehicles_of(fleet, one, {"": NO_LIMIT}), "clutchid fleet", out, trends=True)
+    return pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list(), [
+        path.name for path in (out / "vehicles").iterdir()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "kept"),
+    [(("A0", "a0"), "A0.html"), (("n" * 300, "n" * 299 + "m"), ""), (("ü" * 200, "x/y", "x_y"), "x_y.html")],
+)
+def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, kept):
+    jobs = tuple(Job(vehicle, "r", "", tmp_path / "r.parquet", tmp_path) for vehicle in sorted(vehicles))
+
+    def read(job):
+        return Read(job.path, Reading("bad_input", "its sentence.", "none", None))
+
+    rows, pages = written(tmp_path / "out", Fleet(tmp_path, jobs, {}), read)
+    assert sorted(rows) == sorted(vehicles)
+    pages.remove("made.json")
+    assert len({page.casefold() for page in pages}) == len(vehicles)
+    assert max(len(page.encode()) for page in pages) < 200
+    assert not kept or kept in pages
+
+
+def test_a_file_whose_name_is_no_text_is_a_row_and_the_others_go_on(tmp_path):
+    vehicle = tmp_path / "fleet" / "V1"
+    vehicle.mkdir(parents=True)
+    spoiled = vehicle / os.fsdecode(b"\xff\xfe.parquet")
+    for path in (spoiled, vehicle / "other.parquet"):
+        path.write_text("no table")
+    start = tmp_path / "cal.toml"
+    start.touch()
+    fleet = fleet_of(tmp_path / "fleet", start)
+    spoiled.unlink()  # so that the sentence names the file
+    rows, _ = written(tmp_path / "out", fleet, lambda job: read_recording(How(start, 1e5), job.path))
+    assert rows == ["V1"]
+    results = pl.read_parquet(tmp_path / "out" / "results.parquet")
+    assert results["recording"].to_list() == [r"\xff\xfe", "other"]
+    assert r"\xff\xfe.parquet: there is no such file" in results["message"][0]
+
+
+def test_track_takes_a_file_whose_name_is_no_text(tmp_path):
+    path = tmp_path / os.fsdecode(b"\xff\xfe.parquet")
+    path.write_text("no table")
+    (tmp_path / "cal.toml").touch()
+    write_tracked(track([path], How(tmp_path / "cal.toml", 1e5), {}), tmp_path / "wear.parquet")
+    assert pl.read_parquet(tmp_path / "wear.parquet")["recording"].to_list() == [r"\xff\xfe"]

@@ -1,0 +1,106 @@
+"""Least squares on the balance of forces, on recordings that the model itself made."""
+
+import numpy as np
+import pytest
+
+from clutchid import Actuator, Load, Parameters
+from clutchid.codegen.kernels import kernels_in
+from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.inference.filter.rules import FORCE, balance_rule, smoothing
+from clutchid.simulation.noise import Noise
+
+SECONDS = 3.0
+
+
+def grown(actuator):
+    """The load is a tenth larger."""
+    return actuator.replace({name: 1.1 * actuator.value(name) for name in actuator.load.names})
+
+
+@pytest.fixture(scope="module")
+def worn(plant):
+    return grown(plant)
+
+
+@pytest.fixture(scope="module")
+def problem(plant, worn, recorded_by, problem_of):
+    return problem_of(recorded_by(worn, SECONDS), plant, plant.load.names, ("position",))
+
+
+@pytest.fixture(scope="module")
+def linear_problem(recorded_by, problem_of):
+    """Of the isothermal model, whose friction does not depend on the load: the balance is linear in the weights."""
+    actuator = Actuator(Parameters(), Load.on_b_splines(Load((9.0e5, -0.3e5, 0.6e5))), "isothermal")
+    return problem_of(recorded_by(grown(actuator), SECONDS), actuator, actuator.load.names, ("position",))
+
+
+def of(problem):
+    """The filter of a problem."""
+    rule = balance_rule(problem.actuator, len(problem.coordinates), 1e-3)
+    return joint_filter(
+        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), JointSettings(), rule=rule
+    )
+
+
+def followed(joint, problem, theta, T):
+    """The pass over the whole recording from theta and T."""
+    track = problem.tracks[0]
+    state = init(joint, track.segment, np.array(theta), np.array(T))
+    return follow(joint, state, inputs(joint, track), (0, len(track.segment)))
+
+
+@pytest.fixture(scope="module")
+def batch(linear_problem):
+    """Balance of each window in N at the prior's mean, its derivatives, a root of the prior, and least squares."""
+    joint, k = of(linear_problem), len(linear_problem.coordinates)
+
+    def residuals(theta):
+        errors = followed(joint, linear_problem, theta, np.zeros((k, k))).errors[:, 0, 0]
+        return errors[np.isfinite(errors)]
+
+    at_prior = residuals(np.zeros(k))
+    H = np.column_stack([at_prior - residuals(unit) for unit in np.eye(k)])
+    T = np.tril(np.random.default_rng(2).uniform(-0.1, 0.1, (k, k))) + np.eye(k)
+    rows, rest = np.vstack([H / FORCE, np.linalg.inv(T)]), np.append(at_prior / FORCE, np.zeros(k))
+    return at_prior, H, T, np.linalg.lstsq(rows, rest, rcond=None)[0]
+
+
+def test_recursive_least_squares_are_batch_least_squares_with_the_prior(batch, linear_problem):
+    at_prior, H, T, expected = batch
+    joint, k = of(linear_problem), len(linear_problem.coordinates)
+    correct = kernels_in("clutchid.inference.filter.balance").correct_balance
+    state = init(joint, linear_problem.tracks[0].segment, np.zeros(k), T)
+    scratch = None, np.empty(0), np.empty(k), np.empty(k), np.empty((k, k))
+    for e, h in zip(at_prior, H, strict=True):
+        equation = float(e - h @ state.theta), FORCE, 1e9
+        correct(tuple(state), equation, h, joint.free, np.ones(k), scratch)
+    assert state.theta == pytest.approx(expected, abs=1e-9)
+    covariance = np.linalg.inv(H.T @ H / FORCE**2 + np.linalg.inv(T @ T.T))
+    assert pytest.approx(covariance, abs=1e-9) == state.T @ state.T.T
+
+
+def test_the_load_of_a_whole_recording_is_that_of_batch_least_squares(batch, linear_problem):
+    """But for the curvature of the basis within an interval: it is evaluated in the middle (rule of the mid-point)."""
+    _, _, T, expected = batch
+    found = followed(of(linear_problem), linear_problem, np.zeros_like(expected), T)
+    interval = np.abs(np.diff(linear_problem.tracks[0].measured["position"])).max()
+    knots = np.diff(linear_problem.actuator.load.knots).min()
+    assert found.state.theta == pytest.approx(expected, abs=(interval / knots) ** 2 / 24 * np.abs(expected).max())
+
+
+def test_a_load_that_has_grown_is_found(problem, plant, worn):
+    joint, k = of(problem), len(problem.coordinates)
+    found = followed(joint, problem, np.zeros(k), np.eye(k))
+    y = np.linspace(2e-3, 9e-3, 20)
+    before, after = (
+        np.abs(actuator.load.force(y) - worn.load.force(y)) for actuator in (plant, joint.actuator(found.state.theta))
+    )
+    assert np.median(after) < 0.2 * np.median(before)
+
+
+@pytest.mark.parametrize("at", [-10.0, -2.5, 0.0, 1.0])
+def test_smoothing_keeps_a_parabola(at):
+    t = np.arange(-20.0, 1.0)
+    position, velocity = smoothing(21, at) @ (3.0 - 0.2 * t + 0.05 * t**2)
+    assert position == pytest.approx(3.0 - 0.2 * at + 0.05 * at**2, abs=1e-9)
+    assert velocity == pytest.approx(-0.2 + 0.1 * at, abs=1e-9)

@@ -1,0 +1,248 @@
+"""The joint recursion on a linear model, against the textbook filter of the augmented state and batch least squares."""
+
+import math
+
+import numpy as np
+import pytest
+from numba import njit, types
+from numba.core.runtime import _nrt_python, rtsys
+
+from clutchid.codegen.callback import Callback
+from clutchid.codegen.kernels import kernels_in
+from clutchid.inference.filter.setup import scratch
+from clutchid.simulation.sensors import lag_coefficients
+from clutchid.simulation.stiffness import AS_PLANNED
+
+#: States of the model and with the outputs of two sensors; parameters: two in the model, and the offset of a sensor.
+N, SIZE, K, SAMPLES = 3, 5, 3, 40
+A = np.array([[1.0, 0.1, 0.0], [-0.2, 0.9, 0.05], [0.0, 0.1, 0.8]])
+B = np.array([0.0, 0.5, 1.0])
+D = np.array([[0.0, 0.3, 0.1], [0.2, 0.0, -0.1]])
+SENSORS = np.array([[3, 0, -1, -1], [4, 2, -1, 2]])
+MEAN, WIDTH = np.array([0.4, -0.2, 0.1]), np.array([0.5, 0.3, 0.2])
+TAU, OFFSETS, SIGMA = np.array([5e-4, 2e-4]), np.array([0.05, 0.0]), np.array([0.3, 0.2])
+NEVER = 1e9
+
+
+def linear_step(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, row, column, work):
+    for j in range(S.shape[1]):
+        for i in range(3):
+            work[i] = A[i, 0] * S[0, j] + A[i, 1] * S[1, j] + A[i, 2] * S[2, j]
+        for i in range(3):
+            S[i, j] = work[i]
+    for i in range(3):
+        work[i] = A[i, 0] * x[0] + A[i, 1] * x[1] + A[i, 2] * x[2] + B[i] * u[0] + D[0, i] * p[0] + D[1, i] * p[1]
+        S[i, 0] += D[0, i]
+        S[i, 1] += D[1, i]
+    for i in range(3):
+        x[i] = work[i]
+    return bool(abs(x[0]) < 1e6)
+
+
+def nothing(p, slots, work):
+    work[0] = 0.0
+
+
+@pytest.fixture(scope="module")
+def kernels():
+    return kernels_in("clutchid.inference.filter.joint")
+
+
+@pytest.fixture(scope="module")
+def calls():
+    """The linear model with the types of the generated functions."""
+    x, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
+    fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
+    places = types.Array(types.int64, 1, "C")
+    step = Callback(
+        njit(linear_step),
+        (x, matrix, fixed, fixed, types.float64, types.int64, fixed, load, basis, *[places] * 5, x),
+    )
+    return step, Callback(njit(nothing), (x, places, x))
+
+
+def recording():
+    """Inputs, values with one missing, and process noise."""
+    random = np.random.default_rng(5)
+    values = random.standard_normal((SAMPLES, 2))
+    values[7, 1] = np.nan
+    return random.standard_normal((SAMPLES, 1)), values, 0.1 * random.random((SAMPLES - 1, N))
+
+
+def drawn():
+    """x, [D | L], theta and T before the first sample."""
+    random = np.random.default_rng(6)
+    T = np.tril(0.2 * random.standard_normal((K, K))) + np.eye(K)
+    return (
+        random.standard_normal(SIZE),
+        random.standard_normal((SIZE, K + SIZE)),
+        0.1 * random.standard_normal(K),
+        T,
+        np.zeros(SIZE),
+        np.zeros(1, np.int64),
+    )
+
+
+def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
+    u, values, sigma = recording()
+    dt = np.full(SAMPLES - 1, 1e-3)
+    lags = np.stack([lag_coefficients(tau, dt) for tau in TAU], axis=1)
+    places = np.array([[-1, 0, -1, -1], [-1, 1, -1, -1], [-1, 2, -1, 1]])
+    numbers = np.column_stack([MEAN, WIDTH, *np.array([[0.0, -np.inf, np.inf, -50.0, 50.0]] * K).T])
+    breakpoints, basis, none = np.zeros(1), np.zeros((1, 2, 4)), np.zeros(0, np.int64)
+    for table in (breakpoints, basis):
+        table.flags.writeable = False
+    model = np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N)
+    derived = np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K)
+    room = scratch(SIZE, N, K + SIZE, 2), np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K, 2 * K))
+    output = np.empty((span[1] - span[0], 2, 2)), np.empty((span[1] - span[0], N)), np.empty((span[1] - span[0], N))
+    intervals = u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags
+    settings, drifts = (every, NEVER, -1.0, (1, 0)), math.sqrt(drift) * np.eye(K)
+    free = numbers, places, np.zeros((1, 2), np.int64)
+    return (
+        model,
+        free,
+        derived,
+        intervals,
+        SENSORS,
+        values,
+        settings,
+        drifts,
+        AS_PLANNED,
+        output,
+        room,
+        (*span, 0),
+    ), output
+
+
+def textbook(every, noise=1.0):
+    """Mean and covariance of (x, parameters in SI) by a Kalman filter that forms covariances."""
+    u, values, sigma = recording()
+    x, S, theta, T, _, _ = drawn()
+    root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
+    z, P = np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
+    a, b, c = np.stack([lag_coefficients(tau, np.array([1e-3]))[0, :3] for tau in TAU]).T
+    F, G, g = np.eye(SIZE + K), np.zeros((SIZE + K, N)), np.zeros(SIZE + K)
+    F[:N, :N], F[:N, SIZE : SIZE + 2], G[:N], g[:N] = A, D.T, np.eye(N), B
+    for m, (output, state, _, _) in enumerate(SENSORS):
+        F[output] = c[m] * F[state]
+        F[output, output], F[output, state] = a[m], F[output, state] + b[m]
+        G[output], g[output] = c[m] * G[state], c[m] * g[state]
+    waiting = np.zeros(N)
+    for i in range(SAMPLES):
+        if i > 0:
+            z, P = F @ z + g * u[i - 1], F @ P @ F.T
+            waiting += (noise * sigma[i - 1]) ** 2
+        if i % every == 0:
+            P, waiting = P + G @ np.diag(waiting) @ G.T, np.zeros(N)
+            for m, (output, _, _, offset) in enumerate(SENSORS):
+                if np.isnan(values[i, m]):
+                    continue
+                h = np.eye(SIZE + K)[output]
+                if offset >= 0:
+                    h[SIZE + offset] = 1.0
+                gain = P @ h / (h @ P @ h + SIGMA[m] ** 2)
+                z = z + gain * (values[i, m] - h @ z - (0.0 if offset >= 0 else OFFSETS[m]))
+                P = P - np.outer(gain, h @ P)
+    return z, P
+
+
+def joint_moments(state):
+    x, S, theta, T, _, _ = state
+    root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
+    return np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
+
+
+def followed(kernels, calls, *args, **known):
+    state = drawn()
+    given, output = arguments(*args, **known)
+    assert kernels.follow_jointly(*calls, state, *given) == -1
+    return state, output
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_on_a_linear_model_it_is_the_kalman_filter_of_the_augmented_state(kernels, calls, every):
+    state, _ = followed(kernels, calls, every)
+    z, P = textbook(every)
+    mean, covariance = joint_moments(state)
+    assert mean == pytest.approx(z, abs=1e-9)
+    assert covariance == pytest.approx(P, abs=1e-9)
+
+
+def test_deviations_are_those_of_the_covariance_and_there_are_none_between_corrections(kernels, calls):
+    state, (_, _, deviations) = followed(kernels, calls, SAMPLES - 1)
+    _, P = textbook(SAMPLES - 1)
+    assert deviations[-1] == pytest.approx(np.sqrt(np.diag(joint_moments(state)[1])[:N]), abs=1e-12)
+    assert deviations[-1] == pytest.approx(np.sqrt(np.diag(P)[:N]), abs=1e-9)
+    assert np.isfinite(deviations).all(axis=1).nonzero()[0].tolist() == [0, SAMPLES - 1]
+
+
+def test_without_process_noise_it_is_batch_least_squares(kernels, calls):
+    state, _ = followed(kernels, calls, 1, noise=0.0)
+    u, values, _ = recording()
+    x, S, theta, T, _, _ = drawn()
+    root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
+    z = np.concatenate([x, MEAN + WIDTH * theta])
+    a, b, c = np.stack([lag_coefficients(tau, np.array([1e-3]))[0, :3] for tau in TAU]).T
+    moved, by_start = z.copy(), np.eye(SIZE + K)  # of the start
+    rows, rest = [np.linalg.inv(root)], [np.zeros(SIZE + K)]
+    for i in range(SAMPLES):
+        if i > 0:
+            F, g = np.eye(SIZE + K), np.zeros(SIZE + K)
+            F[:N, :N], F[:N, SIZE : SIZE + 2], g[:N] = A, D.T, B
+            for m, (output, at, _, _) in enumerate(SENSORS):
+                F[output] = c[m] * F[at]
+                F[output, output], F[output, at], g[output] = a[m], F[output, at] + b[m], c[m] * g[at]
+            moved, by_start = F @ moved + g * u[i - 1], F @ by_start
+        for m, (output, _, _, offset) in enumerate(SENSORS):
+            if not np.isnan(values[i, m]):
+                h = np.eye(SIZE + K)[output] + (np.eye(SIZE + K)[SIZE + offset] if offset >= 0 else 0.0)
+                rows.append((h @ by_start / SIGMA[m])[None])
+                rest.append([(values[i, m] - h @ moved - (0.0 if offset >= 0 else OFFSETS[m])) / SIGMA[m]])
+    start = np.linalg.lstsq(np.vstack(rows), np.concatenate(rest), rcond=None)[0]
+    mean, _ = joint_moments(state)
+    assert mean[SIZE:] == pytest.approx((z + start)[SIZE:], abs=1e-9)
+
+
+def test_drift_adds_its_covariance_to_that_of_the_parameters(kernels):
+    T = drawn()[3]
+    root = 0.2 * T
+    before = T @ T.T
+    kernels.drift(T, root, np.empty((K, 2 * K)))
+    assert pytest.approx(1.04 * before, abs=1e-12) == T @ T.T
+    assert np.array_equal(T, np.tril(T))
+
+
+def test_the_covariance_grows_by_its_drift_at_the_end_of_each_stroke_and_nowhere_else(kernels):
+    stroke, ends = np.zeros(1, np.int64), []
+    for i, position in enumerate([0.0, 1.9e-3, 2.1e-3, 1.6e-3, 2.2e-3, 1.4e-3, 0.0, 8e-3, 0.0]):
+        if kernels.stroke_ends(stroke, position):
+            ends.append(i)
+    assert ends == [5, 8]
+
+
+def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):
+    given, _ = arguments(1)
+    given[1][0][:, 5:] = -0.05, 0.05
+    state = drawn()
+    state[2][:] = 0.0
+    kernels.follow_jointly(*calls, state, *given)
+    assert np.abs(state[2]).max() == 0.05
+    assert np.isfinite(state[0]).all()
+
+
+def test_a_sample_allocates_nothing(kernels, calls):
+    counts = []
+    _nrt_python.memsys_enable_stats()
+    try:
+        for last in (4, SAMPLES):
+            given, _ = arguments(1, span=(0, last), drift=1e-5)
+            kernels.follow_jointly(*calls, drawn(), *given)
+            state = drawn()
+            before = rtsys.get_allocation_stats()
+            kernels.follow_jointly(*calls, state, *given)
+            after = rtsys.get_allocation_stats()
+            counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
+    finally:
+        _nrt_python.memsys_disable_stats()
+    assert counts[0] == counts[1]

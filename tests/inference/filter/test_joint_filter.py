@@ -1,0 +1,170 @@
+"""The joint filter on recordings that the model itself made."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.inference.filter.joint_filter import (
+    Diverged,
+    JointSettings,
+    JointState,
+    correct,
+    covariance,
+    follow,
+    init,
+    inputs,
+    joint_filter,
+    predict,
+)
+from clutchid.numerics.failure import Failure
+from clutchid.simulation.noise import Noise
+
+NAMES = ("F_C", "V_0A", "tau_y")
+SECONDS = 3.0
+
+
+@pytest.fixture(scope="module")
+def worn(plant):
+    """The actuator of the recording: the load is a tenth larger than what the filter starts from."""
+    return plant.replace({name: 1.1 * plant.value(name) for name in plant.load.names})
+
+
+@pytest.fixture(scope="module")
+def problem(plant, worn, recorded_by, problem_of):
+    return problem_of(recorded_by(worn, SECONDS), plant, (*plant.load.names, *NAMES), ("position",))
+
+
+def made(problem, settings=None, drift=0.0):
+    """Filter, first state, and inputs; the parameters drift by `drift` prior standard deviations a stroke."""
+    k, track = len(problem.coordinates), problem.tracks[0]
+    joint = joint_filter(
+        problem.actuator, problem.coordinates, problem.bounds(), ("position",), Noise(), settings or JointSettings(),
+        drift * np.eye(k) if drift else None,
+    )  # fmt: skip
+    return joint, init(joint, track.segment, np.zeros(k), np.eye(k)), inputs(joint, track)
+
+
+def whole(problem, settings=None, drift=0.0):
+    joint, state, given = made(problem, settings, drift)
+    return joint, state, given, follow(joint, state, given, (0, len(problem.tracks[0].segment)))
+
+
+def same(one, other):
+    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+def test_a_load_that_has_grown_is_found_in_one_pass(problem, plant, worn):
+    joint, _, _, found = whole(problem)
+    y = np.linspace(2e-3, 9e-3, 20)
+    truth = worn.load.force(y)
+    before = np.abs(plant.load.force(y) - truth)
+    after = np.abs(joint.actuator(found.state.theta).load.force(y) - truth)
+    assert np.median(after) < 0.2 * np.median(before)
+
+
+def test_a_segment_that_cannot_be_followed_is_a_failure_with_its_sample(problem):
+    joint, state, given, _ = whole(problem)
+    length = given.intervals[1].copy()
+    length[500] = np.nan
+    broken = given._replace(intervals=(given.intervals[0], length, *given.intervals[2:]))
+    found = follow(joint, state, broken, (0, 1000))
+    assert (type(found), found.sample) == (Diverged, 501)
+    assert not isinstance(follow(joint, state, broken, (0, 501)), Failure)
+
+
+@pytest.mark.parametrize("cut", [1, 995, 1003])
+def test_a_run_that_is_cut_written_and_resumed_is_the_same_bit_by_bit(problem, cut):
+    joint, state, given, found = whole(problem, drift=1e-3)
+    first = follow(joint, state, given, (0, cut))
+    file = io.BytesIO()
+    np.savez(file, **first.state._asdict())
+    file.seek(0)
+    read = JointState(**np.load(file))
+    second = follow(joint, read, given, (cut, len(problem.tracks[0].segment)))
+    assert same(second.state, found.state)
+    for name in ("errors", "deviations"):
+        both = np.concatenate([getattr(first, name), getattr(second, name)])
+        assert np.array_equal(both, getattr(found, name), equal_nan=True)
+
+
+def test_sample_by_sample_is_the_same_as_a_block_bit_by_bit(problem):
+    joint, state, given = made(problem)
+    count = 300
+    block = follow(joint, state, given, (0, count))
+    for i in range(count):
+        if i > 0:
+            state = predict(joint, state, tuple(array[i - 1 : i] for array in given.intervals))
+        if i % joint.settings.every == 0:
+            state, errors = correct(joint, state, given.values[i])
+            assert np.array_equal(errors, block.errors[i], equal_nan=True)
+    assert same(state, block.state)
+
+
+def test_a_pass_leaves_the_state_that_it_started_from_as_it_was(problem):
+    joint, state, given = made(problem)
+    kept = state.copy()
+    follow(joint, state, given, (0, 200))
+    predict(joint, state, tuple(array[:1] for array in given.intervals))
+    correct(joint, state, given.values[0])
+    assert same(kept, state)
+
+
+def test_missing_measurements_leave_everything_finite(problem):
+    track = problem.tracks[0]
+    torn = track.measured["position"].copy()
+    torn[400:1400] = np.nan
+    torn[2000] = np.inf
+    holes = replace(track, measured=track.measured.with_columns(position=torn))
+    joint, state, _ = made(problem)
+    found = follow(joint, state, inputs(joint, holes), (0, len(track.segment)))
+    assert all(np.isfinite(array).all() for array in found.state)
+    assert np.isnan(found.errors[400:1400]).all()
+
+
+def test_the_covariance_stays_positive_and_the_parameters_gain_information(problem):
+    joint, state, _, found = whole(problem, JointSettings(every=1), drift=1e-3)
+    k = len(problem.coordinates)
+    before, after = (covariance(joint, s) for s in (state, found.state))
+    scale = np.sqrt(np.diag(after))
+    eigenvalues = np.linalg.eigvalsh(after / np.outer(scale, scale))
+    assert eigenvalues.min() > -1e-12
+    assert (np.diag(after)[-k:] < 1.001 * np.diag(before)[-k:]).all()
+    assert np.linalg.slogdet(after[-k:, -k:])[1] < np.linalg.slogdet(before[-k:, -k:])[1] - 10.0
+
+
+def test_parameters_do_not_adapt_while_the_piston_is_slow(problem):
+    _, state, _, found = whole(problem, JointSettings(least_speed=10.0))
+    assert np.array_equal(found.state.theta, state.theta)
+    assert np.array_equal(found.state.T, state.T)
+
+
+def test_a_pass_that_leaves_the_finite_numbers_is_a_failure(problem):
+    joint, state, given = made(problem)
+    u, length, *others = given.intervals
+    broken = length.copy()
+    broken[700] = np.nan
+    found = follow(joint, state, given._replace(intervals=(u, broken, *others)), (0, 1000))
+    assert isinstance(found, Failure)
+    assert "sample 701" in found.message
+
+
+def test_innovations_of_the_models_own_data_are_white_and_have_the_variance_that_is_predicted(
+    plant, recorded_by, problem_of
+):
+    problem = problem_of(recorded_by(plant, 6.0), plant, (*plant.load.names, *NAMES), ("position",))
+    exact = Noise(states=dict.fromkeys(plant.states, 0.0), flow=0.0)
+    k, track = len(problem.coordinates), problem.tracks[0]
+    joint = joint_filter(
+        plant, problem.coordinates, problem.bounds(), ("position",), exact, JointSettings(every=1, least_speed=0.0)
+    )
+    found = follow(
+        joint, init(joint, track.segment, np.zeros(k), 0.1 * np.eye(k)), inputs(joint, track), (0, len(track.segment))
+    )
+    innovations, variances = found.errors[:, 0].T
+    z = innovations / np.sqrt(variances)
+    n = z.size
+    # chi-squared with n degrees of freedom less those of the prior, and a correlation of 0: four standard deviations
+    assert -k - 4.0 * np.sqrt(2.0 * n) < z @ z - n < 4.0 * np.sqrt(2.0 * n)
+    assert abs(z[1:] @ z[:-1] / n) < 4.0 / np.sqrt(n)

@@ -1,0 +1,219 @@
+"""`predict` and `correct` against the textbook, which forms covariances and inverts them."""
+
+import numpy as np
+import pytest
+from numba import njit, types
+from numba.core.runtime import _nrt_python, rtsys
+
+from clutchid.codegen.callback import Callback
+from clutchid.codegen.kernels import kernels_in
+from clutchid.inference.filter.setup import FilterState, scratch
+from clutchid.simulation.sensors import lag_coefficients
+
+#: States of the model, and with two outputs of sensors; free parameters.
+N, SIZE, K = 3, 5, 3
+#: The outputs stand last, of states 0 and 2; the lag of the first sensor and the offset of the second are parameters.
+SENSORS = np.array([[3, 0, 0, -1], [4, 2, -1, 2]])
+#: Far from every innovation: none counts as an outlier.
+NEVER = 1e9
+#: A linear model: x+ = A x + B u + D theta, with its parameter in column 1.
+A = np.array([[1.0, 0.1, 0.0], [-0.2, 0.9, 0.05], [0.0, 0.1, 0.8]])
+B, D = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.3, 0.0])
+
+
+def linear_step(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, row, column, work):
+    for _ in range(substeps):
+        for j in range(S.shape[1]):
+            for i in range(3):
+                work[i] = A[i, 0] * S[0, j] + A[i, 1] * S[1, j] + A[i, 2] * S[2, j]
+            for i in range(3):
+                S[i, j] = work[i]
+        for i in range(3):
+            work[i] = A[i, 0] * x[0] + A[i, 1] * x[1] + A[i, 2] * x[2] + B[i] * u[0] + D[i] * p[0]
+            S[i, 1] += D[i]
+        for i in range(3):
+            x[i] = work[i]
+    return bool(abs(x[0]) < 1e6)
+
+
+@pytest.fixture(scope="module")
+def kernels():
+    return kernels_in("clutchid.inference.filter.recursion")
+
+
+@pytest.fixture(scope="module")
+def compiled_step():
+    """The linear model with the type of a generated step."""
+    x, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
+    fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
+    places = [types.Array(types.int64, 1, "C")] * 5
+    arguments = (x, matrix, fixed, fixed, types.float64, types.int64, fixed, load, basis, *places, x)
+    return Callback(njit(linear_step), arguments)
+
+
+def model_arrays():
+    breakpoints, basis, places = np.zeros(1), np.zeros((1, 2, 4)), [np.zeros(0, dtype=np.int64)] * 5
+    for table in (breakpoints, basis):  # as those of an actuator, so that nothing is compiled for these tests alone
+        table.flags.writeable = False
+    return np.array([0.7]), breakpoints, np.zeros((2, 4)), basis, *places, np.zeros(N)
+
+
+def drawn_state(given=False):
+    rng = np.random.default_rng(1)
+    return FilterState(rng.standard_normal(SIZE), rng.standard_normal((SIZE, K if given else K + SIZE)))
+
+
+def pass_over(samples, given=False):
+    """Arguments of `follow` but for the step, and arrays that it changes, for some samples."""
+    rng, state, dt = np.random.default_rng(2), drawn_state(given), np.full(samples - 1, 1e-3)
+    lags = np.stack([lag_coefficients(tau, dt) for tau in (5e-4, 2e-4)], axis=1)
+    u, sigma = rng.standard_normal((samples, 1)), np.full((samples - 1, N), 0.1)
+    values = rng.standard_normal((samples, 2))
+    values[1, 0] = np.nan
+    gains = 0.1 * rng.standard_normal((samples, 2, SIZE + 1)) ** 2
+    output = (
+        np.empty((samples, 2, K + 1)), np.empty((samples, 2, 2)), np.empty((samples, N)), np.empty((samples, K + 1))
+    )  # fmt: skip
+    arguments = (
+        tuple(state), model_arrays(), (u, dt, np.ones(samples - 1, np.int32), sigma, lags), SENSORS,
+        (values, np.array([[0.1, 0.6], [0.3, 0.7]]), 1.0), gains, output,
+        scratch(SIZE, N, state.S.shape[1], 2, given), (0, samples, 2),
+    )  # fmt: skip
+    return arguments, [*state, gains, *output]
+
+
+def test_a_triangle_has_the_same_covariance_as_the_wide_matrix(kernels):
+    random = np.random.default_rng(0)
+    W = np.hstack([random.standard_normal((SIZE, SIZE)), np.tril(random.standard_normal((SIZE, N)))])
+    before = W @ W.T
+    kernels.triangularise(W)
+    assert np.array_equal(W, np.tril(W))
+    assert pytest.approx(before, abs=1e-14 * np.abs(before).max() * SIZE**2) == W @ W.T
+
+
+def test_a_row_of_zeros_is_no_trouble_to_a_triangle(kernels):
+    W = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 2.0, 0.0]])
+    kernels.triangularise(W)
+    assert np.array_equal(W[0], np.zeros(4))
+    assert pytest.approx(np.array([[0.0, 0.0], [0.0, 9.0]]), rel=1e-14) == W @ W.T
+
+
+def test_a_prediction_moves_state_derivatives_and_covariance_as_the_textbook_says(kernels, compiled_step):
+    state, lags = drawn_state(), np.concatenate([lag_coefficients(tau, np.array([1e-3])) for tau in (5e-4, 2e-3)])
+    x, S, u, sigma = *state.copy(), np.array([0.4]), np.array([0.1, 0.2, 0.3])
+    arrays = scratch(SIZE, N, K + SIZE, 2)
+    kernels.predict(compiled_step, x, S, model_arrays(), (u, 1e-3, 1, sigma, lags), SENSORS, arrays)
+    F, G, forced = np.zeros((SIZE, SIZE)), np.zeros((SIZE, N)), np.zeros(SIZE)
+    F[:N, :N], G[:N], forced[:N] = A, np.eye(N), B * u[0] + D * 0.7
+    by_parameter = np.zeros((SIZE, K))
+    by_parameter[:N, 1] = D
+    for m, (output, measured, _, _) in enumerate(SENSORS):
+        a, b, c = lags[m, :3]
+        F[output, :N], F[output, output] = c * A[measured], a
+        F[output, measured] += b
+        G[output, measured], forced[output] = c, c * forced[measured]
+        by_parameter[output, 1] = c * D[measured]
+    new = F @ state.x + forced
+    by_parameter[3, 0] = lags[0, 3:] @ [state.x[3], state.x[0], new[0]]
+    L = state.S[:, K:]
+    assert x == pytest.approx(new)
+    assert S[:, :K] == pytest.approx(F @ state.S[:, :K] + by_parameter)
+    assert S[:, K:] @ S[:, K:].T == pytest.approx(F @ L @ L.T @ F.T + G @ np.diag(sigma**2) @ G.T)
+
+
+def corrected(kernels, value, sigma, outlier, sensor=1):
+    """State, derivatives, covariance and gain after one measurement."""
+    state, gain = drawn_state().copy(), np.zeros(SIZE + 1)
+    measurement = (value, 0.3, sigma, outlier)
+    e = kernels.correct(*state, SENSORS[sensor], measurement, False, np.empty(K + SIZE), gain)
+    L = state.S[:, K:]
+    return state.x, state.S[:, :K], L @ L.T, gain, e
+
+
+def test_a_measurement_moves_state_derivatives_and_covariance_as_the_textbook_says(kernels):
+    (x, S), c, sigma = drawn_state(), np.eye(SIZE)[4], 0.5
+    P, dx = S[:, K:] @ S[:, K:].T, S[:, :K]
+    s = c @ P @ c + sigma**2
+    gain, e = P @ c / s, 1.7 - (x[4] + 0.3)
+    new_x, new_dx, new_P, found, innovation = corrected(kernels, 1.7, sigma, NEVER)
+    assert innovation == pytest.approx(e)
+    assert found == pytest.approx([*gain, s])
+    assert new_x == pytest.approx(x + gain * e)
+    # the offset of this sensor is the last free parameter
+    assert new_dx == pytest.approx(dx - np.outer(gain, c @ dx + np.eye(K)[2]))
+    assert new_P == pytest.approx((np.eye(SIZE) - np.outer(gain, c)) @ P)
+
+
+def test_an_outlier_moves_the_state_as_a_sensor_would_whose_error_lies_at_the_bound(kernels):
+    (x, S), c, sigma, outlier = drawn_state(), np.eye(SIZE)[4], 0.5, 3.0
+    P = S[:, K:] @ S[:, K:].T
+    s = c @ P @ c + sigma**2
+    value = x[4] + 0.3 + 5 * outlier * np.sqrt(s)
+    new_x, _, new_P, found, e = corrected(kernels, value, sigma, outlier)
+    assert new_x == pytest.approx(x + P @ c / (5 * s) * e)
+    assert found[-1] == pytest.approx(s), "the innovation is judged by the predicted variance"
+    worse = np.sqrt(5 * s - c @ P @ c)
+    assert new_P == pytest.approx(corrected(kernels, value, worse, NEVER)[2])
+
+
+def test_a_given_gain_moves_state_and_derivatives_alone(kernels):
+    state, gain = drawn_state(given=True), np.arange(1.0, SIZE + 2.0)
+    x, S = state.copy()
+    e = kernels.correct(x, S, SENSORS[0], (0.4, 0.1, 0.6, NEVER), True, np.empty(K), gain)
+    assert e == pytest.approx(0.3 - state.x[3])
+    assert x == pytest.approx(state.x + gain[:SIZE] * e)
+    assert pytest.approx(state.S - np.outer(gain[:SIZE], state.S[3])) == S
+
+
+def test_a_copy_of_the_state_rewinds_the_filter(kernels, compiled_step):
+    (state, *others), _ = pass_over(4)
+    kept = FilterState(*state).copy()
+    first = FilterState(*state)
+    kernels.follow(compiled_step, tuple(first), *others)
+    ended = first.copy()
+    assert np.abs(ended.x - kept.x).max() > 0.1
+    kernels.follow(compiled_step, tuple(kept), *others)
+    assert np.array_equal(kept.x, ended.x)
+    assert np.array_equal(kept.S, ended.S)
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_the_compiled_recursion_does_what_its_python_text_says(kernels, compiled_step, given):
+    results = []
+    for follow in (kernels.follow, kernels.follow.py_func):
+        arguments, changed = pass_over(6, given)
+        assert follow(compiled_step, *arguments) == -1
+        results.append(changed)
+    for compiled, plain in zip(*results, strict=True):
+        # six samples of sums of some ten terms of order one
+        assert compiled == pytest.approx(plain, rel=1e-11, abs=1e-11, nan_ok=True)
+
+
+def test_a_missing_measurement_has_a_row_of_zeros_and_no_innovation(kernels, compiled_step):
+    arguments, (_, _, _, rows, errors, *_) = pass_over(3)
+    kernels.follow(compiled_step, *arguments)
+    assert np.isnan(errors[1, 0]).all()
+    assert np.array_equal(rows[1, 0], np.zeros(K + 1))
+    assert np.isfinite(np.delete(errors.reshape(6, 2), 2, axis=0)).all()
+
+
+def test_the_first_sample_that_is_not_finite_is_named(kernels, compiled_step):
+    arguments, _ = pass_over(6)
+    arguments[2][0][3] = np.nan  # the input of the interval before sample 4
+    assert kernels.follow(compiled_step, *arguments) == 4
+
+
+def test_a_sample_allocates_nothing(kernels, compiled_step):
+    counts = []
+    _nrt_python.memsys_enable_stats()
+    try:
+        for samples in (3, 300):
+            arguments, _ = pass_over(samples)
+            kernels.follow(compiled_step, *arguments)
+            before = rtsys.get_allocation_stats()
+            kernels.follow(compiled_step, *arguments)
+            after = rtsys.get_allocation_stats()
+            counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
+    finally:
+        _nrt_python.memsys_disable_stats()
+    assert counts[0] == counts[1]

@@ -1,0 +1,277 @@
+"""The search finds a load from position alone, keeps its bounds, and survives trial points that fail."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from clutchid.inference.smoother import search as module
+from clutchid.inference.smoother import trial
+from clutchid.inference.smoother.problem import condense, linearise
+from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, ShootingSolution, search
+from clutchid.inference.smoother.settling import shifted_states
+from clutchid.inference.smoother.trial import evaluate_step
+from clutchid.numerics.failure import Failure
+
+
+@pytest.fixture(scope="module")
+def problem(plant, worn_log, problem_of):
+    """The worn plant's recording, with everything but its load known: the load is 8 % off."""
+    return problem_of([worn_log], plant, plant.load.names, ("position",))
+
+
+@pytest.fixture(scope="module")
+def start(problem, starts_of):
+    return np.zeros(len(problem.coordinates)), starts_of(problem)
+
+
+@pytest.fixture(scope="module")
+def solution(problem, start):
+    return search(problem, *start, STAGES_FROM_CALIBRATION)
+
+
+def forces(problem, x, y):
+    return problem.actuator_of(x, "worn").load.force(y)
+
+
+def deviations(problem, solution, y):
+    """Standard deviation of the load at positions y as the curvature of the cost says."""
+    factor, _ = condense(problem, linearise(problem, solution.x, solution.X))
+    root = np.linalg.inv(factor[:-1, :-1]) * problem.slopes(solution.x)[:, None]
+    return np.linalg.norm(problem.actuator.load.phi(y) @ root, axis=1)
+
+
+def test_a_load_8_percent_off_is_found_from_position_alone_within_what_noise_allows(problem, solution, worn):
+    assert solution.status == "converged"
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    miss = forces(problem, solution.x, y) - worn.load.force(y)
+    before = problem.actuator.load.force(y) - worn.load.force(y)
+    # the covariance counts a position noise of 50 µm and a model's own error that these recordings do not have, so
+    # three of its deviations hold everywhere
+    assert np.all(np.abs(miss) < 3 * deviations(problem, solution, y))
+    assert np.sqrt(np.mean(miss**2)) < 0.05 * np.sqrt(np.mean(before**2))
+
+
+def test_the_end_is_a_minimum_to_every_side(problem, solution, cost_at):
+    cost = cost_at(problem, solution.x, solution.X)
+    # windows that have hardly moved since they were simulated are not simulated again
+    assert cost == pytest.approx(solution.at.cost, abs=module.CONVERGED_GAIN)
+    current = linearise(problem, solution.x, solution.X)
+    factor, chains = condense(problem, current)
+    # what a whole undamped step could still gain is near what the search takes for nothing
+    assert np.sum(factor[:-1, -1] ** 2) < 2 * module.CONVERGED_GAIN
+    for place in (3, 8, 13):
+        for sign in (-1, 1):
+            # far enough that the cost of a parabola would rise by 9
+            step = sign * 3.0 / np.linalg.norm(factor[:-1, place]) * np.eye(solution.x.size)[place]
+            assert cost_at(problem, solution.x + step, shifted_states(problem, solution.X, chains, step)) > cost
+
+
+def test_from_afar_and_from_near_the_search_ends_in_the_same_load(problem, start, solution):
+    from_prior = search(problem, *start, STAGES_FROM_PRIOR)
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    # both end where a step gains less than `CONVERGED_GAIN`, of the 1 that a deviation costs
+    assert np.all(
+        np.abs(forces(problem, from_prior.x, y) - forces(problem, solution.x, y))
+        < 0.7 * deviations(problem, solution, y)
+    )
+    assert from_prior.at.cost == pytest.approx(solution.at.cost, rel=1e-3)
+
+
+def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, start, solution, monkeypatch):
+    calls = {"evaluate_step": 0, "linearise_windows": 0}
+    linearise_windows = trial.linearise_windows
+
+    def failing_attempt(*arguments):
+        calls["evaluate_step"] += 1
+        return Failure("no such state.") if calls["evaluate_step"] % 5 == 1 else evaluate_step(*arguments)
+
+    def failing_linearisation(*arguments):
+        calls["linearise_windows"] += 1
+        return Failure("no such state.") if calls["linearise_windows"] % 7 == 3 else linearise_windows(*arguments)
+
+    monkeypatch.setattr(module, "evaluate_step", failing_attempt)
+    monkeypatch.setattr("clutchid.inference.smoother.settling.evaluate_step", failing_attempt)
+    monkeypatch.setattr(trial, "linearise_windows", failing_linearisation)
+    answer = search(problem, *start, (1.0,))
+    assert isinstance(answer, ShootingSolution)
+    assert min(calls.values()) >= 4, "several of the trial points have failed"
+    assert np.isfinite(answer.x).all()
+    # where a step has failed a shorter one is taken
+    assert answer.at.cost == pytest.approx(solution.at.cost, rel=2e-3)
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    assert np.all(
+        np.abs(forces(problem, answer.x, y) - forces(problem, solution.x, y)) < 0.7 * deviations(problem, solution, y)
+    )
+
+
+def test_a_search_whose_every_trial_fails_stays_where_it_was(problem, start, monkeypatch):
+    for name in ("search", "settling"):
+        monkeypatch.setattr(f"clutchid.inference.smoother.{name}.evaluate_step", lambda *_: Failure("no such state."))
+    answer = search(problem, *start, (1.0,))
+    assert answer.status == "stalled"
+    assert np.array_equal(answer.x, start[0])
+    assert all(np.array_equal(one, other) for one, other in zip(answer.X, start[1], strict=True))
+
+
+@pytest.mark.parametrize(("predicted", "status", "starts"), [(375.0, "stalled", 2), (1.0, "converged", 1)])
+def test_a_step_too_short_to_gain_is_the_end_only_where_little_gain_is_predicted(
+    problem, start, monkeypatch, predicted, status, starts
+):
+    calls, original = [], module.VariableProjection.start
+
+    def counted(projected, *at):
+        calls.append(at)
+        return original(projected, *at)
+
+    def shortened(_projection, current, _radius):
+        return replace(current, cost=current.cost - 0.04), predicted, 1e-4
+
+    monkeypatch.setattr(module.VariableProjection, "start", counted)
+    monkeypatch.setattr(module.VariableProjection, "step", shortened)
+    assert search(problem, *start, (1.0,)).status == status
+    assert len(calls) == starts
+
+
+def test_a_step_that_gains_little_of_what_it_predicted_has_the_problem_linearised_anew(problem, start, monkeypatch):
+    starts, original = [], module.VariableProjection.start
+    shares = iter([0.5, 0.1, 0.1, 0.1, 0.5])
+
+    def counted(projected, *at):
+        starts.append(at)
+        return original(projected, *at)
+
+    def gaining(_projection, current, radius):
+        share = next(shares, 0.0)
+        return replace(current, cost=current.cost * (1.0 - 1e-3 * share)), 1e-3 * current.cost if share else 0.0, radius
+
+    monkeypatch.setattr(module.VariableProjection, "start", counted)
+    monkeypatch.setattr(module.VariableProjection, "step", gaining)
+    assert search(problem, *start, (1.0,)).status == "converged"
+    # the first, then after the second and the fourth step: the third is the first after a new linearisation
+    assert len(starts) == 3
+
+
+def test_a_start_that_cannot_be_simulated_is_a_failure_with_its_sentence(problem, start):
+    broken = [X.copy() for X in start[1]]
+    broken[0][5, 1] = np.nan
+    answer = search(problem, start[0], broken, STAGES_FROM_CALIBRATION)
+    assert isinstance(answer, Failure)
+    assert answer.message.endswith(".")
+
+
+@pytest.fixture(scope="module")
+def mass_problem(plant, worn_log, problem_of):
+    """Only the mass of the piston, 10 kg, and the supply valve are free."""
+    return problem_of([worn_log], plant, ("M", "C_vs"), ("position",))
+
+
+def test_a_start_for_which_the_steps_were_not_made_is_a_failure_that_names_the_number(mass_problem, starts_of):
+    # 1 g of piston: its fastest motion is ten thousand times too fast for the steps of 10 kg
+    start = np.array([np.log(1e-4) / 0.15, 0.0])
+    assert mass_problem.si(start)[0] == pytest.approx(1e-3)
+    answer = search(mass_problem, start, starts_of(mass_problem), (8.0, 1.0))
+    assert isinstance(answer, Failure)
+    assert answer.message.startswith("worn: ")
+    assert "M = 0.001 kg" in answer.message
+
+
+@pytest.mark.parametrize("share", [0.1, 3.0])
+def test_a_poor_start_that_can_be_simulated_is_left_for_the_same_end(mass_problem, starts_of, share):
+    near, far = (
+        search(mass_problem, np.array([np.log(of) / 0.15, 0.0]), starts_of(mass_problem), (8.0, 1.0))
+        for of in (1.0, share)
+    )
+    assert near.status == far.status == "converged"
+    assert far.at.cost == pytest.approx(near.at.cost, abs=module.CONVERGED_GAIN)
+    # each ends where a step would gain less than `CONVERGED_GAIN`, the square of its length in standard deviations
+    factor, _ = condense(mass_problem, linearise(mass_problem, near.x, near.X))
+    assert np.linalg.norm(factor[:-1, :-1] @ (far.x - near.x)) < 2 * np.sqrt(module.CONVERGED_GAIN)
+
+
+def test_bounds_are_kept_exactly_and_met_where_the_truth_lies_beyond(plant, worn_log, worn, problem_of, starts_of):
+    name, most = "theta_9", 1.02 * plant.value("theta_9")
+    assert worn.value(name) > most
+    problem = problem_of([worn_log], plant, plant.load.names, ("position",), bounds={name: (0.0, most)})
+    answer = search(problem, np.zeros(22), starts_of(problem), STAGES_FROM_CALIBRATION)
+    place = problem.names.index(name)
+    assert problem.si(answer.x)[place] == most
+    assert answer.x[place] == problem.bounds()[1][place]
+
+
+def test_no_trial_point_leaves_the_bounds(plant, worn_log, problem_of, starts_of, monkeypatch):
+    limits = {"theta_9": (3600.0, 3950.0), "C_vs": (18.9e-9, 19.5e-9), "tau_y": (0.5e-3, 2e-3)}
+    problem = problem_of([worn_log], plant, (*plant.load.names, "C_vs", "tau_y"), ("position",), bounds=limits)
+    low, high = problem.bounds()
+    tried = []
+
+    def watched(t, current, x, X, last=None):
+        tried.append(x)
+        return evaluate_step(t, current, x, X, last)
+
+    for name in ("search", "settling"):
+        monkeypatch.setattr(f"clutchid.inference.smoother.{name}.evaluate_step", watched)
+    search(problem, np.zeros(24), starts_of(problem), STAGES_FROM_CALIBRATION)
+    assert len({tuple(x) for x in tried}) >= 4
+    assert all(np.all((low <= x) & (x <= high)) for x in tried)
+
+
+def test_every_step_lowers_the_cost_of_its_stage(problem, start, monkeypatch):
+    accepted = []
+    step, reached = module.coarse_step, module.VariableProjection.evaluated
+
+    def watched(t, current, *rest):
+        candidate = step(t, current, *rest)
+        accepted.append((t.noise.measured["position"], current.cost, candidate))
+        return candidate
+
+    def settled(projected, current, *rest):
+        candidate = reached(projected, current, *rest)
+        accepted.append((projected.problem.noise.measured["position"], current.cost, candidate))
+        return candidate
+
+    monkeypatch.setattr(module, "coarse_step", watched)
+    monkeypatch.setattr(module.VariableProjection, "evaluated", settled)
+    search(problem, *start, STAGES_FROM_CALIBRATION)
+    taken = [(scale, cost, candidate.cost) for scale, cost, candidate in accepted if not isinstance(candidate, Failure)]
+    assert len(taken) >= 4
+    assert all(after < before for _, before, after in taken)
+    assert [scale for scale, *_ in taken] == sorted((scale for scale, *_ in taken), reverse=True)
+    for (one, _, reached_cost), (other, starts, _) in pairwise(taken):
+        # the next step begins where the last has ended; one window or another is simulated in between
+        assert one != other or starts == pytest.approx(reached_cost, abs=module.CONVERGED_GAIN)
+
+
+def test_progress_is_reported_with_a_growing_number_and_the_name_of_the_stage(problem, start):
+    reported = []
+    answer = search(problem, *start, STAGES_FROM_CALIBRATION, lambda stage, count: reported.append((stage, count)))
+    assert list(dict.fromkeys(stage for stage, _ in reported)) == ["coarse", "fine"]
+    counts = [count for _, count in reported]
+    assert counts == sorted(counts)
+    assert answer.evaluations >= counts[-1]
+
+
+def test_without_a_stage_there_is_nothing_to_find(problem, start):
+    assert isinstance(search(problem, *start, ()), Failure)
+
+
+def test_missing_samples_change_the_load_by_less_than_the_noise_allows(
+    plant, worn_log, problem_of, starts_of, solution, problem
+):
+    position = worn_log["position"].copy()
+    position[1000:1060] = np.nan
+    position[::7] = np.nan
+    holed = problem_of([worn_log.with_columns(position=position)], plant, plant.load.names, ("position",))
+    answer = search(holed, np.zeros(22), starts_of(holed), STAGES_FROM_CALIBRATION)
+    y = np.linspace(0.5e-3, 20e-3, 40)
+    assert answer.status == "converged"
+    assert forces(problem, answer.x, y) == pytest.approx(forces(problem, solution.x, y), abs=0.01 * 5000)
+
+
+def test_pressure_that_is_not_asked_for_is_not_used(plant, worn, recorded_by, problem_of, starts_of, solution):
+    log = recorded_by(worn, seconds=6.0, seed=5, name="worn", driven=1)
+    wrong = log.with_columns(pressure_a=log["pressure_a"] + 5e4)
+    blind = problem_of([wrong], plant, plant.load.names, ("position",))
+    answer = search(blind, np.zeros(22), starts_of(blind), STAGES_FROM_CALIBRATION)
+    assert np.array_equal(answer.x, solution.x)

@@ -1,0 +1,89 @@
+"""A recording that has not ended: the numbers of the whole one, in constant memory."""
+
+import numpy as np
+import pytest
+
+from clutchid.observer import live as module
+from clutchid.observer.health import FLAGS, LIVE_FLAGS
+from clutchid.observer.live import checked, gone_on, live_run
+from clutchid.observer.observer import start
+from clutchid.observer.recording import observe_recording
+
+NONE = dict.fromkeys(LIVE_FLAGS, 0)
+
+
+@pytest.fixture(scope="module")
+def whole(joint, log):
+    return observe_recording(joint, log)
+
+
+def followed(joint, log, sizes, left_out=NONE):
+    run, parts, begin = live_run(joint, start(joint)), [], 0
+    while begin < len(log):
+        size = sizes[len(parts) % len(sizes)]
+        run, part = gone_on(run, log.slice(begin, begin + size), left_out)
+        parts.append(part)
+        begin += size
+    return run, parts
+
+
+@pytest.mark.parametrize("sizes", [[6000], [101, 20, 1, 333]])
+def test_samples_strokes_and_state_are_those_of_the_whole_recording(joint, log, whole, sizes):
+    run, parts = followed(joint, log, sizes)
+    estimates = [part.estimates() for part in parts]
+    for name, values in whole.estimates().columns.items():
+        assert np.array_equal(np.concatenate([each[name] for each in estimates]), values, equal_nan=True), name
+    assert [row.known for row in run.strokes] == [row.known for row in whole.strokes]
+    assert np.array_equal(run.after.theta, whole.after.theta)
+    assert np.array_equal(run.after.T, whole.after.T)
+    assert run.usable
+    recent = run.recent()
+    assert np.array_equal(recent.samples.states, whole.samples.states, equal_nan=True)
+    assert {name: recent.health[name] for name in FLAGS} == pytest.approx(dict(whole.health))
+
+
+def test_what_is_kept_does_not_grow(joint, log, monkeypatch):
+    monkeypatch.setattr(module, "RECENT", 0.5)
+    monkeypatch.setattr(module, "STROKES", 1)
+    run, _ = followed(joint, log, [100])
+    assert len(run.parts) <= 7
+    assert len(run.strokes) == 1
+    assert len(run.recent().log) <= 700
+    assert run.before.strokes.ended == 0
+
+
+def test_faults_are_added_up_block_by_block(joint, log):
+    position = log["position"].copy()
+    position[2000:2100] = np.nan
+    keep = np.setdiff1d(np.arange(len(log)), [500, 777, 778])
+    torn = log.with_columns(position=position)
+    torn = type(log)(torn.time[keep], {name: values[keep] for name, values in torn.columns.items()})
+    run, _ = followed(joint, torn, [250], {**NONE, "late": 2, "unreadable": 1})
+    assert run.health["position_missing"] == pytest.approx(0.1)
+    assert run.health["lost"] == pytest.approx(3e-3)
+    assert run.health["late"] == pytest.approx(2 * 24e-3)
+    assert run.health["unreadable"] == pytest.approx(24e-3)
+    assert run.health["time_missing"] == 0.0
+    assert run.recent().seconds == pytest.approx(len(log) * joint.spacing)
+
+
+def test_a_block_without_samples_only_counts(joint, log):
+    run, _ = followed(joint, log.slice(0, 300), [150])
+    after, part = gone_on(run, log.slice(0, 0), {**NONE, "late": 7})
+    assert len(part.log) == 0
+    assert after.after.number == run.after.number
+    assert after.health["late"] == pytest.approx(7e-3)
+
+
+@pytest.mark.parametrize("sizes", [[100], [1700]])
+def test_the_checks_look_at_the_first_samples_and_do_not_end_the_recording(joint, log, monkeypatch, sizes):
+    monkeypatch.setattr(module, "CHECKED", 4.0)
+    swapped = log.with_columns(duty_supply=log["duty_exhaust"], duty_exhaust=log["duty_supply"])
+    run, parts = followed(joint, swapped, sizes)
+    assert run.checked
+    assert any("duty" in sentence for sentence in run.checked)
+    assert len(parts) == -(-len(log) // sizes[0])
+    assert run.recent().log.warnings == run.checked
+    early, _ = followed(joint, swapped.slice(0, 3000), sizes)
+    assert early.checked is None
+    assert checked(early).checked is not None

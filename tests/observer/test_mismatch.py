@@ -1,0 +1,232 @@
+"""Innovations against those of the calibration recordings, and what happens where the filter diverges."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from clutchid.inference.filter.joint_filter import Diverged
+from clutchid.inference.uncertainty.calibration import Calibration, Origin
+from clutchid.model import Actuator
+from clutchid.observer.by_stroke import known
+from clutchid.observer.following import observe
+from clutchid.observer.health import health
+from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
+from clutchid.observer.observer import observer, start
+from clutchid.observer.recording import observe_recording
+from clutchid.observer.state_file import read_state, write_state
+from clutchid.observer.usual import usual_nis
+from clutchid.reports.observe_json import observe_json
+
+module = import_module("clutchid.observer.following")
+
+
+@pytest.fixture(scope="module")
+def calibration(plant, recorded_by):
+    kept = Calibration((), np.zeros((0, 0)))
+    return replace(kept, nis=usual_nis(plant, kept, [recorded_by(plant, seconds=6.0, seed=8)]))
+
+
+@pytest.fixture(scope="module")
+def calibrated(plant, calibration):
+    return observer(plant, calibration=calibration)
+
+
+@pytest.fixture(scope="module")
+def sound(calibrated, log):
+    return observe_recording(calibrated, log)
+
+
+@pytest.fixture(scope="module")
+def strange_log(worn, recorded_by):
+    """Of an actuator that the calibration is not of: its valves and its friction are others."""
+    p = worn.parameters
+    strange = worn.replace({"C_vs": 0.6 * p.C_vs, "C_ve": 1.5 * p.C_ve, "D_v": 3.0 * p.D_v, "V_0A": 2.0 * p.V_0A})
+    return recorded_by(strange, seconds=8.0)
+
+
+@pytest.fixture(scope="module")
+def leaking(calibrated, worn, recorded_by):
+    return observe_recording(calibrated, recorded_by(worn.replace({"C_A0": 1.5e-10}), seconds=8.0))
+
+
+def test_the_usual_innovation_is_the_mean_while_the_piston_moves(plant, calibration, recorded_by):
+    log = recorded_by(plant, seconds=6.0, seed=8)
+    one = observer(plant)
+    _, found = observe(one, start(one), log)
+    e, variance = found.innovations.T
+    moving = np.isfinite(e) & (np.abs(found.states[:, plant.states.index("v")]) > one.joint.settings.least_speed)
+    assert np.isfinite(normalised(one, found.states, found.innovations)).sum() == moving.sum() > 50
+    squared = np.minimum(e[moving] ** 2 / variance[moving], one.joint.noise.outlier**2)
+    assert calibration.nis == pytest.approx(np.mean(squared))
+
+
+def test_a_recording_without_position_has_no_usual_innovation(plant, calibration, log):
+    assert np.isnan(usual_nis(plant, calibration, [log.with_columns(position=np.full(len(log), np.nan))]))
+
+
+def test_a_recording_that_cannot_be_observed_is_left_out(plant, calibration, recorded_by):
+    log = recorded_by(plant, seconds=6.0, seed=8)
+    full = log.with_columns(duty_supply=1.001 * log["duty_supply"] / log["duty_supply"].max())
+    assert np.isnan(usual_nis(plant, calibration, [full]))
+    assert usual_nis(plant, calibration, [full, log, log.slice(0, 1)]) == calibration.nis
+
+
+def test_observers_without_a_covariance_compare_no_innovations(plant, calibration, log):
+    rls = observer(plant, "rls", calibration=calibration)
+    assert not rls.compares
+    assert observe_json(observe_recording(rls, log.slice(0, 2000)), Origin())["nis_ratio"] is None
+
+
+def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(calibrated, sound, strange_log):
+    assert 0.5 < sound.after.mismatch < 1.5
+    assert sound.health["unlike_calibration"] == 0.0
+    strange = observe_recording(calibrated, strange_log)
+    assert strange.after.mismatch > UNLIKE
+    assert strange.health["unlike_calibration"] > 0.0
+    at = np.linspace(2e-3, 9e-3, 30)
+    plain = replace(strange.after, mismatch=1.0)
+    wider = calibrated.load_deviation(strange.after, at) / calibrated.load_deviation(plain, at)
+    assert wider == pytest.approx(np.full(30, np.sqrt(strange.after.mismatch)))
+
+
+def test_a_leak_is_flagged_with_its_size_and_the_load_stays_right(calibrated, leaking, sound, worn):
+    assert sound.health["leak"] == 0.0
+    assert not sound.after.leaking
+    assert leaking.after.leaking
+    assert 0.0 < leaking.health["leak"] < 8.0
+    found = known(calibrated, leaking.after)["C_A0"]
+    assert abs(found.value - 1.5e-10) < 3.0 * found.std
+    at = np.linspace(2e-3, 9e-3, 30)
+    error, without = (
+        np.abs(calibrated.load(one.after).force(at) - worn.load.force(at)).max() for one in (leaking, sound)
+    )
+    assert error < without + 0.02 * worn.load.force(at).max()
+
+
+def test_a_leak_is_flagged_from_the_end_of_a_stroke_on_in_blocks_of_any_length(calibrated, leaking):
+    whole = leaking.samples.leaking
+    first = int(np.argmax(whole))
+    assert leaking.log.time[first - 1] in [row.time for row in leaking.strokes]
+    assert whole[first:].all()
+    _, parts = in_parts(calibrated, leaking.log, [20] * 400)
+    assert np.array_equal(np.concatenate([part.leaking for part in parts]), whole)
+
+
+def test_a_leak_is_not_below_0_and_only_a_model_with_the_energy_balance_has_one(calibrated, sound):
+    at = [c.base for c in calibrated.joint.coordinates].index("C_A0")
+    assert sound.after.theta[at] >= 0.0
+    assert "C_A0" not in [c.base for c in observer(Actuator(model="isothermal")).joint.coordinates]
+
+
+def test_the_running_mean_forgets_and_moves_at_corrections_in_motion_only(calibrated, sound):
+    nis = normalised(calibrated, sound.samples.states, sound.samples.innovations) / calibrated.usual
+    assert np.array_equal(np.isfinite(nis), np.isfinite(sound.samples.mismatch))
+    known, ratio = nis[np.isfinite(nis)], 1.0
+    for one in known:
+        ratio += (one - ratio) / MEMORY
+    assert sound.after.mismatch == pytest.approx(ratio, rel=1e-12)
+
+
+def test_without_usual_innovations_nothing_is_compared(joint, log):
+    found = observe_recording(joint, log)
+    assert found.after.mismatch == 1.0
+    assert np.isnan(found.samples.mismatch).all()
+    assert found.health["unlike_calibration"] == 0.0
+
+
+def in_parts(one, log, lengths):
+    state, parts, at = start(one), [], 0
+    for length in lengths:
+        state, found = observe(one, state, log.slice(at, at + length))
+        parts.append(found)
+        at += length
+    return state, parts
+
+
+def followed_by(monkeypatch, changed):
+    """Let `changed` follow the samples: it gets the plain function, the times of the segment, and its arguments."""
+    plain, segment_of = module.follow, module.segment_of
+
+    def follow(joint, state, given, span, number):
+        times = follow.begin + np.concatenate([[0.0], np.cumsum(given.intervals[1])])
+        return changed(plain, times, joint, state, given, span, number)
+
+    def noted(samples, actuator):
+        follow.begin = samples.time[0]
+        return segment_of(samples, actuator)
+
+    monkeypatch.setattr(module, "follow", follow)
+    monkeypatch.setattr(module, "segment_of", noted)
+
+
+def diverging(monkeypatch, at):
+    """Let the filter diverge at some times, as often as it comes by."""
+
+    def changed(plain, times, joint, state, given, span, number):
+        for i in range(*span):
+            if any(abs(times[i] - t) < 0.4e-3 for t in at):
+                return Diverged("it diverged", i)
+        return plain(joint, state, given, span, number)
+
+    followed_by(monkeypatch, changed)
+
+
+def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_before(joint, log, monkeypatch):
+    plain, _ = observe(joint, start(joint), log)
+    at = 4000
+    diverging(monkeypatch, [log.time[at]])
+    state, found = observe(joint, start(joint), log)
+    lost = np.flatnonzero(~np.isfinite(found.states[:, 0]))
+    assert lost.tolist() == [at]
+    assert health(joint, np.empty(0), log, found)["diverged"] == pytest.approx(1e-3)
+    assert np.isfinite(state.T).all()
+    assert not np.array_equal(state.theta, plain.theta)
+    # the parameters right behind it are those at the end of the last stroke
+    before, _ = observe(joint, start(joint), log.slice(0, at))
+    behind, _ = observe(joint, before, log.slice(at, at + 1))
+    assert np.array_equal(behind.theta, before.sound[0])
+    assert np.array_equal(behind.T, before.sound[1])
+    assert behind.filter is None
+
+
+def test_blocks_of_any_length_give_the_same_numbers_also_where_the_filter_diverges(joint, log, monkeypatch):
+    diverging(monkeypatch, log.time[[1200, 1201, 3500]])
+    state, found = observe(joint, start(joint), log)
+    for lengths in ([20] * 300, [1201, 1, 4798], [3500, 2500]):
+        other, parts = in_parts(joint, log, lengths)
+        for name in ("states", "deviations", "innovations", "used"):
+            together = np.concatenate([getattr(part, name) for part in parts])
+            assert np.array_equal(together, getattr(found, name), equal_nan=name != "used"), name
+        assert np.array_equal(other.theta, state.theta)
+
+
+def test_the_running_mean_is_the_same_in_blocks_and_from_a_file(calibrated, sound, log, tmp_path):
+    state, parts = in_parts(calibrated, log, [700] * 8 + [400])
+    together = np.concatenate([part.mismatch for part in parts])
+    assert np.array_equal(together, sound.samples.mismatch, equal_nan=True)
+    first, _ = observe(calibrated, start(calibrated), log.slice(0, 2500))
+    write_state(calibrated, first, tmp_path / "state.toml")
+    again = read_state(calibrated, tmp_path / "state.toml")
+    assert (again.mismatch, again.leaking) == (first.mismatch, first.leaking)
+    assert all(np.array_equal(a, b) for a, b in zip(again.sound, first.sound, strict=True))
+    assert observe(calibrated, again, log.slice(2500, len(log)))[0].mismatch == state.mismatch
+
+
+def test_states_that_no_actuator_has_are_divergence_although_they_are_finite(joint, log, monkeypatch):
+    at, p_A = 2500, joint.actuator.states.index("p_A")
+
+    def exploding(plain, times, joint, state, given, span, number):
+        if span[1] > span[0] and times[span[1] - 1] > log.time[at] + 10e-3:
+            return Diverged("it diverged", span[1] - 1)  # it grows before it is not finite
+        found = plain(joint, state, given, span, number)
+        if not isinstance(found, Diverged):
+            found.states[np.abs(times[slice(*span)] - log.time[at]) < 0.4e-3, p_A] = 1e9
+        return found
+
+    followed_by(monkeypatch, exploding)
+    _, found = observe(joint, start(joint), log.slice(0, at + 20))
+    lost = np.flatnonzero(~np.isfinite(found.states[:, 0]))
+    assert at in lost
+    assert np.nanmax(found.states[:, p_A]) < 1e7

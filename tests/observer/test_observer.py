@@ -1,0 +1,206 @@
+"""An observer on recordings that the model itself made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid import Actuator
+from clutchid.errors import DataError, ParameterError
+from clutchid.observer.following import observe
+from clutchid.observer.observer import observer, start
+from clutchid.observer.state_file import read_state, write_state
+from clutchid.observer.supply import ASSUMED, load_deviation
+from clutchid.observer.tail import FROZEN
+
+STROKE = np.linspace(2e-3, 9e-3, 30)
+
+
+def apart(one, actuator, state, worn):
+    """Largest error of the load at 2 to 9 mm over the largest change."""
+    truth = worn.load.force(STROKE)
+    return np.abs(one.load(state).force(STROKE) - truth).max() / np.abs(actuator.load.force(STROKE) - truth).max()
+
+
+def equal(one, other):
+    arrays = [(one.theta, other.theta), (one.T, other.T), *zip(one.tail, other.tail, strict=True)]
+    arrays += [*zip(one.filter, other.filter, strict=True), (one.deviations, other.deviations)]
+    counted = (one.number, one.strokes) == (other.number, other.strokes)
+    return counted and all(np.array_equal(a, b, equal_nan=True) for a, b in arrays)
+
+
+def test_a_load_that_has_grown_is_followed(joint, plant, worn, log):
+    state, found = observe(joint, start(joint), log)
+    assert apart(joint, plant, start(joint), worn) == pytest.approx(1.0)
+    assert apart(joint, plant, state, worn) < 0.15
+    late = slice(len(log) // 2, None)
+    pressure = found.states[late, plant.states.index("p_A")]
+    assert np.sqrt(np.mean((pressure - log["pressure_a"][late]) ** 2)) < 10e3
+
+
+def test_the_band_of_the_load_shrinks_and_holds_the_truth(joint, worn, log):
+    state, _ = observe(joint, start(joint), log)
+    before, after = (joint.load_deviation(each, STROKE) for each in (start(joint), state))
+    assert np.all(after < 0.5 * before)
+    assert np.all(np.abs(joint.load(state).force(STROKE) - worn.load.force(STROKE)) < 3.0 * after)
+
+
+def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log):
+    _, found = observe(joint, start(joint), log)
+    at, corrected = plant.states.index("p_A"), np.isfinite(found.deviations[:, 0])
+    off, band = np.abs(found.states[:, at] - log["pressure_a"])[corrected], 1.96 * found.deviations[corrected, at]
+    assert np.array_equal(corrected, np.arange(len(log)) % joint.joint.settings.every == 0)
+    late = slice(off.size // 2, None)
+    assert np.mean(off[late] <= band[late]) > 0.9
+    assert np.median(band[late]) < 20e3
+
+
+def test_blocks_of_any_length_give_the_same_numbers(joint, log):
+    part = log.slice(0, 1500)
+    state, found = observe(joint, start(joint), part)
+    for lengths in ([1] * 40 + [700, 3, 757], [1499, 1], [500, 500, 500]):
+        now, states, deviations, innovations, at = start(joint), [], [], [], 0
+        for length in lengths:
+            now, some = observe(joint, now, part.slice(at, at + length))
+            states.append(some.states)
+            deviations.append(some.deviations)
+            innovations.append(some.innovations)
+            at += length
+        assert np.array_equal(np.vstack(states), found.states)
+        assert np.array_equal(np.vstack(deviations), found.deviations, equal_nan=True)
+        assert np.array_equal(np.vstack(innovations), found.innovations, equal_nan=True)
+        assert equal(now, state)
+
+
+def test_a_run_that_is_resumed_from_its_file_gives_the_same_numbers(joint, log, tmp_path):
+    first, _ = observe(joint, start(joint), log.slice(0, 1234))
+    write_state(joint, first, tmp_path / "state.toml")
+    again = read_state(joint, tmp_path / "state.toml")
+    assert equal(again, first)
+    rest = log.slice(1234, 2500)
+    (one, found), (other, resumed) = observe(joint, first, rest), observe(joint, again, rest)
+    assert np.array_equal(found.states, resumed.states)
+    assert equal(one, other)
+
+
+def test_a_state_before_the_first_sample_is_written_as_well(joint, tmp_path):
+    write_state(joint, start(joint), tmp_path / "state.toml")
+    again = read_state(joint, tmp_path / "state.toml")
+    assert again.filter is None
+    assert np.array_equal(again.T, start(joint).T)
+
+
+def test_a_state_of_another_calibration_or_method_is_refused(joint, plant, log, tmp_path):
+    write_state(joint, start(joint), tmp_path / "state.toml")
+    for other in (observer(plant.replace({"F_C": 150.0})), observer(plant, "states")):
+        with pytest.raises(ParameterError, match="of another calibration or method; give the calibration and method"):
+            read_state(other, tmp_path / "state.toml")
+
+
+@pytest.mark.parametrize("text", ["number = 3", "[observer]\nformat = 99", "format"])
+def test_a_file_that_is_no_state_is_refused_with_its_name(joint, tmp_path, text):
+    (tmp_path / "state.toml").write_text(text)
+    with pytest.raises(ParameterError, match=r"state\.toml: is no "):
+        read_state(joint, tmp_path / "state.toml")
+
+
+def test_a_damaged_state_is_refused(joint, tmp_path):
+    write_state(joint, start(joint), tmp_path / "state.toml")
+    text = (tmp_path / "state.toml").read_text()
+    (tmp_path / "state.toml").write_text(text.replace("[tail]", "[tails]"))
+    with pytest.raises(ParameterError, match="is damaged"):
+        read_state(joint, tmp_path / "state.toml")
+
+
+def test_with_the_method_states_the_load_stays_as_calibrated(plant, log):
+    one = observer(plant, "states")
+    state, found = observe(one, start(one), log.slice(0, 1500))
+    assert one.load(state) == plant.load
+    assumed = load_deviation(ASSUMED, plant, plant.load, STROKE)
+    assert one.load_deviation(state, STROKE) == pytest.approx(assumed), "only the supply is not known"
+    assert np.isfinite(found.states).all()
+
+
+def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant, worn, log):
+    hole = log.slice(0, len(log))
+    duty = hole["duty_supply"].copy()
+    duty[2500:2700] = np.nan
+    state, found = observe(joint, start(joint), hole.with_columns(duty_supply=duty))
+    assert np.isnan(found.states[2500:2700]).all()
+    assert np.isfinite(found.states[:2500]).all()
+    assert np.isfinite(found.states[2700:]).all()
+    assert apart(joint, plant, state, worn) < 0.3
+
+
+def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):
+    position = log["position"].copy()
+    moving = int(np.argmax(np.abs(np.gradient(position, log.time)) > 0.1))
+    position[moving : moving + 500] = position[moving]
+    state, found = observe(joint, start(joint), log.with_columns(position=position))
+    assert not found.used[moving + FROZEN : moving + 500].any()
+    assert found.used[moving + 500 :].all()
+    assert apart(joint, plant, state, worn) < 0.3
+
+
+def test_missing_positions_are_predicted(joint, log):
+    position = log["position"].copy()
+    position[800:900] = np.nan
+    _, found = observe(joint, start(joint), log.with_columns(position=position).slice(0, 1500))
+    assert np.isfinite(found.states).all()
+    assert np.isnan(found.innovations[800:900]).all()
+
+
+@pytest.mark.parametrize("lengths", [[2500], [1, 99, 2400], [1000, 1, 1499]])
+def test_a_stretch_that_begins_without_a_position_starts_with_the_first_one(joint, plant, log, lengths):
+    inside = int(np.argmax(log["position"] > 5e-3))
+    part = log.slice(inside, inside + 2500)
+    position = part["position"].copy()
+    position[:50] = np.nan
+    state, found, at = start(joint), [], 0
+    for length in lengths:
+        state, some = observe(joint, state, part.with_columns(position=position).slice(at, at + length))
+        found.append(some.states)
+        at += length
+    _, expected = observe(joint, start(joint), part.slice(50, 2500))
+    states = np.vstack(found)
+    assert np.isnan(states[:50]).all()
+    assert np.array_equal(states[50:], expected.states)
+
+
+def test_time_that_goes_back_is_refused_and_the_state_is_kept(joint, log):
+    state, _ = observe(joint, start(joint), log.slice(0, 300))
+    with pytest.raises(DataError, match=r"begins at 0\.2 s, but the observer is at 0\.299 s; time must go on"):
+        observe(joint, state, log.slice(200, 400))
+    assert observe(joint, state, log.slice(300, 400))[0].number == 400
+
+
+@pytest.mark.parametrize("wrong", [-0.1, 1.5, np.inf])
+def test_a_duty_cycle_outside_0_to_1_is_refused_with_its_time(joint, log, wrong):
+    duty = log["duty_exhaust"].copy()
+    duty[120] = wrong
+    with pytest.raises(DataError, match=r"duty_exhaust is (-0\.1|1\.5|inf) at 0\.12 s; a duty cycle is from 0 to 1"):
+        observe(joint, start(joint), log.with_columns(duty_exhaust=duty))
+
+
+def test_a_log_without_a_duty_cycle_is_refused(joint, log):
+    with pytest.raises(DataError, match="no column 'duty_exhaust'"):
+        observe(joint, start(joint), log.without("duty_exhaust"))
+
+
+def test_an_unknown_method_names_the_nearest(plant):
+    with pytest.raises(ParameterError, match="joint"):
+        observer(plant, "jonit")
+
+
+def test_a_stretch_may_start_in_mid_stroke(joint, plant, worn, log):
+    inside = int(np.argmax(log["position"] > 5e-3))
+    state, found = observe(joint, start(joint), log.slice(inside, len(log)))
+    assert np.isfinite(found.states).all()
+    assert apart(joint, plant, state, worn) < 0.3
+
+
+def test_the_method_of_the_paper_adapts_three_weights_and_takes_no_other_model(plant):
+    one = observer(Actuator(), "paper")
+    assert [c.base for c in one.joint.coordinates] == ["theta_1", "theta_2", "theta_3"]
+    with pytest.raises(ParameterError, match="takes the model 'isothermal' with the paper's three splines"):
+        observer(replace(Actuator(), model="energy-balance"), "paper")

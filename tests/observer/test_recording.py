@@ -1,0 +1,149 @@
+"""A whole recording: samples and strokes as logs, and the health of its signals."""
+
+import numpy as np
+import pytest
+
+from clutchid.errors import DataError
+from clutchid.log import Log
+from clutchid.observer.by_stroke import curve, known, positions
+from clutchid.observer.following import observe
+from clutchid.observer.health import FLAGS
+from clutchid.observer.observer import observer, start
+from clutchid.observer.recording import observe_recording, spacing
+from clutchid.observer.supply import ASSUMED
+from clutchid.observer.tail import FROZEN
+
+
+@pytest.fixture(scope="module")
+def run(joint, log):
+    return observe_recording(joint, log)
+
+
+def moving(log):
+    return int(np.argmax(np.abs(np.gradient(log["position"], log.time)) > 0.1))
+
+
+def test_the_samples_are_those_of_the_observer_and_keep_what_was_recorded(run, joint, log):
+    _, found = observe(joint, start(joint), log)
+    estimates = run.estimates()
+    for name, row in joint.actuator.state_rows.items():
+        assert np.array_equal(estimates[row.column], found.states[:, joint.actuator.states.index(name)])
+    for name, unit in (("position", "m"), ("pressure_a", "Pa")):
+        assert np.array_equal(estimates[f"{name}_measured [{unit}]"], log[name])
+    for name in ("duty_supply", "duty_exhaust"):
+        assert np.array_equal(estimates[name], log[name])
+    assert np.array_equal(estimates["innovation"], found.innovations[:, 0], equal_nan=True)
+    assert estimates["innovation std"] ** 2 == pytest.approx(found.innovations[:, 1], rel=1e-12, nan_ok=True)
+    assert estimates["used [1]"].all()
+
+
+def test_the_band_of_the_pressure_is_held_between_corrections(run, joint):
+    estimates, every = run.estimates(), joint.joint.settings.every
+    half = (estimates["pressure_a high"] - estimates["pressure_a low"]) / 2
+    assert half == pytest.approx(np.repeat(half[::every], every), abs=1e-6)
+    at = joint.actuator.states.index("p_A")
+    assert half[::every] == pytest.approx(1.96 * run.samples.deviations[::every, at])
+
+
+def test_a_run_in_two_parts_gives_the_same_samples_strokes_and_health(run, joint, log):
+    for cut in (1234, 1235, 3000):
+        first = observe_recording(joint, log.slice(0, cut))
+        second = observe_recording(joint, log.slice(cut, len(log)), first.after)
+        for one, two, whole in zip(*(r.estimates().columns.items() for r in (first, second, run)), strict=True):
+            assert np.array_equal(np.concatenate([one[1], two[1]]), whole[1], equal_nan=True), whole[0]
+        rows = [*first.strokes, *second.strokes]
+        assert [(row.time, row.number, row.known) for row in rows] == [
+            (row.time, row.number, row.known) for row in run.strokes
+        ]
+        assert {name: first.health[name] + second.health[name] for name in FLAGS} == pytest.approx(dict(run.health))
+
+
+def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(run, joint, log):
+    assert [row.number for row in run.strokes] == list(range(1, len(run.strokes) + 1))
+    assert len(run.strokes) >= 2
+    end = int(np.flatnonzero(log.time == run.strokes[1].time)[0]) + 1
+    state, _ = observe(joint, start(joint), log.slice(0, end))
+    table, at = run.load_by_stroke(), positions(joint)
+    for name, one in known(joint, state).items():
+        unit = joint.actuator.unit(name)
+        assert (table[f"{name} [{unit}]"][1], table[f"{name}_std [{unit}]"][1]) == (one.value, one.std)
+    then = curve(joint, state, at)
+    assert at[:3].tolist() == [0.0, 0.5e-3, 1e-3]
+    assert at[-1] == pytest.approx(joint.actuator.parameters.y_max, abs=0.5e-3)
+    for i in (0, 10, at.size - 1):
+        name = f"load_{round(at[i] * 1e6):05d}um"
+        found = [table[f"{name}{side} [N]"][1] for side in ("", "_low", "_high")]
+        assert found == [then.force[i], then.low[i], then.high[i]]
+
+
+def test_the_interval_of_a_weight_is_that_of_the_joint_covariance(run, joint):
+    found = known(joint, run.after)
+    for c, x, variance in zip(
+        joint.joint.coordinates, run.after.theta, np.diag(run.after.T @ run.after.T.T), strict=True
+    ):
+        assert found[c.base].value == c.si(x)
+        assert found[c.base].std == pytest.approx(np.sqrt(variance) * c.slope(x))
+        assert found[c.base].low < found[c.base].value < found[c.base].high
+
+
+def test_with_the_method_states_of_the_load_of_each_stroke_only_the_supply_is_not_known(plant, log):
+    found = observe_recording(observer(plant, "states"), log)
+    table = found.load_by_stroke()
+    assert not table["theta_3_std [N]"].any()
+    half = 1.96 * ASSUMED * (plant.load.force(np.array([5e-3])) + plant.parameters.A_A * plant.parameters.P_0)
+    found_half = table["load_05000um_high [N]"] - table["load_05000um [N]"]
+    assert found_half == pytest.approx(np.full(len(table), float(half[0])))
+    assert set(table["theta_3 [N]"]) == {plant.value("theta_3")}
+
+
+def test_a_sound_recording_raises_no_flag(run):
+    assert set(run.health) == set(FLAGS)
+    assert not any(run.health.values())
+
+
+def test_every_fault_is_flagged_with_its_seconds(joint, log):
+    position, duty = log["position"].copy(), log["duty_supply"].copy()
+    position[2000:2300] = np.nan
+    at = moving(log)
+    position[at : at + 500] = position[at]
+    position[3000:3040] = -6e-4
+    position[3000:3040:2] -= 1e-5
+    duty[4000:4200] = np.nan
+    found = observe_recording(joint, log.with_columns(position=position, duty_supply=duty)).health
+    assert found["position_missing"] == pytest.approx(0.3)
+    assert found["position_frozen"] == pytest.approx(0.5 - FROZEN * 1e-3)
+    assert found["position_beyond_stops"] == pytest.approx(0.04)
+    assert found["duty_missing"] == pytest.approx(0.2)
+    assert found["time_missing"] == 0.0
+    assert found["outlier"] > 0.0
+    assert found["diverged"] == 0.0
+
+
+def test_a_hole_in_time_is_flagged_also_between_two_parts(joint, log):
+    first = observe_recording(joint, log.slice(0, 2000))
+    rest = observe_recording(joint, log.slice(2500, len(log)), first.after)
+    assert rest.health["time_missing"] == pytest.approx(0.5)
+    keep = np.r_[0:2000, 2500 : len(log)]
+    whole = Log(log.time[keep], {name: values[keep] for name, values in log.columns.items()})
+    assert observe_recording(joint, whole).health["time_missing"] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("name", "value"), [("position", np.nan), ("duty_supply", np.nan), ("position", np.inf)])
+def test_a_recording_without_one_usable_sample_is_refused(joint, log, name, value):
+    with pytest.raises(DataError, match="no sample has a position and both duty cycles, all finite"):
+        observe_recording(joint, log.slice(0, 500).with_columns(**{name: np.full(500, value)}))
+
+
+def test_a_part_at_another_rate_is_refused(joint, log):
+    slow = Log(log.time[::10], {name: values[::10] for name, values in log.columns.items()}, "slow")
+    with pytest.raises(
+        DataError, match=r"slow: a sample every 10 ms, but the observer was started with one every 1 ms"
+    ):
+        observe_recording(joint, slow)
+
+
+def test_the_spacing_is_that_of_the_first_samples_and_needs_two(log):
+    jitter = log.time + 1e-6 * np.sin(np.arange(len(log)))
+    assert spacing(Log(jitter, {})) == 1e-3
+    with pytest.raises(DataError, match="1 samples; an observer needs two at least"):
+        spacing(log.slice(0, 1))

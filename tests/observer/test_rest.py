@@ -1,0 +1,103 @@
+"""The vented rest on line: a sensor that moved is found rest by rest, and subtracted, however the samples are cut."""
+
+import numpy as np
+import pytest
+
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.observer import observe_recording, observer, read_state, write_state
+from clutchid.observer.recording import follow_block
+from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
+from clutchid.observer.state import NOTHING, RestWatch
+from clutchid.recordings.strokes.vented_rest import VentedRest, vented_rest
+from clutchid.truck import drive, truck
+
+OFFSET = 3e-4
+
+
+@pytest.fixture(scope="module")
+def log(worn, recorded_by):
+    """The worn plant with its vented rests, position only."""
+    return recorded_by(worn, seconds=6.0, seed=5, name="worn", driven=1).without("pressure_a")
+
+
+@pytest.fixture(scope="module")
+def calibration(log):
+    return Calibration((), np.zeros((0, 0)), rest=vented_rest(log))
+
+
+def moved(log, by=OFFSET):
+    return log.with_columns(position=log["position"] + by)
+
+
+def test_the_same_zero_gives_the_same_numbers_as_without_a_rest(plant, log, calibration):
+    found, plain = (
+        observe_recording(observer(plant, calibration=calibration), log),
+        observe_recording(observer(plant), log),
+    )
+    assert np.array_equal(found.samples.states, plain.samples.states, equal_nan=True)
+    assert found.health["rest_moved"] == 0.0
+    assert np.all(found.samples.rest == 0.0)
+
+
+def test_a_moved_zero_is_flagged_and_subtracted_and_the_load_is_nearer_to_that_without_it(plant, log, calibration):
+    plain = observe_recording(observer(plant), log)
+    loads = {}
+    at = np.linspace(5e-3, 8e-3, 7)
+    for zero in ("subtract", "keep"):
+        one = observer(plant, calibration=calibration, zero=zero)
+        found = observe_recording(one, moved(log))
+        assert found.after.rest.shift == pytest.approx(OFFSET, abs=2e-5)
+        assert found.health["rest_moved"] > 3.0
+        loads[zero] = one.load(found.after).force(at)
+    true = observer(plant).load(plain.after).force(at)
+    off = {zero: np.abs(load - true).max() for zero, load in loads.items()}
+    # two strokes; the first was over before the piston returned to its rest
+    assert off["subtract"] < 0.7 * off["keep"]
+
+
+def test_blocks_of_any_length_and_a_resumed_state_give_the_same_bits(plant, log, calibration, tmp_path):
+    one, both = observer(plant, calibration=calibration), moved(log)
+    whole = follow_block(one, observe_recording(one, both.slice(0, 2)).before, both)
+    assert np.unique(whole.samples.rest).size > 1, "the zero changes within the recording"
+    state, parts, at = whole.before, [], 0
+    for length in (1, 7, 150, 333, 1200, len(both)):
+        part = follow_block(one, state, both.slice(at, min(at + length, len(both))))
+        write_state(one, part.after, tmp_path / "state.toml")
+        state, at = read_state(one, tmp_path / "state.toml"), at + length
+        parts.append(part)
+    for name in ("states", "rest", "innovations"):
+        together = np.concatenate([getattr(part.samples, name) for part in parts])
+        assert np.array_equal(together, getattr(whole.samples, name), equal_nan=True), name
+    assert state.rest.shift == whole.after.rest.shift
+    assert state.zero == whole.after.zero
+
+
+def test_a_hole_keeps_the_shift_until_a_rest_says_else():
+    watch = RestWatch(shift=2e-4, lowest=2e-4, returned=(5e-4,), stroke=True)
+    assert new_stretch(watch) == RestWatch(shift=2e-4)
+
+
+def test_rests_above_the_stop_change_no_shift_that_they_allow():
+    before, pace = VentedRest(0.0, 5e-4, 1e-5), rest_pace(1e-3, 0.025)
+    y = np.concatenate([np.full(500, 1e-2), np.full(500, 5.5e-4)])
+    duties = np.column_stack([np.zeros(1000), (np.arange(1000) > 450) * 1.0])
+    watch, changes = watch_rest(NOTHING, before, pace, y, duties)
+    assert changes == []
+    assert watch.returned == pytest.approx((5.5e-4,))
+    moved_before = NOTHING._replace(shift=1e-4)
+    assert watch_rest(moved_before, before, pace, y, duties)[1] == [], "friction allows this shift too"
+    assert watch_rest(NOTHING, before, pace, y + 1e-3, duties)[1][0][1] == pytest.approx(1.05e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", ["A", "B"])
+def test_the_shift_on_line_is_that_of_the_whole_recording(family, plant):
+    kind = truck(2, family)
+    before = vented_rest(drive(kind, seconds=20, seed=1).log)
+    one = observer(plant, "states", calibration=Calibration((), np.zeros((0, 0)), rest=before))
+    for options in ({}, {"offset": OFFSET}, {"zero": "kept", "wear": 2e-3}):
+        done = drive(kind, seconds=20, seed=2, pressure=False, **options)
+        pace = rest_pace(one.spacing, plant.parameters.y_max)
+        duties = np.column_stack([done.log[name] for name in ("duty_supply", "duty_exhaust")])
+        watch, _ = watch_rest(NOTHING, before, pace, done.log["position"], duties)
+        assert watch.shift == pytest.approx(done.truth.shift, abs=2.5e-5)

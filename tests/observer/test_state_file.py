@@ -1,0 +1,89 @@
+"""The file of a state: a change of any entry is noticed, and what no observer writes is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clutchid.errors import ParameterError
+from clutchid.observer import observe, read_state, start, write_state
+
+
+@pytest.fixture(scope="module")
+def state(joint, log):
+    return observe(joint, start(joint), log.slice(0, 700))[0]
+
+
+def spoiled(values, value):
+    """An array whose last element is another."""
+    other = np.array(values)
+    other[(-1,) * other.ndim] = value
+    return other
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("number = 700", "number = 701"),
+        ("mismatch = 1", "mismatch = 2"),
+        ("leaking = false", "leaking = true"),
+        ("spacing = 0.001", "spacing = 0.002"),
+        ("[sound]\ntheta = [\n", "[sound]\ntheta = [\n    0.5,\n"),
+        ("[tail]", "[tails]"),
+    ],
+)
+def test_a_changed_entry_is_noticed_by_the_checksum(joint, state, tmp_path, before, after):
+    path = tmp_path / "state.toml"
+    write_state(joint, state, path)
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after, 1))
+    with pytest.raises(ParameterError, match=r"state\.toml: the state of an observer is damaged \(it was changed"):
+        read_state(joint, path)
+
+
+def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_path):
+    path = tmp_path / "state.toml"
+    write_state(joint, state, path)
+    path.write_bytes(b"# mine\r\n" + path.read_bytes().replace(b"\n", b"\r\n").replace(b" = ", b"  =  "))
+    assert np.array_equal(read_state(joint, path).T, state.T)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda s: {"T": spoiled(s.T, np.nan)}, "parameters has a value that is not finite"),
+        (lambda s: {"T": s.T[:, :-1]}, "cannot reshape"),
+        (lambda s: {"T": 0.0 * s.T, "filter": s.filter._replace(T=0.0 * s.T)}, "a root has a row of zeros"),
+        (lambda s: {"theta": s.theta + 1.0}, "the parameters are not those of filter"),
+        (lambda s: {"sound": (s.theta + np.inf, s.T)}, "sound has a value that is not finite"),
+        (lambda s: {"filter": s.filter._replace(S=0.0 * s.filter.S)}, "S is 0"),
+        (lambda s: {"filter": s.filter._replace(x=spoiled(s.filter.x, np.nan))}, "filter has a value that is not"),
+        (lambda s: {"filter": s.filter._replace(stroke=s.filter.stroke + 7)}, "neither 0 nor 1"),
+        (lambda s: {"filter": None}, "not of the same stretch"),
+        (lambda _: {"number": -5}, "number is no number of at least 0"),
+        (lambda _: {"number": 0.5}, "number is no number of at least 0"),
+        (lambda _: {"mismatch": -1.0}, "mismatch -1 is not of at least 0"),
+        (lambda _: {"mismatch": "1"}, "mismatch is no number"),
+        (lambda _: {"leaking": 1}, "leaking is neither true nor false"),
+        (lambda _: {"zero": 7.0}, "has moved by more than 0.005 m"),
+        (lambda s: {"deviations": spoiled(s.deviations, -1.0)}, "a standard deviation is below 0"),
+        (lambda s: {"strokes": s.strokes._replace(ended=-1)}, "ended is no number of at least 0"),
+        (lambda s: {"strokes": s.strokes._replace(began=np.nan)}, "strokes has a value that is not finite"),
+        (lambda s: {"tail": s.tail._replace(time=spoiled(s.tail.time, np.nan))}, "tail has a value that is not finite"),
+        (lambda s: {"tail": s.tail._replace(time=s.tail.time[::-1])}, "the times of tail do not increase"),
+        (lambda s: {"tail": s.tail._replace(duties=spoiled(s.tail.duties, 7.0))}, "a duty cycle of tail is outside"),
+        (lambda s: {"tail": s.tail._replace(position=s.tail.position[1:])}, "different lengths"),
+        (lambda s: {"rest": s.rest._replace(shift=np.nan)}, "has moved by more than 0.005 m"),
+        (lambda s: {"rest": s.rest._replace(lowest=1e300)}, "a vented rest lies above 0.003 m"),
+        (lambda s: {"rest": s.rest._replace(returned=(0.0,) * 9)}, "more than 8 vented rests"),
+        (lambda s: {"rest": s.rest._replace(window=np.array([np.nan]))}, "rest has a value that is not finite"),
+        (lambda s: {"rest": s.rest._replace(vents=-1)}, "vents is no number of at least 0"),
+    ],
+)
+def test_a_value_that_no_observer_has_is_refused_whatever_the_checksum(joint, state, tmp_path, change, reason):
+    write_state(joint, replace(state, **change(state)), tmp_path / "state.toml")
+    with pytest.raises(ParameterError, match="the state of an observer is damaged") as caught:
+        read_state(joint, tmp_path / "state.toml")
+    assert reason in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1

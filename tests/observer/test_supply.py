@@ -1,0 +1,126 @@
+"""A recorded supply pressure: the observer follows it, however the sensor is scaled, and counts its accuracy."""
+
+import numpy as np
+import pytest
+
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import ACCURACY, Conditions
+from clutchid.observer.following import observe
+from clutchid.observer.health import LIVE_FLAGS
+from clutchid.observer.live import checked, gone_on, live_run
+from clutchid.observer.observer import observer, start
+from clutchid.observer.state_file import read_state, write_state
+from clutchid.observer.supply import load_deviation, supply_of, unused_supply
+from clutchid.simulation import simulate
+
+STROKE = np.linspace(2e-3, 9e-3, 30)
+
+#: What the sensor shows of the pressure in the model.
+SHOWN = 1.08
+
+
+def calibration(supply, estimated):
+    return Calibration((), np.zeros((0, 0)), conditions=Conditions(supply=supply, supply_estimated=estimated))
+
+
+@pytest.fixture(scope="module")
+def kept(plant):
+    return calibration(SHOWN * plant.value("P_S"), plant.value("P_S"))
+
+
+@pytest.fixture(scope="module")
+def lower(plant, recorded_by):
+    """A recording with 5 % less supply, by a vehicle that records it."""
+    actuator = plant.replace({"P_S": 0.95 * plant.value("P_S")})
+    log = recorded_by(actuator, seconds=6.0)
+    supply = simulate(actuator, log).log["pressure_supply"]
+    noisy = SHOWN * supply + 1e3 * np.random.default_rng(1).standard_normal(len(log))
+    return log.with_columns(pressure_supply=noisy)
+
+
+def off(one, plant, log):
+    """Error of the load over its largest value, the pressure's rms error, and the last state."""
+    state, found = observe(one, start(one), log)
+    error = one.load(state).force(STROKE) - plant.load.force(STROKE)
+    late = slice(len(log) // 2, None)
+    pressure = found.states[late, plant.states.index("p_A")] - log["pressure_a"][late]
+    return np.abs(error).max() / plant.load.force(STROKE).max(), float(np.sqrt(np.mean(pressure**2))), state
+
+
+def test_less_supply_is_no_smaller_load_where_the_vehicle_records_it(plant, kept, lower):
+    load, pressure, _ = off(observer(plant, calibration=kept), plant, lower)
+    blind, blind_pressure, _ = off(observer(plant), plant, lower)
+    assert blind > 0.02, "from the position alone it is taken for the load"
+    assert load < 0.5 * blind
+    assert pressure < 0.5 * blind_pressure
+
+
+def test_a_supply_that_is_not_recorded_changes_nothing_but_the_band(plant, kept, lower):
+    without = lower.without("pressure_supply")
+    one, plain = observer(plant, calibration=kept), observer(plant)
+    (state, found), (plain_state, plain_found) = (observe(each, start(each), without) for each in (one, plain))
+    assert found.states == pytest.approx(plain_found.states, rel=1e-9, abs=1e-9)
+    assert np.all(one.load_deviation(state, STROKE) > plain.load_deviation(plain_state, STROKE))
+
+
+def test_the_accuracy_of_the_sensor_is_a_part_of_the_band(plant, kept):
+    p, supply = plant.parameters, supply_of(plant, kept)
+    share = np.sqrt(2.0) * ACCURACY["P_S"] / (SHOWN * p.P_S)
+    assert supply.ratio == pytest.approx(1.0 / SHOWN)
+    assert supply.share == pytest.approx(share)
+    expected = share * (plant.load.force(STROKE) + p.A_A * p.P_0)
+    np.testing.assert_allclose(load_deviation(supply.share, plant, plant.load, STROKE), expected)
+
+
+def test_all_pressures_scale_with_the_supply(plant, recorded_by):
+    """What the band rests on: the motion is nearly the same with all absolute pressures, and so the forces, scaled."""
+    more, p = 1.01, plant.parameters
+    # the load that balances the scaled pressure where friction does not count: f + A_A P_0 scales
+    higher = plant.load.force(STROKE) * more + (more - 1.0) * p.A_A * p.P_0
+    one = observer(plant, calibration=calibration(p.P_S, more * p.P_S))
+    log = recorded_by(plant, seconds=6.0).with_columns(pressure_supply=np.full(6000, p.P_S))
+    state, _ = observe(one, start(one), log)
+    found = one.load(state).force(STROKE)
+    assert np.mean(found - plant.load.force(STROKE)) == pytest.approx(
+        np.mean(higher - plant.load.force(STROKE)), rel=0.4
+    )
+
+
+def test_only_calibrations_that_estimate_what_was_recorded_are_used(plant):
+    assert supply_of(plant, None) is None
+    assert supply_of(plant, calibration(9e5, None)) is None
+    assert observer(plant, "rls", calibration=calibration(9e5, 9e5)).supply is None
+    assert observer(plant, "states", calibration=calibration(9e5, 9e5)).supply is not None
+
+
+def test_blocks_and_saved_states_give_the_same_numbers_with_a_supply(plant, kept, lower, tmp_path):
+    one, part = observer(plant, calibration=kept), lower.slice(0, 2000)
+    _, whole = observe(one, start(one), part)
+    state, first = observe(one, start(one), part.slice(0, 777))
+    write_state(one, state, tmp_path / "state.toml")
+    _, second = observe(one, read_state(one, tmp_path / "state.toml"), part.slice(777, 2000))
+    assert np.array_equal(np.vstack([first.states, second.states]), whole.states)
+
+
+def test_samples_with_an_open_valve_or_without_a_value_do_not_count(plant, kept, lower):
+    one = observer(plant, calibration=kept)
+    open_valve = (lower["duty_supply"] > 0.0) | (lower["duty_exhaust"] > 0.0)
+    assert 0.1 < open_valve.mean() < 0.9
+    wild = lower.with_columns(pressure_supply=np.where(open_valve, 1e4, lower["pressure_supply"]))
+    gone = lower.with_columns(pressure_supply=np.where(open_valve, np.nan, lower["pressure_supply"]))
+    (_, first), (_, second) = (observe(one, start(one), log) for log in (wild, gone))
+    assert np.array_equal(first.states, second.states)
+
+
+def test_a_column_that_cannot_be_used_is_one_sentence(plant, kept, lower):
+    assert unused_supply(lower, plant, kept) == ""
+    assert unused_supply(lower.without("pressure_supply"), plant, None) == ""
+    assert "does not have it; record it there too" in unused_supply(lower, plant, None)
+    assert "was saved before observers used it" in unused_supply(lower, plant, calibration(9e5, None))
+
+
+def test_a_live_recording_says_it_too(plant, kept, lower):
+    for known, said in ((kept, False), (None, True)):
+        one = observer(plant, calibration=known)
+        run, _ = gone_on(live_run(one, start(one)), lower.slice(0, 2000), dict.fromkeys(LIVE_FLAGS, 0))
+        assert any("pressure_supply is not used" in sentence for sentence in checked(run).checked) == said

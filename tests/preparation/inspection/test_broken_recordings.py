@@ -1,0 +1,224 @@
+"""Each fault, put into a sound recording on purpose, is found, and its sentence says what to do."""
+
+import numpy as np
+import pytest
+
+from clutchid.log import Log
+from clutchid.model import Actuator, Load
+from clutchid.preparation.inspection import inspect
+from clutchid.truck import respond, truck
+
+TRUCKS = (1, 5, 16)
+
+
+@pytest.mark.parametrize("number", TRUCKS)
+@pytest.mark.parametrize("ms", [-50, -20, 20, 50])
+def test_a_shift_of_20_ms_and_more_is_bad(recorded, shifted, found, number, ms):
+    before, after = (found(log, "time shift") for log in (recorded(number), shifted(recorded(number), ms)))
+    assert (before.grade, after.grade) == ("good", "bad")
+    assert float(after.value.split()[0]) - float(before.value.split()[0]) == pytest.approx(ms, abs=1.0)
+    assert f"{-ms:+d}." in after.sentence.replace(f"{-float(after.value.split()[0]):+.1f}", f"{-ms:+d}.")
+
+
+@pytest.mark.parametrize("number", TRUCKS)
+def test_a_shift_of_5_ms_is_found_beside_the_delay_of_valve_and_sensor(recorded, shifted, found, number):
+    assert found(shifted(recorded(number), 5), "time shift").grade in ("suspect", "bad")
+
+
+def test_a_shift_is_found_at_100_hz_and_undetermined_at_20_hz(recorded, shifted, thinned, found):
+    log = recorded(5)
+    assert found(thinned(log, 10), "time shift").grade == "good"
+    assert found(thinned(shifted(log, 50), 10), "time shift").grade == "bad"
+    assert found(thinned(shifted(log, 50), 50), "time shift").grade == "undetermined"
+
+
+def test_a_lag_that_the_actuator_knows_is_no_shift(recorded, shifted, found):
+    late = shifted(recorded(5), 12)
+    assert found(late, "time shift").grade == "bad"
+    assert found(late, "time shift", Actuator().replace({"tau_y": 0.013})).grade == "good"
+
+
+def test_motion_that_never_follows_a_command_is_bad(recorded, found):
+    log = recorded(5, "strokes")
+    still = np.random.default_rng(0).normal(0, 3e-5, len(log))
+    seen = found(log.with_columns(position=still), "time shift")
+    assert seen.grade == "bad"
+    assert "no motion" in seen.value
+
+
+@pytest.mark.parametrize("number", TRUCKS)
+def test_a_sign_that_is_wrong_is_bad_and_the_supply_pressure_is_then_undetermined(recorded, found, number):
+    log = recorded(number)
+    for wrong in (
+        log.with_columns(position=-log["position"]),
+        log.with_columns(position=0.025 - log["position"]),
+        log.with_columns(duty_supply=log["duty_exhaust"], duty_exhaust=log["duty_supply"]),
+    ):
+        assert found(wrong, "sign of position").grade == "bad"
+        assert found(wrong, "supply pressure").grade == "undetermined"
+
+
+def test_a_position_of_another_time_axis_has_no_sign(recorded, found):
+    log = recorded(5)
+    assert found(log.with_columns(position=log["position"][::-1]), "sign of position").grade == "suspect"
+
+
+@pytest.mark.parametrize(
+    ("scale", "unit"), [(1e-5, "bar:"), (1e-3, "kPa:"), (1e-2, "hPa or mbar:"), (1 / 6894.757, "psi:")]
+)
+def test_another_unit_of_the_pressure_is_named(recorded, found, scale, unit):
+    log = recorded(5)
+    seen = found(log.with_columns(pressure_a=log["pressure_a"] * scale), "unit of pressure_a")
+    assert seen.grade == "bad"
+    assert f"looks like {unit}" in seen.sentence
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "Pa(g):"), (1e-5, "bar(g):")])
+def test_gauge_pressure_is_distinguished_from_absolute(recorded, found, scale, unit):
+    log = recorded(5)
+    gauge = (log["pressure_a"] - np.quantile(log["pressure_a"], 0.05)) * scale
+    seen = found(log.with_columns(pressure_a=gauge), "unit of pressure_a")
+    assert seen.grade == "bad"
+    assert f"looks like {unit}" in seen.sentence
+
+
+def test_a_pressure_of_no_known_unit_is_reported_without_a_guess(recorded, found):
+    log = recorded(5)
+    seen = found(log.with_columns(pressure_a=1e9 + log["pressure_a"]), "unit of pressure_a")
+    assert seen.grade == "bad"
+    assert "check its unit" in seen.sentence
+
+
+@pytest.mark.parametrize("every", [1, 10])
+@pytest.mark.parametrize("number", TRUCKS)
+def test_a_position_that_is_cut_off_is_bad_at_either_end(recorded, thinned, found, number, every):
+    log = thinned(recorded(number), every)
+    y = log["position"]
+    for cut in (np.minimum(y, 0.8 * y.max()), np.maximum(y, 0.05 * y.max())):
+        seen = found(log.with_columns(position=cut), "saturation of position")
+        assert seen.grade == "bad"
+        assert "without noise for" in seen.sentence
+
+
+def test_a_pressure_that_is_cut_off_is_bad(recorded, found):
+    log = recorded(5)
+    cut = np.minimum(log["pressure_a"], 4e5)
+    seen = found(log.with_columns(pressure_a=cut), "saturation of pressure_a")
+    assert (seen.grade, seen.value.endswith("at 4 bar")) == ("bad", True)
+
+
+@pytest.mark.parametrize("every", [1, 10])
+@pytest.mark.parametrize("name", ["position", "pressure_a"])
+def test_a_column_that_stands_still_while_the_valves_work_is_bad(recorded, thinned, frozen, found, name, every):
+    for number in TRUCKS:
+        seen = found(frozen(thinned(recorded(number), every), name), f"stuck {name}")
+        assert seen.grade == "bad"
+        # noise ends the stretch a few samples early at most
+        assert float(seen.value.split()[0]) == pytest.approx(2.0, abs=0.05)
+
+
+def test_a_column_that_stands_still_at_rest_is_suspect(recorded, found):
+    log = recorded(5)
+    passed = np.cumsum((log["duty_supply"] > 0) | (log["duty_exhaust"] > 0))
+    start = next(i for i in range(1000, len(log)) if passed[i + 150] == passed[i] and log["position"][i] > 1e-3)
+    y = log["position"].copy()
+    y[start : start + 150] = y[start]
+    assert found(log.with_columns(position=y), "stuck position").grade == "suspect"
+
+
+def test_a_position_without_noise_is_stuck_where_an_open_valve_does_not_move_it():
+    time = np.arange(0, 4, 1e-3)
+    supply, exhaust = 1.0 * (time % 1 < 0.2), 1.0 * (time % 1 >= 0.5)
+    log = Log(time, {"position": np.zeros(time.size), "duty_supply": supply, "duty_exhaust": exhaust})
+    (stuck,) = (one for one in inspect(log).checks if one.name == "stuck position")
+    assert stuck.grade == "bad"
+    assert "leave these samples empty" in stuck.sentence
+
+
+def test_steps_count_where_the_noise_does_not_smear_them(recorded, found):
+    log, check = recorded(5), "quantisation of position"
+    verdicts = {}
+    for step in (10e-6, 100e-6, 200e-6, 600e-6):
+        coarse = log.with_columns(position=step * np.round(log["position"] / step))
+        verdicts[step] = found(coarse, check).grade
+    assert list(verdicts.values()) == ["good", "suspect", "suspect", "bad"]
+    # with narrower pieces of the load curve the same step is too coarse
+    coarse = log.with_columns(position=2e-4 * np.round(log["position"] / 2e-4))
+    assert found(coarse, check, Actuator(load=Load.on_b_splines())).grade == "bad"
+
+
+def test_steps_of_the_pressure_count_too(recorded, found):
+    log = recorded(5)
+    for step, verdict in ((500.0, "good"), (15e3, "suspect"), (50e3, "bad")):
+        coarse = log.with_columns(pressure_a=step * np.round(log["pressure_a"] / step))
+        assert found(coarse, "quantisation of pressure_a").grade == verdict
+
+
+def test_steps_that_hide_the_noise_leave_saturation_undetermined(recorded, found):
+    log = recorded(5)
+    coarse = log.with_columns(position=2e-4 * np.round(log["position"] / 2e-4))
+    assert found(coarse, "saturation of position").grade == "undetermined"
+
+
+@pytest.mark.parametrize(("every", "verdict"), [(1, "good"), (2, "suspect"), (20, "suspect"), (21, "bad")])
+def test_the_rate_must_let_the_edges_of_the_valves_and_then_the_stroke_be_seen(
+    recorded, thinned, found, every, verdict
+):
+    # 0.3 m/s passes a quarter of the stroke, 6.25 mm, in 20.8 ms
+    check = found(thinned(recorded(5), every), "sample rate")
+    assert check.grade == verdict
+    assert ("'with care' at best; record at 1000 Hz or more" in check.sentence) == (verdict == "suspect")
+
+
+@pytest.mark.parametrize(("every", "stated"), [(6, False), (7, True)])
+def test_a_piece_of_the_load_curve_that_is_passed_between_two_samples_is_stated(
+    recorded, thinned, found, every, stated
+):
+    # 0.3 m/s passes the narrowest piece, 2 mm, in 6.7 ms
+    assert ("narrowest knot interval" in found(thinned(recorded(5), every), "sample rate").sentence) == stated
+
+
+def test_the_rate_is_compared_with_the_stiffness_of_the_actuator(recorded, found):
+    stiff = Actuator().replace({"M": 1e-4})
+    assert "integration step" in found(recorded(5), "sample rate").sentence
+    assert found(recorded(5), "sample rate", stiff).grade == "bad"
+
+
+@pytest.fixture(scope="module")
+def filled():
+    """A truck whose supply valve stays open for 0.9 s, three times, with its pressure."""
+    time = np.arange(6000)
+    supply = 1.0 * ((time % 1900 > 300) & (time % 1900 < 1200))
+    return respond(truck(4), supply, 1.0 * (time % 1900 > 1250)).log
+
+
+def test_a_plateau_shows_the_supply_pressure(filled, found):
+    supply = truck(4).P_S
+    seen = found(filled, "supply pressure")
+    # the governor keeps the reservoir within its saw-tooth of 0.35 bar about the set pressure, and a fill takes 0.2 bar
+    assert float(seen.value.split()[0]) * 1e5 == pytest.approx(supply, abs=0.5e5)
+    assert seen.grade == "suspect"
+    assert "free it" in seen.sentence
+    known = Actuator().replace({"P_S": float(seen.value.split()[0]) * 1e5})
+    assert found(filled, "supply pressure", known).grade == "good"
+
+
+def test_more_pressure_than_the_supply_has_is_bad(recorded, found):
+    log = recorded(5)
+    weak = Actuator().replace({"P_S": 4e5})
+    seen = found(log, "supply pressure", weak)
+    assert seen.grade == "bad"
+    assert seen.value.startswith("at least 5.")
+
+
+def test_without_pressure_no_supply_pressure_is_invented(recorded, found):
+    log = recorded(5)
+    alone = Log(log.time, {name: v for name, v in log.columns.items() if name != "pressure_a"})
+    assert found(alone, "supply pressure").grade == "undetermined"
+
+
+def test_a_position_outside_the_stroke_is_reported_in_the_words_of_the_simulation(recorded, found):
+    log = recorded(5)
+    seen = found(log.with_columns(position=log["position"] * 1e3), "range of position")
+    assert (seen.grade, "outside the stroke" in seen.sentence) == ("bad", True)
+    assert found(log.with_columns(position=log["position"] + 5e-3), "range of position").grade == "suspect"

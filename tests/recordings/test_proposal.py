@@ -1,0 +1,161 @@
+"""Channel maps proposed from names, units and ranges."""
+
+import numpy as np
+import pytest
+
+from clutchid.recordings.columns import REQUIRED
+from clutchid.recordings.map.proposal import map_for, propose
+
+TIME = np.arange(100) / 100
+DUTY = (TIME % 0.2 < 0.1) * 1.0
+
+
+def proposed(source, *names, units=("s", "mm", "%", "%", "bar(g)"), scale=(1, 20, 100, 100, 8)):
+    columns = {
+        name: (unit, factor * (TIME if i in (0, 1, 4) else DUTY))
+        for i, (name, unit, factor) in enumerate(zip(names, units, scale, strict=False))
+    }
+    return propose(source(columns, clock=False))
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("time", "ClutchPos", "DutySupply", "DutyExhaust", "ClutchPressure"),
+        ("t", "clutch_travel", "pwm_inlet_valve", "pwm_outlet_valve", "p_clutch"),
+        ("Zeit", "Kupplungsweg", "Tastverhältnis_Zuluft", "Tastverhältnis_Abluft", "Kupplungsdruck"),
+        ("Zeit", "KupplungsWeg_ist", "Belüftungsventil", "Entlüftungsventil", "Druck_Zylinder"),
+        ("time_s", "x_clutch", "uSup", "uExh", "pCyl"),
+        ("t", "ClutchPos_mm", "DC_sup", "DC_exh", "pChamber"),
+        ("t", "clutchpos", "supply_pct", "exhaust_pct", "p_cham"),
+        ("t", "ypiston", "u_sup", "u_exh", "pcylinder"),
+        ("timestamps", "Actuator.Stroke", "Valve_Fill_Cmd", "Valve_Vent_Cmd", "Chamber_Press"),
+    ],
+)
+def test_english_and_german_names_are_known(source, names):
+    found = proposed(source, *names)
+    told = {name: entry.channel for name, entry in found.channels.channels.items()}
+    assert told == dict(zip(("time", "position", "duty_supply", "duty_exhaust", "pressure_a"), names, strict=True))
+    assert found.complete, found.open
+
+
+def test_other_pressures_and_positions_are_left_alone(source):
+    names = ("time", "ThrottlePosition", "BrakePressure", "EngineOilPress", "Kupplungsweg", "Steering_Pos")
+    columns = {name: ("bar" if "ress" in name else "s" if name == "time" else "mm", TIME) for name in names}
+    found = propose(source(columns, clock=False))
+    assert {name: entry.channel for name, entry in found.channels.channels.items()} == {
+        "time": "time",
+        "position": "Kupplungsweg",
+    }
+    assert found.open == (
+        "duty_supply: no channel name matches; add it to the map.",
+        "duty_exhaust: no channel name matches; add it to the map.",
+    )
+
+
+def test_a_j1939_reservoir_is_the_supply_and_a_circuit_is_no_chamber(source):
+    columns = {"time": ("s", TIME), "PneumaticSupplyPress": ("kPa", 900 + TIME), "Clutch_Pos": ("%", TIME)}
+    found = propose(source(columns))
+    assert {name: entry.channel for name, entry in found.channels.channels.items()} == {
+        "pressure_supply": "PneumaticSupplyPress"
+    }
+
+
+def test_a_unit_is_guessed_from_the_range_and_has_to_be_confirmed(source):
+    names = ("t", "Weg", "duty_fill", "duty_vent", "press")
+    found = proposed(source, *names, units=(None,) * 5)
+    units = {name: entry.unit for name, entry in found.channels.channels.items()}
+    assert units == {"time": "s", "position": "mm", "duty_supply": "%", "duty_exhaust": "%", "pressure_a": "bar(g)"}
+    assert not found.complete
+    assert "position: 'Weg' has no unit; [mm] is guessed from its range." in found.open
+
+
+def test_two_that_fit_as_well_are_told(source):
+    found = proposed(
+        source, "t", "Weg", "duty_fill", "duty_vent", "p", units=("s", "mm", "1", "1", "bar(g)"), scale=(1,) * 5
+    )
+    assert found.complete
+    columns = {"t": ("s", TIME), "Weg 1": ("mm", TIME), "Weg 2": ("mm", TIME)}
+    both = propose(source(columns, clock=False))
+    assert "position: 'Weg 1' is proposed, but 'Weg 2' would match as well." in both.open
+
+
+def test_the_same_name_in_two_groups_gets_its_group(source):
+    raster = {"t": ("s", TIME), "ClutchPos": ("mm", TIME)}
+    found = propose(source(raster, {"t": ("s", TIME), "ClutchPos": ("V", TIME)}))
+    assert found.channels.channels["position"].group == "group 0"
+
+
+def test_a_constant_channel_is_proposed_for_nothing(source):
+    still = np.full(100, 3.3)
+    columns = {"t": ("s", TIME), "ClutchPos": ("mm", still), "Weg": ("mm", TIME), "pCyl": ("bar", still)}
+    found = propose(source(columns, clock=False), (*REQUIRED, "pressure_a"))
+    assert {name: entry.channel for name, entry in found.channels.channels.items()} == {"time": "t", "position": "Weg"}
+    assert (
+        "pressure_a: only constant channels match by name, 'pCyl' (always 3.3); add the right one to the map."
+        in found.open
+    )
+
+
+def test_a_channel_that_rests_for_its_first_samples_only_is_not_constant(source):
+    late = np.r_[np.zeros(70_000), np.ones(10)]
+    found = propose(source({"t": ("s", np.arange(late.size) / 1000), "ClutchPos": ("mm", late)}), ("position",))
+    assert found.channels.channels["position"].channel == "ClutchPos"
+
+
+@pytest.mark.parametrize(("others", "proposed"), [(0, True), (1, False)])
+def test_a_duty_cycle_of_0_is_proposed_only_if_its_name_is_unambiguous(source, others, proposed):
+    columns = {"t": ("s", TIME), "ClutchPos": ("mm", TIME), "uSup": ("%", DUTY), "uExh": ("%", 0 * TIME)}
+    columns |= {f"dc_vent_{i}": ("%", 0 * TIME) for i in range(others)}
+    found = propose(source(columns))
+    assert ("duty_exhaust" in found.channels.channels) == proposed
+    assert found.complete == proposed
+    assert ("duty_exhaust: 'uExh' is constant at 0." in found.notes) == proposed
+
+
+def test_a_constant_channel_with_the_standard_name_is_that_quantity(source):
+    found = propose(source({"t": ("s", TIME), "position": ("mm", 0 * TIME), "Weg": ("mm", TIME)}), ("position",))
+    assert found.channels.channels["position"].channel == "position"
+
+
+@pytest.mark.parametrize(
+    ("unit", "low", "proposed"),
+    [("bar", 0.02, "bar(g)"), ("bar", 0.98, None), ("kPa", 2.0, "kPa(g)"), ("Pa", 95e3, None), ("bar(g)", 0.0, None)],
+)
+def test_a_pressure_near_0_at_rest_is_proposed_as_gauge_pressure(source, unit, low, proposed):
+    scale = {"bar": 1, "kPa": 100, "Pa": 1e5, "bar(g)": 1}[unit]
+    found = propose(source({"t": ("s", TIME), "pCyl": (unit, low + 6 * scale * TIME)}), ())
+    assert found.channels.channels["pressure_a"].unit == proposed
+    assert found.complete == (proposed is None)
+    if proposed:
+        assert f"falls to {low:g} {unit}, so that the gauge unit [{proposed}] is guessed" in found.open[0]
+
+
+@pytest.mark.parametrize(("interval", "unit"), [(0.001, "s"), (0.1, "s"), (1.0, "ms"), (10.0, "ms"), (1000.0, "us")])
+def test_the_unit_of_time_is_guessed_from_the_interval(source, interval, unit):
+    for clock in (False, True):
+        found = propose(source({"t": (None, np.arange(100) * interval), "Weg": ("mm", TIME)}, clock=clock), ("time",))
+        proposed = found.channels.channels.get("time")
+        if clock and unit == "s":
+            assert proposed is None
+        else:
+            assert proposed.unit == unit
+            assert found.open == (f"time: 't' has no unit; [{unit}] is guessed from its intervals.",)
+
+
+def test_standard_names_need_no_warning_that_they_were_identified(source):
+    columns = {"time": ("s", TIME), "position": ("mm", TIME), "force": ("N", TIME)}
+    assert map_for(source(columns), ("time", "position", "force")).comments[""] == ""
+    other = {"time": ("s", TIME), "Weg": ("mm", TIME), "force": ("N", TIME)}
+    assert "were identified by their names" in map_for(source(other), ("position", "force")).comments[""]
+
+
+def test_a_missing_quantity_has_the_channels_with_its_unit_as_candidates(source):
+    columns = {"t": ("s", TIME), "Weg": ("mm", TIME), "A": ("%", DUTY), "B": ("1", DUTY), "n": ("rpm", TIME)}
+    found = propose(source(columns, clock=False))
+    assert found.channels.comments["duty_supply"] == "candidates: 'A', 'B'"
+    assert "rate" not in found.channels.comments
+    without = propose(source({"Weg": ("mm", TIME), "A": (None, DUTY)}, clock=False))
+    assert without.channels.comments["duty_supply"] == "candidates: 'A'"
+    assert without.channels.comments["rate"] == "samples per second, for a file without time"
+    assert "time: no channel name matches; add it to the map, or rate = 1000.0 (Hz)." in without.open

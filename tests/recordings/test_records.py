@@ -1,0 +1,130 @@
+"""Records as tables of a TOML file: what is written is read, and what is wrong is said with its place."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pytest
+import tomli_w
+
+from clutchid.errors import ParameterError
+from clutchid.log import FloatArray
+from clutchid.recordings.records import Rule, collected, plain, read, table
+
+
+class Span(NamedTuple):
+    low: float
+    high: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    name: str
+    kind: Literal["rod", "line_sensor"]
+    spans: Mapping[str, Span]
+    samples: int = 0
+    used: bool = True
+    pairs: tuple[tuple[float, float], ...] = ()
+    root: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    rest: Span | None = None
+
+
+FULL = Sensor(
+    "s", "rod", {"a": Span(1.0, 2.0)}, 3, False, ((1.0, 2.0),), np.array([[1.0, 0.1], [0.0, 1e-300]]), Span(3.0)
+)
+PLAIN = {"name": "s", "kind": "rod", "spans": {}}
+
+
+def test_a_record_in_a_file_is_read_bit_by_bit():
+    again = read(Sensor, tomllib.loads(tomli_w.dumps(table(FULL))), "[sensor]")
+    np.testing.assert_array_equal(again.root, FULL.root)
+    assert again.root.dtype == np.float64
+    assert repr(again) == repr(FULL)
+
+
+def test_what_is_nothing_by_default_is_left_out_and_read_as_nothing():
+    bare = Sensor("", "rod", {})
+    assert table(bare) == {"name": "", "kind": "rod", "spans": {}, "samples": 0, "used": True}
+    assert repr(read(Sensor, table(bare), "[sensor]")) == repr(bare)
+
+
+def test_chosen_fields_are_written_in_the_order_of_the_choice():
+    assert list(table(FULL, ("samples", "rest", "name"))) == ["samples", "rest", "name"]
+
+
+def test_numbers_and_arrays_of_numpy_become_those_of_toml():
+    assert plain({"a": np.float64(0.1), "b": np.arange(2), "c": (np.int64(3), "x")}) == {
+        "a": 0.1,
+        "b": [0, 1],
+        "c": [3, "x"],
+    }
+
+
+def test_a_record_may_stand_as_the_list_of_its_fields():
+    assert read(Sensor, {**PLAIN, "spans": {"a": [1, 2]}}, "[sensor]").spans == {"a": Span(1.0, 2.0)}
+
+
+@pytest.mark.parametrize(
+    ("entries", "sentence"),
+    [
+        ({"name": 5}, "[sensor] name = 5: a text in quotes is needed."),
+        ({"kind": "line"}, "[sensor] kind: no kind 'line'; did you mean 'line_sensor'? Known are rod, line_sensor."),
+        ({"kind": []}, "[sensor] kind: no kind '[]'. Known are rod, line_sensor."),
+        ({"samples": 1.0}, "[sensor] samples = 1.0: a whole number is needed."),
+        ({"samples": True}, "[sensor] samples = True: a whole number is needed."),
+        ({"used": 1}, "[sensor] used = 1: a flag, true or false, is needed."),
+        ({"pairs": 1}, "[sensor] pairs = 1: a list of the right length is needed."),
+        ({"pairs": [[1.0]]}, "[sensor] pairs = [1.0]: a list of the right length is needed."),
+        ({"pairs": [[1.0, "x"]]}, "[sensor] pairs = 'x': a number is needed."),
+        (
+            {"root": [[1.0], [1.0, 2.0]]},
+            "[sensor] root = [[1.0], [1.0, 2.0]]: a list of numbers, in rows of equal length, is needed.",
+        ),
+        ({"root": ["1.0"]}, "[sensor] root = ['1.0']: a list of numbers, in rows of equal length, is needed."),
+        (
+            {"root": [10**400]},
+            f"[sensor] root = [1{58 * '0'}...: a list of numbers, in rows of equal length, is needed.",
+        ),
+        ({"rest": 5}, "[sensor.rest]: a section is needed."),
+        ({"rest": [1.0]}, "[sensor.rest]: a section is needed."),
+        ({"rest": {"low": True}}, "[sensor.rest] low = True: a number is needed."),
+        ({"rest": {"high": 1.0}}, "[sensor.rest] low: a number is needed."),
+        ({"spans": {"a": {"low": 10**400}}}, f"[sensor.spans.a] low = 1{59 * '0'}...: a number is needed."),
+        ({"sample": 1}, "no entry of [sensor] 'sample'; did you mean 'samples'?"),
+    ],
+)
+def test_a_wrong_entry_is_one_sentence_with_its_place(entries, sentence):
+    with pytest.raises(ParameterError) as caught:
+        read(Sensor, {**PLAIN, **entries}, "[sensor]")
+    assert str(caught.value).startswith(sentence)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_all_problems_of_a_record_are_listed():
+    problems: list[str] = []
+    assert collected(problems, read, Sensor, {"name": 5, "spans": {"a": {}}, "x": 1}, "[sensor]") is None
+    assert [problem.partition(":")[0] for problem in problems] == [
+        "no entry of [sensor] 'x'. Known are name, kind, spans, samples, used, pairs, root, rest.",
+        "[sensor] name = 5",
+        "[sensor] kind",
+        "[sensor.spans.a] low",
+    ]
+
+
+RULES = {"rest": Rule("a level above 0 is needed", lambda span: span.low > 0.0), "samples": Rule("count again")}
+
+
+@pytest.mark.parametrize(
+    ("entries", "sentence"),
+    [
+        ({"rest": {"low": -1.0}}, "[sensor.rest]: a level above 0 is needed."),
+        ({"rest": {"low": "x", "more": 1}}, "[sensor.rest]: a level above 0 is needed."),
+        ({"samples": "x"}, "[sensor] samples = 'x': count again."),
+    ],
+)
+def test_a_rule_speaks_for_an_entry_and_for_all_in_a_section(entries, sentence):
+    with pytest.raises(ParameterError) as caught:
+        read(Sensor, {**PLAIN, **entries}, "[sensor]", RULES)
+    assert str(caught.value) == sentence

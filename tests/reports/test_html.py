@@ -1,0 +1,102 @@
+"""The page template."""
+
+import base64
+import hashlib
+import re
+
+from clutchid.reports.html import Bullets, Details, Notice, Page, Picture, Section, Sortable, Text, escape, render
+from clutchid.reports.link import Link
+from clutchid.reports.tables import Column, Table
+
+HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
+PAGE = Page(
+    f"title {HOSTILE}",
+    f"subtitle {HOSTILE}",
+    (
+        Section(
+            f"heading {HOSTILE}",
+            (
+                Text(f"<b>ours</b> {escape(HOSTILE)}"),
+                Bullets((escape(HOSTILE), "<i>second</i>")),
+                Notice(HOSTILE, "failed"),
+                Notice(HOSTILE, "warning", (HOSTILE,)),
+                Details(HOSTILE, (Notice(HOSTILE), Details(HOSTILE, (Text("inner"),)))),
+                Picture(b"\x89PNG", escape(HOSTILE), f'quote " {HOSTILE}'),
+                Table(HOSTILE, (Column("a", HOSTILE, group=HOSTILE),), ((HOSTILE,),), note=HOSTILE),
+            ),
+        ),
+    ),
+    {HOSTILE: HOSTILE},
+)
+
+
+def test_hostile_names_are_shown_and_never_run():
+    html = render(PAGE)
+    assert "<script" not in html
+    assert html.count("&lt;script") == 21  # every place of the page that shows a text
+
+
+def test_our_own_markup_stays():
+    html = render(PAGE)
+    assert "<b>ours</b>" in html
+    assert "<li><i>second</i></li>" in html
+    assert '<p class="notice failed">' in html
+
+
+def test_what_is_folded_is_on_the_page_and_may_be_folded_again():
+    html = render(PAGE)
+    assert html.count("<details>") == html.count("</details>") == 2
+    assert html.index("<summary>") < html.index("<p>inner</p>") < html.rindex("</details>")
+
+
+def test_a_notice_with_a_list_keeps_its_kind():
+    assert '<div class="notice warning"><strong>' in render(PAGE)
+
+
+def test_pictures_are_inside_the_page():
+    assert "data:image/png;base64,iVBORw==" in render(PAGE)
+
+
+def test_a_page_has_a_language_a_character_set_and_a_width_for_phones():
+    html = render(PAGE)
+    for part in ('<html lang="en">', '<meta charset="utf-8">', 'name="viewport"', "@media print"):
+        assert part in html
+
+
+def test_a_page_without_provenance_has_no_footer():
+    assert "<footer>" not in render(Page("t", "s", ()))
+
+
+def test_a_page_that_is_a_part_leads_to_the_whole():
+    html = render(Page("t", "s", (), home=Link(HOSTILE, f"../{HOSTILE}")))
+    assert "<script" not in html
+    assert '<a href="../%3Cscript%20src' in html
+
+
+def test_only_a_page_with_a_sortable_table_has_its_script_and_a_box_to_filter():
+    table = Table("t", (Column("a", "a"),), (("x",), ("y",)))
+    assert "<script" not in render(Page("t", "s", (Section("h", (table,)),)))
+    html = render(Page("t", "s", (Section("h", (Sortable(table),)),)))
+    assert html.count("<script>") == html.count('type="search"') == 1
+    assert html.index("<script>") < html.index("<th scope=row>x</th>") < html.index("<th scope=row>y</th>")
+
+
+def test_a_page_runs_its_own_script_and_loads_nothing():
+    table = Sortable(Table("all", (Column("a", "text"),), (("x",),)))
+    scripted = render(Page("title", "", (Section("heading", (table,)),)))
+    (script,) = re.findall(r"<script>(.*?)</script>", scripted, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    for html, allowed in ((scripted, f"; script-src 'sha256-{digest}'"), (render(PAGE), "")):
+        (policy,) = re.findall(r'<meta http-equiv="Content-Security-Policy" content="(.*?)">', html)
+        assert policy.startswith("default-src 'none'; img-src data:; ")
+        assert policy.partition("form-action 'none'")[2] == allowed
+        assert html.index("Content-Security-Policy") < html.index("<style>")
+
+
+def test_letters_that_cannot_be_shown_are_question_marks():
+    hidden = "a\x1b[31m\x07\u202egpj.exe\u2066\ud800\x9b\u2028\r"
+    html = render(
+        Page(hidden, "10\u00a0mm, 1\u2009000 \u00fc\n", (Section("heading", (Notice(hidden, items=(hidden,)),)),))
+    )
+    assert html.count("a?[31m??gpj.exe?????") == 4  # title twice, notice and item of its list
+    assert "10\u00a0mm, 1\u2009000 \u00fc\n" in html

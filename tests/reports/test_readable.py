@@ -1,0 +1,117 @@
+"""Pages that can be read: legends beside the loads, text that is large enough, and one unit of force."""
+
+import base64
+import re
+
+import numpy as np
+import pytest
+
+from clutchid.estimation.assess.evidence import evidence
+from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.observer.observer import observer
+from clutchid.observer.recording import observe_recording
+from clutchid.reports import observe_figures, observe_page, wear_figures, wear_page
+from clutchid.reports.comparison_page import comparison_figure
+from clutchid.reports.diagnosis_figures import colour_figure, region_figure
+from clutchid.reports.figures import legend, new_figure
+from clutchid.reports.fit_figures import load_figure, recording_figure
+from clutchid.reports.fit_page import page_of
+from clutchid.reports.html import render
+from clutchid.reports.observe_text import loads
+from clutchid.wear.history import arranged
+from clutchid.wear.life import Curve, wear_of
+from clutchid.wear.measurement import Measurement, Reading
+from fixtures.baselines import with_baseline
+from fixtures.figures import legends_on_the_engaging_range, smallest_text
+
+#: Least height in px of text on a page of 500 px.
+READABLE = 10.0
+
+
+@pytest.fixture(scope="module")
+def compared(fitted):
+    return with_baseline(fitted, std=2e4)
+
+
+@pytest.fixture(scope="module")
+def run(plant, recorded_by):
+    return observe_recording(observer(plant), recorded_by(plant, seconds=6.0))
+
+
+@pytest.fixture(scope="module")
+def life():
+    readings = [Reading("ok", "", "good", Measurement(shift, 3e-5, 0.0, 0.01, np.nan)) for shift in (0, 0, 1e-3, 1e-3)]
+    return wear_of("V", arranged(list("abcd"), [""] * 4, {}), readings, None, 1e-3)
+
+
+@pytest.fixture(scope="module")
+def curves():
+    y = np.linspace(0.0, 0.025, 51)
+    force = 4000.0 * np.sin(y / 0.012)
+    return [(f"a_recording_with_a_long_name_{k}", Curve(y, force + k, force - 50.0, force + 50.0)) for k in range(6)]
+
+
+@pytest.fixture(scope="module")
+def of_loads(compared, run, curves):
+    """Figures of loads over the position."""
+    return {
+        "fit": load_figure(compared),
+        "comparison": comparison_figure(compared.comparison),
+        "observe": observe_figures.loads_figure(loads(run)),
+        "track": wear_figures.loads_figure(curves),
+    }
+
+
+@pytest.fixture(scope="module")
+def others(compared, run, life):
+    """All other figures of pages."""
+    diagnosis = evidence(compared).diagnoses["first"]
+    return {
+        "recording": recording_figure(compared.recordings["first"]),
+        "colour": colour_figure(diagnosis),
+        "region": region_figure(diagnosis),
+        "strokes": observe_figures.strokes_figure(run),
+        "samples": observe_figures.samples_figure(run),
+        "trend": wear_figures.trend_figure(life),
+    }
+
+
+def test_no_legend_covers_the_range_in_which_the_clutch_engages(of_loads):
+    assert {name: legends_on_the_engaging_range(figure) for name, figure in of_loads.items()} == dict.fromkeys(
+        of_loads, 0
+    )
+
+
+def test_all_text_of_figures_can_be_read_on_a_page_of_500_px(of_loads, others):
+    sizes = {name: smallest_text(figure) for name, figure in {**of_loads, **others}.items()}
+    assert {name: size for name, size in sizes.items() if size < READABLE} == {}
+
+
+def test_a_legend_is_no_wider_than_its_figure_however_long_its_words_are():
+    figure, (axis,) = new_figure([2.0])
+    for k in range(4):
+        axis.plot([0, 1], [0, k], label=f"{k} $ {'words ' * 5}")
+    legend(axis, 4)
+    figure.draw_without_rendering()
+    found = axis.get_legend()
+    assert found._ncols < 4
+    assert found.get_window_extent().width < figure.get_window_extent().width
+
+
+def words_of(page):
+    """The text of a page and of its drawings."""
+    html = render(page)
+    drawings = [base64.b64decode(one).decode() for one in re.findall(r"svg\+xml;base64,([A-Za-z0-9+/=]+)", html)]
+    return "\n".join([re.sub(r"base64,[A-Za-z0-9+/=]+", "", html), *drawings])
+
+
+def test_a_force_is_in_newtons_on_every_page(compared, run, life, curves):
+    pages = {
+        "fit": page_of(compared, "c"),
+        "observe": observe_page.page_of(run, Origin(), "c"),
+        "track": wear_page.page_of(life, curves, "c"),
+    }
+    for name, page in pages.items():
+        words = words_of(page)
+        assert "load [N]" in words, name
+        assert not re.search(r"\bkN\b", words), name
