@@ -16,7 +16,6 @@ from clutchid.recordings.checks import AMBIENT, check_ambient
 from clutchid.recordings.columns import REQUIRED
 from clutchid.recordings.files import atomic_write, digest, reading
 from clutchid.recordings.opening import open_source
-from clutchid.recordings.recording import pieces
 from clutchid.recordings.source import BLOCK, in_contract
 
 if TYPE_CHECKING:
@@ -133,6 +132,8 @@ def _logs(
 ) -> Iterator[Log]:
     if not isinstance(path, str | PathLike):
         raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
+    from clutchid.recordings.recording import pieces
+
     check_ambient(ambient)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))

@@ -21,8 +21,7 @@ from clutchid.recordings.checks import check, in_si, usual_interval
 from clutchid.recordings.clock import Clock, repair
 from clutchid.recordings.columns import Heading, heading_problems, ignored
 from clutchid.recordings.guard.limits import MEMORY_VARIABLE, memory
-from clutchid.recordings.map.channel_map import Channel, ChannelMap
-from clutchid.recordings.map.picking import COUNTED, Pick, pick
+from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
 from clutchid.recordings.source import Source, with_unit
 from clutchid.recordings.table import Places, Rows, Table
 
@@ -117,6 +116,8 @@ def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[Pick, ...],
 
 def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
     """Channels that the map selects from the file, and all problems of the map, also for `required` quantities."""
+    from clutchid.recordings.map.picking import pick
+
     picks, problems = pick(source, channels, required)
     missing = [name for name in required if name not in channels.channels and name != "time"]
     if missing:
