@@ -9,9 +9,8 @@ import pytest
 
 from clutchid.errors import DataError, MissingExtra
 from clutchid.recordings.formats.can import scan as can_scan
-from clutchid.recordings.formats.can.file import container, frame_log, open_file
-from clutchid.recordings.formats.can.frames import Frames, as_payload
-from clutchid.recordings.formats.can.merge import merged
+from clutchid.recordings.formats.can.file import frame_log, open_file
+from clutchid.recordings.formats.can.frames import Frames, as_payload, merged
 from clutchid.recordings.formats.can.mf4 import holds_bus_frames
 
 can = pytest.importorskip("can", reason="python-can, of the extra can, writes the logs")
@@ -274,11 +273,10 @@ def test_a_bad_dbc_is_an_error_that_names_it(logged, tmp_path):
 def test_formats_are_told_by_content(logged, tmp_path):
     for suffix, name in (("blf", "BLF"), ("asc", "ASC"), ("mf4", "MF4")):
         path = logged(suffix, mixture(3)).rename(tmp_path / f"{suffix}.dat")
-        assert container(path) == name
+        assert frame_log(path).format == name
         assert holds_bus_frames(path) == (suffix == "mf4")
     other = tmp_path / "run.csv"
     other.write_text("time [s],position [m]\n0,1\n")
-    assert container(other) is None
     assert open_file(other).problems == ("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.",)
 
 

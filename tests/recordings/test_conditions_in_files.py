@@ -108,7 +108,7 @@ def test_of_several_pressures_the_nearest_to_the_clutch_is_proposed_with_a_reaso
     assert found.channels.channels["pressure_supply"].channel == "ServiceBrakeCircuit1AirPress"
     assert any("'ServiceBrakeCircuit2AirPress' would match as well" in note for note in found.notes)
     assert found.complete
-    assert "pressure_supply" not in map_for(source({**ACTUATOR, **pressures}, clock=False), None, REQUIRED).channels
+    assert "pressure_supply" not in map_for(source({**ACTUATOR, **pressures}, clock=False), REQUIRED).channels
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import loadmat, savemat
 
-from clutchid.errors import DataError, ExportError
+from clutchid.errors import ExportError
 from clutchid.log import COLUMNS, Log
 from clutchid.recordings.formats.mat import file as mat_file
 from clutchid.recordings.formats.mat import loaded as mat_loaded
@@ -255,8 +255,6 @@ def test_objects_are_told_with_what_to_do_in_matlab(tmp_path, compressed):
     source = mat_file.open_file(path)
     assert source.rasters == ()
     assert "'log' (Simulink.SimulationData.Dataset); in MATLAB, with x = log" in source.problems[0]
-    with pytest.raises(DataError, match="which only MATLAB can read"):
-        source.tables(0, [0])
 
 
 def test_a_file_without_vectors(opened):

@@ -86,11 +86,6 @@ def test_the_same_name_in_two_groups_gets_its_group(source):
     assert found.channels.channels["position"].group == "group 0"
 
 
-def test_a_given_map_wins(source):
-    given = propose(source({"t": ("s", TIME), "Weg": ("mm", TIME)})).channels
-    assert map_for(source({"t": ("s", TIME), "ClutchPos": ("mm", TIME)}), given, REQUIRED) is given
-
-
 def test_a_constant_channel_is_proposed_for_nothing(source):
     still = np.full(100, 3.3)
     columns = {"t": ("s", TIME), "ClutchPos": ("mm", still), "Weg": ("mm", TIME), "pCyl": ("bar", still)}
@@ -150,9 +145,9 @@ def test_the_unit_of_time_is_guessed_from_the_interval(source, interval, unit):
 
 def test_standard_names_need_no_warning_that_they_were_identified(source):
     columns = {"time": ("s", TIME), "position": ("mm", TIME), "force": ("N", TIME)}
-    assert map_for(source(columns), None, ("time", "position", "force")).comments[""] == ""
+    assert map_for(source(columns), ("time", "position", "force")).comments[""] == ""
     other = {"time": ("s", TIME), "Weg": ("mm", TIME), "force": ("N", TIME)}
-    assert "were identified by their names" in map_for(source(other), None, ("position", "force")).comments[""]
+    assert "were identified by their names" in map_for(source(other), ("position", "force")).comments[""]
 
 
 def test_a_missing_quantity_has_the_channels_with_its_unit_as_candidates(source):

@@ -248,3 +248,37 @@ def test_samples_that_overflow_with_the_factor_of_a_map_are_named_without_a_warn
     travel = {"t": ("s", SLOW), "Weg": ("m", np.full(SLOW.size, 1e300))}
     with pytest.raises(DataError, match=r"'Weg' is infinite in rows 1-200"):
         read(source(travel), ChannelMap({"position": entry}), required=("position",))
+
+
+STANDARD = {
+    "time": ("ms", 1e3 * FAST),
+    "gear": ("1", FAST),
+    "position": ("mm", FAST),
+    "duty_supply": ("%", 100 * (FAST % 0.2 < 0.1)),
+    "duty_exhaust": ("1", 1.0 * (FAST % 0.2 >= 0.1)),
+}
+
+
+@pytest.mark.parametrize("rows", [None, 333])
+def test_standard_names_are_read_as_a_map_that_names_them(source, rows):
+    named = ChannelMap({name: Channel(name) for name in STANDARD if name != "gear"})
+    with_map, without = read(source(STANDARD), named, rows), read(source(STANDARD), None, rows)
+    assert len(with_map) == len(without) > (rows is not None)
+    for one, other in zip(with_map, without, strict=True):
+        np.testing.assert_array_equal(one.time, other.time)
+        assert set(one.columns) == set(other.columns)
+        for name in one.columns:
+            np.testing.assert_array_equal(one[name], other[name])
+
+
+def test_what_is_wrong_with_the_headings_is_said_with_the_first_piece_only(source):
+    first, *others = read(source(STANDARD), None, 333)
+    assert [warning.partition(" is not known")[0] for warning in first.warnings] == ["column 'gear'"]
+    assert len(others) == 6
+    assert not any(log.warnings for log in others)
+
+
+def test_time_stamps_under_a_standard_name_are_not_mended(source):
+    stamps = np.r_[FAST[:5], FAST[4:-1]]
+    with pytest.raises(DataError, match="time must increase"):
+        read(source(STANDARD | {"time": ("s", stamps)}), None)

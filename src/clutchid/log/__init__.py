@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -140,6 +140,22 @@ class Log:
 
     def _edges_without(self, names: Iterable[str]) -> dict[str, Samples]:
         return {name: samples for name, samples in self.edges.items() if name not in names}
+
+
+def concatenated(logs: Sequence[Log]) -> Log:
+    """Consecutive logs with the same columns as one: with name and metadata of the first, and without edges if several.
+
+    Examples
+    --------
+    >>> log = Log(np.arange(4.0), {"position": np.zeros(4)})
+    >>> len(concatenated([log.slice(0, 1), log.slice(1, 4)]))
+    4
+    """
+    first, *others = logs
+    if not others:
+        return first
+    columns = {name: np.concatenate([log[name] for log in logs]) for name in first.columns}
+    return Log(np.concatenate([log.time for log in logs]), columns, first.name, first.metadata)
 
 
 def sample_interval(time: FloatArray, otherwise: float = math.nan) -> float:

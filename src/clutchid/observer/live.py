@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import FloatArray, Log
+from clutchid.log import FloatArray, Log, concatenated
 from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.following import Observed
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
@@ -50,7 +50,7 @@ class LiveRun:
 
     def recent(self) -> ObservedRecording:
         """The last `RECENT` seconds and `STROKES` strokes with the states before and after the whole recording."""
-        log = joined([part.log for part in self.parts])
+        log = concatenated([part.log for part in self.parts])
         samples = Observed(*(np.concatenate(each) for each in zip(*(part.samples for part in self.parts), strict=True)))
         found = replace(log, warnings=self.checked or ())
         health = self.health or dict.fromkeys((*FLAGS, *LIVE_FLAGS), 0.0)
@@ -124,17 +124,8 @@ def checked(run: LiveRun) -> LiveRun:
     """The recording with the sentences of its checks, if it had none: warnings here, for it goes on."""
     if run.checked is not None or not run.usable:
         return run
-    log, actuator = joined([part.log for part in run.parts]), run.observer.actuator
+    log, actuator = concatenated([part.log for part in run.parts]), run.observer.actuator
     first = log.slice(0, int(np.searchsorted(log.time, run.begin + CHECKED, side="right")))
     slow = too_slow(first, actuator) if len(first) > 1 else ""
     unused = unused_supply(first, actuator, run.observer.calibration)
     return replace(run, checked=(*inspect(first, actuator).warnings, *filter(None, (slow, unused))))
-
-
-def joined(logs: Sequence[Log]) -> Log:
-    """Consecutive parts of a recording as one."""
-    if len(logs) == 1:
-        return logs[0]
-    first = logs[0]
-    columns = {name: np.concatenate([log[name] for log in logs]) for name in first.columns}
-    return Log(np.concatenate([log.time for log in logs]), columns, first.name, first.metadata)

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, TypeVar
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
 from clutchid.names import printable
-from clutchid.recordings.checks import AMBIENT, check, check_ambient
+from clutchid.recordings.checks import AMBIENT, check_ambient
 from clutchid.recordings.columns import REQUIRED
-from clutchid.recordings.files import atomic_write, digest
+from clutchid.recordings.files import atomic_write, digest, reading
 from clutchid.recordings.opening import open_source
-from clutchid.recordings.source import BLOCK, Source, in_contract, with_unit
-from clutchid.recordings.whole import check_size
+from clutchid.recordings.source import BLOCK, in_contract
 
 if TYPE_CHECKING:
     from clutchid.recordings.map.channel_map import ChannelMap
@@ -133,25 +132,20 @@ def _logs(
 ) -> Iterator[Log]:
     if not isinstance(path, str | PathLike):
         raise DataError(f"a recording is a clutchid.Log or the path of a file, not a {type(path).__name__}.")
+    from clutchid.recordings.recording import pieces
+
     check_ambient(ambient)
     given = _map(channels)
     source = open_source(path, (*(given.dbc if given else ()), *dbc))
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(float(ambient))}
     if rows is None:
         metadata["sha256"] = digest(source.path)
-    if given is None and in_contract(source):
-        logs = _by_contract(source, ambient, required, rows)
-    else:
+    if given is None and not in_contract(source):
         from clutchid.recordings.map.proposal import map_for
-        from clutchid.recordings.recording import pieces
 
-        chosen = map_for(source, given, required)
-        if chosen is None:
-            logs = _by_contract(source, ambient, required, rows)
-        else:
-            logs = pieces(source, chosen, ambient, required, rows)
+        given = map_for(source, required)
     done, size = 0, max((raster.size for raster in source.rasters), default=0)
-    for log in _from_disk(source.path, logs):
+    for log in _from_disk(source.path, pieces(source, given, ambient, required, rows)):
         yield replace(log, metadata={**log.metadata, **metadata})
         done += len(log)
         if progress is not None:
@@ -160,14 +154,8 @@ def _logs(
 
 def _from_disk(path: Path, logs: Iterator[Log]) -> Iterator[Log]:
     """The logs; where the disk does not give them, an error that names the recording, not what is written meanwhile."""
-    while True:
-        try:
-            log = next(logs, None)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({error.strerror or error}).") from error
-        if log is None:
-            return
-        yield log
+    with reading(path):
+        yield from logs
 
 
 def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None:
@@ -176,24 +164,6 @@ def _map(channels: ChannelMap | str | PathLike[str] | None) -> ChannelMap | None
     from clutchid.recordings.map.channel_map import ChannelMap, read_map
 
     return channels if isinstance(channels, ChannelMap) else read_map(channels)
-
-
-def _by_contract(source: Source, ambient: float, required: Sequence[str], rows: int | None) -> Iterator[Log]:
-    """The recording in a table whose columns have the standard names."""
-    if not source.rasters or source.unnamed:
-        raise DataError.of(str(source.path), [*source.problems, *([source.unnamed] if source.unnamed else [])])
-    wanted = [heading.index for heading in source.rasters[0].headings if heading.name is not None]
-    if rows is None:
-        check_size(source.path, source.rasters[0].size, len(wanted))
-    for table in source.tables(0, wanted, rows):
-        checked = check(table, ambient, required)
-        if source.problems or checked.problems:
-            raise DataError.of(str(source.path), [*source.problems, *checked.problems])
-        columns = dict(checked.columns)
-        warnings = (*source.warnings, *checked.warnings)
-        edges = {name: samples for name, samples in source.edges.items() if name in columns}
-        metadata = with_unit(source.metadata, table.headings)
-        yield Log(columns.pop("time"), columns, source.name, metadata, warnings, edges)
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:

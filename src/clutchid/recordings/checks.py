@@ -12,14 +12,13 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import HOLE, INPUTS, FloatArray
 from clutchid.log.units import UNITS, to_si
-from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, heading_problems, ignored
+from clutchid.recordings.columns import QUANTITIES, Heading
 from clutchid.recordings.table import SHOWN, Places, Rows, Table, and_more
 
 #: Ambient pressure in Pa that is added to gauge pressures, P_0 of Appendix A.
 AMBIENT = 1.095e5
 
 _DUTY_SLACK = 1e-9
-_ROUNDING = 1e-6
 _ABSOLUTE = ("pressure_a", "pressure_b")
 
 
@@ -54,8 +53,8 @@ class _Column:
         return quantity(self.written[row], self.heading.unit)
 
 
-def check(table: Table, ambient: float = AMBIENT, required: Sequence[str] = REQUIRED) -> Checked:
-    """The columns of `table` in SI, and all problems and warnings of the file.
+def check(table: Table, ambient: float = AMBIENT) -> Checked:
+    """The columns of `table` in SI, and all problems and warnings of their samples.
 
     Parameters
     ----------
@@ -63,24 +62,16 @@ def check(table: Table, ambient: float = AMBIENT, required: Sequence[str] = REQU
         A table of a `Source`.
     ambient : Pa
         Absolute pressure, above 0, that is added to gauge pressures.
-    required
-        Quantities that the table must have.
-
-    Raises
-    ------
-    ParameterError
-        If `ambient` is not a pressure above 0.
     """
-    check_ambient(ambient)
     groups: dict[str, list[_Column]] = defaultdict(list)
     for heading in table.headings:
         if heading.name is not None and heading.index in table.numbers:
             groups[heading.name].append(_column(heading, table, ambient))
-    problems = [*(heading_problems(table.headings, required) if table.headings else []), *table.problems]
+    problems = list(table.problems)
     for name, columns in groups.items():
         for column in columns:
             problems += _problems(name, column)
-    warnings = ignored(table.headings) + _gaps(groups) + _hole_warning(groups.get("time", ()))
+    warnings = _gaps(groups) + _hole_warning(groups.get("time", ()))
     return Checked({name: columns[0].values for name, columns in groups.items()}, tuple(problems), tuple(warnings))
 
 

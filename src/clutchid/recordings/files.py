@@ -175,6 +175,17 @@ def opened(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
         raise DataError(f"{file}: cannot be read ({_reason(error)}).") from error
 
 
+@contextmanager
+def reading(path: str | PathLike[str]) -> Iterator[None]:
+    """An error of the disk while a file is read as `DataError` that names the file; our own errors are left alone."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, ClutchidError):
+            raise
+        raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+
+
 def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
     """Check that `path` can be `opened`, for what a library opens.
 
@@ -195,11 +206,8 @@ def small_file(path: str | PathLike[str], what: str, most: int) -> bytes:
     DataError
         As `opened`, or if it is larger.
     """
-    with opened(path, what) as stream:
-        try:
-            content = stream.read(most + 1)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+    with opened(path, what) as stream, reading(path):
+        content = stream.read(most + 1)
     if len(content) > most:
         raise DataError(f"{path}: is no {what}: it has more than {most / 1e6:g} MB; name another file.")
     return content
@@ -214,12 +222,9 @@ def digest(path: Path) -> str:
         As `opened`, or if it cannot be read.
     """
     total = hashlib.sha256()
-    with opened(path, "file") as file:
-        try:
-            while chunk := file.read(CHUNK):
-                total.update(chunk)
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+    with opened(path, "file") as file, reading(path):
+        while chunk := file.read(CHUNK):
+            total.update(chunk)
     return total.hexdigest()
 
 

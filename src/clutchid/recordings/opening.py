@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 
-from clutchid.errors import DataError
 from clutchid.recordings.files import plain_file
-from clutchid.recordings.formats.kinds import kind_of, refusal
-from clutchid.recordings.formats.opening import head_of, opened_here
+from clutchid.recordings.formats.kinds import readable_kind
+from clutchid.recordings.formats.opening import opened_here
 from clutchid.recordings.source import Source
 
 #: Bytes in memory up to which a Parquet file is read in this process.
@@ -32,15 +31,12 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     """
     file = plain_file(path)
     databases = [plain_file(name, "DBC file") for name in dbc]
-    head = head_of(file)
-    if reason := refusal(head, file):
-        raise DataError(f"{file}: {reason}")
-    kind = kind_of(head)
+    kind = readable_kind(file)
     if kind == "csv" or (kind == "parquet" and _is_moderate(file)):
-        return opened_here(file, databases)
+        return opened_here(file, databases, kind)
     from clutchid.recordings.guard.remote import guarded_source
 
-    return guarded_source(file, databases)
+    return guarded_source(file, databases, kind)
 
 
 def _is_moderate(file: Path) -> bool:

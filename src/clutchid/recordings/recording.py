@@ -1,11 +1,16 @@
-"""Convert a file with a channel map to a recording in SI on one time grid, as a whole or in pieces."""
+"""Convert a file to a recording in SI on one time grid, as a whole or in pieces.
+
+Its channels are assigned by a channel map, or by their names: a table whose columns have the standard names is read as
+it stands, and its time must increase; the time stamps of any other file are repaired.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, islice
+from pathlib import Path
 
 import numpy as np
 
@@ -14,12 +19,14 @@ from clutchid.log import HOLE, FloatArray, Log, Samples
 from clutchid.recordings.alignment import Stream, aligned
 from clutchid.recordings.checks import check, in_si, usual_interval
 from clutchid.recordings.clock import Clock, repair
-from clutchid.recordings.columns import Heading
-from clutchid.recordings.map.channel_map import Channel, ChannelMap
-from clutchid.recordings.map.picking import COUNTED, Pick, pick
+from clutchid.recordings.columns import Heading, heading_problems, ignored
+from clutchid.recordings.guard.limits import MEMORY_VARIABLE, memory
+from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
 from clutchid.recordings.source import Source, with_unit
 from clutchid.recordings.table import Places, Rows, Table
-from clutchid.recordings.whole import check_size
+
+#: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
+_PART = 0.4
 
 Block = tuple[FloatArray, Mapping[str, FloatArray]]
 
@@ -33,14 +40,14 @@ class _Messages:
 
 
 def pieces(
-    source: Source, channels: ChannelMap, ambient: float, required: Sequence[str], rows: int | None
+    source: Source, channels: ChannelMap | None, ambient: float, required: Sequence[str], rows: int | None
 ) -> Iterator[Log]:
     """The recording as consecutive logs of about `rows` samples (None: one log), on one time grid.
 
     Parameters
     ----------
     source, channels
-        The file and the assignment of its channels.
+        The file and the assignment of its channels; None for a table whose columns have the standard names.
     ambient : Pa
         Absolute pressure that is added to gauge pressures.
     required
@@ -54,28 +61,63 @@ def pieces(
         If the map does not match the file, samples are invalid, or the file is too large to be read as a whole; the
         text lists all problems of the block.
     """
-    picks, problems = picked(source, channels, required)
-    if problems or source.problems:
-        raise DataError.of(str(source.path), [*source.problems, *problems])
+    picks, problems = by_names(source, required) if channels is None else picked(source, channels, required)
+    messages = _Messages([*source.problems, *problems], [*source.warnings])
+    if messages.problems and (channels is not None or not picks):
+        raise DataError.of(str(source.path), messages.problems)
     if rows is None:
         longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
-        check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
-    notes = [note for chosen in picks for note in chosen.notes]
-    messages = _Messages(warnings=[*source.warnings, *channels.comments.get("", "").splitlines(), *notes])
-    streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
-    streams.sort(key=lambda stream: stream[0])
-    usual, base, fastest = streams[0]
-    others = [stream for _, stream, _ in streams[1:]]
-    if channels.raster is not None:
-        _, clock = _stream(source, fastest, ambient, rows, _Messages())
-        base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
+        _check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
+    if channels is not None:
+        messages.warnings += channels.comments.get("", "").splitlines()
+    messages.warnings += [note for chosen in picks for note in chosen.notes]
+    if len(picks) == 1 and (channels is None or channels.raster is None):
+        base, others = Stream(_blocks(source, picks[0], ambient, rows, messages), {}), list[Stream]()
+    else:
+        streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
+        streams.sort(key=lambda stream: stream[0])
+        usual, base, fastest = streams[0]
+        others = [stream for _, stream, _ in streams[1:]]
+        if channels is not None and channels.raster is not None:
+            _, clock = _stream(source, fastest, ambient, rows, _Messages())
+            base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
     read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
-    described = replace(source, metadata=with_unit(source.metadata, read))
+    edges = source.edges if channels is None else {}
+    described = replace(source, metadata=with_unit(source.metadata, read), edges=edges)
     yield from _logs(described, aligned(base, others), messages)
+
+
+def _check_size(path: Path, samples: int, channels: int) -> None:
+    """Check, before a sample is read, that as many `samples` of as many `channels` as the file has fit into memory.
+
+    Raises
+    ------
+    DataError
+        If their values take more than a part of the memory limit.
+    """
+    size, most = 8 * samples * channels, _PART * memory()
+    if size > most:
+        raise DataError(
+            f"{path}: its {samples:,} samples of {channels} channels take {size / 1e9:.3g} GB in memory, more than the "
+            f"{most / 1e9:.3g} GB that are read as a whole; cut out what is needed with `clutchid cut`, or allow more "
+            f"with the environment variable {MEMORY_VARIABLE}={math.ceil(size / _PART / 1e9)}GB."
+        )
+
+
+def by_names(source: Source, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
+    """The columns of a table that have standard names, and all problems of its headings."""
+    if not source.rasters or source.unnamed:
+        return (), ((source.unnamed,) if source.unnamed else ())
+    headings = source.rasters[0].headings
+    columns = {heading.name: (heading, Channel(heading.text)) for heading in headings if heading.name is not None}
+    chosen = Pick(0, columns, notes=tuple(ignored(headings)), increasing=True)
+    return (chosen,), tuple(heading_problems(headings, tuple(dict.fromkeys(("time", *required)))))
 
 
 def picked(source: Source, channels: ChannelMap, required: Sequence[str]) -> tuple[tuple[Pick, ...], tuple[str, ...]]:
     """Channels that the map selects from the file, and all problems of the map, also for `required` quantities."""
+    from clutchid.recordings.map.picking import pick
+
     picks, problems = pick(source, channels, required)
     missing = [name for name in required if name not in channels.channels and name != "time"]
     if missing:
@@ -100,7 +142,8 @@ def _logs(
         if messages.problems:
             raise DataError.of(str(source.path), messages.problems)
         warnings, messages.warnings = tuple(dict.fromkeys(messages.warnings)), []
-        yield Log(time, columns, source.name, dict(source.metadata), warnings, edges)
+        own = {name: samples for name, samples in source.edges.items() if name in columns}
+        yield Log(time, columns, source.name, dict(source.metadata), warnings, own | edges)
     if messages.problems:
         raise DataError.of(str(source.path), messages.problems)
 
@@ -110,14 +153,14 @@ def _stream(
 ) -> tuple[float, Stream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     blocks = _blocks(source, chosen, ambient, rows, messages)
-    first = next(blocks, (np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}))
-    usual = usual_interval(first[0])
+    first = list(islice(blocks, 1))
+    usual = usual_interval(first[0][0]) if first else math.inf
     longest = {
         name: entry.longest if entry.longest is not None else HOLE * usual
         for name, (_, entry) in chosen.columns.items()
         if name != "time"
     }
-    return usual, Stream(chain([first], blocks), longest)
+    return usual, Stream(chain(first, blocks), longest)
 
 
 def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages) -> Iterator[Block]:
@@ -125,21 +168,27 @@ def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, mess
     clock: Clock | None = None
     done = 0
     columns_read = [heading.index for heading, _ in chosen.columns.values() if heading.index != COUNTED]
+    if chosen.increasing:  # of columns with the same name all are checked
+        columns_read = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
     for table in source.tables(chosen.raster, columns_read, rows):
-        named = _named(table if chosen.rate is None else _counted(table, done, chosen.rate), chosen)
-        done += table.size
-        stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
-        repaired = repair(stamps, named.places, clock)
-        clock = repaired.clock
-        messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
-        checked = check(_kept(named, np.flatnonzero(repaired.kept), repaired.time), ambient, ())
+        if chosen.increasing:
+            checked = check(table, ambient)
+        else:
+            named = _named(table if chosen.rate is None else _counted(table, done, chosen.rate), chosen)
+            done += table.size
+            stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
+            repaired = repair(stamps, named.places, clock)
+            clock = repaired.clock
+            messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
+            checked = check(_kept(named, np.flatnonzero(repaired.kept), repaired.time), ambient)
         messages.problems += checked.problems
         messages.warnings += checked.warnings
-        if table.problems:
+        if table.problems or (chosen.increasing and messages.problems):
             yield np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}
             return
         columns = dict(checked.columns)
-        yield columns.pop("time") - chosen.delay, columns
+        time = columns.pop("time")
+        yield time - chosen.delay if chosen.delay else time, columns
 
 
 def _counted(table: Table, done: int, rate: float) -> Table:

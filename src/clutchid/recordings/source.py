@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -75,6 +76,20 @@ class Source:
     def tabular(self) -> bool:
         """Whether it is a table whose columns the user can rename, so that messages ask for the standard names."""
         return self.format in ("CSV", "Parquet")
+
+
+def own_metadata(text: str | None) -> dict[str, str] | None:
+    """The metadata of the log that clutchid wrote as JSON to a file; None where the text is from another program."""
+    try:
+        values = json.loads(text or "")
+    except (json.JSONDecodeError, RecursionError):
+        return None
+    return {str(key): str(value) for key, value in values.items()} if isinstance(values, dict) else None
+
+
+def refused(path: Path, form: str, problem: str, *warnings: str) -> Source:
+    """A file of the format `form` of which nothing can be read, and why."""
+    return Source(path, form, (), lambda *_: iter(()), (problem,), warnings)
 
 
 def in_contract(source: Source) -> bool:

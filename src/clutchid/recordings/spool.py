@@ -10,17 +10,15 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-import numpy as np
-
 from clutchid.errors import ExportError
-from clutchid.log import Log
+from clutchid.log import Log, concatenated
 from clutchid.recordings.files import atomic_write, writable_target
 from clutchid.recordings.formats.parquet.file import KEY
 from clutchid.recordings.formats.parquet.groups import MAGIC, Groups, appended, footer_bytes
@@ -304,7 +302,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
 
     def write_piece() -> None:
         nonlocal size, stopped
-        piece = _joined([*held, *short])
+        piece = concatenated([*held, *short])
         held.clear()
         short.clear()
         size = 0
@@ -324,7 +322,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
             short.append(block)
             size += len(block) * (1 + len(block.columns))
         if len(short) >= BLOCKS:
-            held.append(_joined(short))
+            held.append(concatenated(short))
             short.clear()
         if size >= PIECE or (now and size):
             write_piece()
@@ -377,8 +375,3 @@ def _until(path: str | PathLike[str]) -> Iterator[None]:
 
 def _reason(error: OSError) -> str:
     return error.strerror or str(error) or type(error).__name__
-
-
-def _joined(blocks: Sequence[Log]) -> Log:
-    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0].columns}
-    return Log(np.concatenate([block.time for block in blocks]), columns, blocks[0].name)

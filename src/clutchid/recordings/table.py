@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,10 @@ class Places:
         """The line or row of the sample `index`."""
         return self.first + int(index) if self.numbers is None else int(self.numbers[index])
 
+    def each_number(self, size: int) -> Rows:
+        """The lines or rows of the first `size` samples."""
+        return np.arange(self.first, self.first + size) if self.numbers is None else self.numbers
+
     def each(self, rows: Rows, what: Callable[[int], str]) -> str:
         """The first locations of `rows` with the text `what` about each, and the number of the others."""
         shown = [f"{self.word} {self.number(row)} {what(row)}" for row in rows[:SHOWN].tolist()]
@@ -64,6 +68,33 @@ class Table:
     problems: tuple[str, ...] = ()
     unread: Mapping[int, Rows] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
+
+
+class _Part(Protocol):
+    """Some samples of a table: numbers by column, rows with an invalid cell by column, and where they stand."""
+
+    @property
+    def size(self) -> int: ...
+    @property
+    def places(self) -> Places: ...
+    @property
+    def numbers(self) -> Mapping[int, FloatArray]: ...
+    @property
+    def unread(self) -> Mapping[int, Rows]: ...
+
+
+def joined_samples(parts: Sequence[_Part]) -> tuple[dict[int, FloatArray], int, Places, dict[int, Rows]]:
+    """Consecutive parts of a table as one: numbers, size, places and rows with an invalid cell."""
+    starts = np.cumsum([0, *(part.size for part in parts)])
+    numbers = {index: np.concatenate([part.numbers[index] for part in parts]) for index in parts[0].numbers}
+    unread: dict[int, Rows] = {}
+    for start, part in zip(starts, parts, strict=False):
+        for index, rows in part.unread.items():
+            unread[index] = np.concatenate([unread.get(index, rows[:0]), rows + start])
+    places = parts[0].places
+    if any(part.places.numbers is not None for part in parts):
+        places = Places(places.word, numbers=np.concatenate([part.places.each_number(part.size) for part in parts]))
+    return numbers, int(starts[-1]), places, unread
 
 
 def to_frame(log: Log) -> pl.DataFrame:

@@ -6,6 +6,9 @@ import re
 from codecs import BOM_UTF8
 from pathlib import Path
 
+from clutchid.errors import DataError
+from clutchid.recordings.files import reading
+
 #: Bytes at the start of a file that tell its kind.
 ENOUGH = 4096
 
@@ -58,6 +61,32 @@ _TEXTS = (
 )  # fmt: skip
 
 
+def head_of(file: Path) -> bytes:
+    """First bytes of a file, which tell its kind.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read.
+    """
+    with reading(file), file.open("rb") as stream:
+        return stream.read(ENOUGH)
+
+
+def readable_kind(file: Path) -> str:
+    """The format of a file that may be a recording.
+
+    Raises
+    ------
+    DataError
+        If it cannot be one, or cannot be read.
+    """
+    head = head_of(file)
+    if reason := refusal(head, file):
+        raise DataError(f"{file}: {reason}")
+    return kind_of(head)
+
+
 def kind_of(head: bytes) -> str:
     """The format that a file with these first bytes has: ``mdf``, ``parquet``, ``blf``, ``mat``, ``asc``, ``trc``, ...
 
@@ -75,8 +104,7 @@ def kind_of(head: bytes) -> str:
         from clutchid.recordings.formats.mat.file import is_mat
 
         return "mat" if is_mat(head) else "csv"
-    from clutchid.recordings.formats.can.asc import is_asc
-    from clutchid.recordings.formats.can.trc import is_trc
+    from clutchid.recordings.formats.can.text import is_asc, is_trc
 
     return "asc" if is_asc(head) else "trc" if is_trc(head) else "csv"
 

@@ -11,8 +11,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from clutchid.errors import ClutchidError, DataError
-from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
+from clutchid.errors import DataError
+from clutchid.recordings.files import reading
+from clutchid.recordings.formats.kinds import head_of, kind_of, readable_kind
 from clutchid.recordings.source import Source, Tables
 from clutchid.recordings.table import Table
 
@@ -21,8 +22,8 @@ _MOST_UNPACKED = 8_000_000_000
 _CHUNK = 1 << 20
 
 
-def opened_here(file: Path, dbc: Sequence[Path]) -> Source:
-    """Open a file of any known format in this process.
+def opened_here(file: Path, dbc: Sequence[Path], kind: str = "") -> Source:
+    """Open a file of any known format in this process; `kind` is its format where that is known already.
 
     Raises
     ------
@@ -31,40 +32,20 @@ def opened_here(file: Path, dbc: Sequence[Path]) -> Source:
     MissingExtra
         If the format needs a library that is not installed.
     """
-    try:
-        source = _opened(file, dbc)
-    except OSError as error:
-        if isinstance(error, ClutchidError):
-            raise
-        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
+    with reading(file):
+        source = _opened(file, dbc, kind or kind_of(head_of(file)))
     if source.rasters or source.problems:
         return source
     return replace(source, problems=(f"contains no numeric channel. {' '.join(source.warnings)}".strip(),), warnings=())
 
 
-def head_of(file: Path) -> bytes:
-    """First bytes of a file, which tell its kind.
-
-    Raises
-    ------
-    DataError
-        If it cannot be read.
-    """
-    try:
-        with file.open("rb") as stream:
-            return stream.read(ENOUGH)
-    except OSError as error:
-        raise DataError(f"{file}: cannot be read ({error.strerror or error}).") from error
-
-
-def _opened(file: Path, dbc: Sequence[Path]) -> Source:
-    kind = kind_of(head_of(file))
+def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
     if kind == "gzip":
         return _unpacked(file, dbc)
     if kind == "mdf":
         return _mdf(file, dbc)
     if kind in ("blf", "asc", "trc"):
-        return _can(file, dbc)
+        return _can(file, dbc, kind)
     if kind == "parquet":
         from clutchid.recordings.formats.parquet import file as parquet_file
 
@@ -78,10 +59,10 @@ def _opened(file: Path, dbc: Sequence[Path]) -> Source:
     return csv_file.open_file(file)
 
 
-def _can(file: Path, dbc: Sequence[Path]) -> Source:
+def _can(file: Path, dbc: Sequence[Path], kind: str) -> Source:
     from clutchid.recordings.formats.can import file as can_file
 
-    return can_file.open_file(file, dbc)
+    return can_file.open_file(file, dbc, kind)
 
 
 def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
@@ -90,10 +71,10 @@ def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
     from clutchid.recordings.formats.mdf import file as mdf_file
 
     if dbc and mf4_bus.holds_bus_frames(file):
-        return _can(file, dbc)
+        return _can(file, dbc, "mdf")
     source = mdf_file.open_file(file)
     silent = not (source.rasters or source.problems)
-    return _can(file, ()) if silent and mf4_bus.holds_bus_frames(file) else source
+    return _can(file, (), "mdf") if silent and mf4_bus.holds_bus_frames(file) else source
 
 
 def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
@@ -102,11 +83,10 @@ def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
     inner = Path(folder.name) / (file.name.removesuffix(".gz") or "recording")
     with _named(file, inner):
         _unpack(file, inner)
-        head = head_of(inner)
-        reason = "is packed twice; unpack it once." if kind_of(head) == "gzip" else refusal(head, inner)
-        if reason:
-            raise DataError(f"{file}: {reason}")
-        source = opened_here(inner, dbc)
+        kind = readable_kind(inner)
+        if kind == "gzip":
+            raise DataError(f"{file}: is packed twice; unpack it once.")
+        source = opened_here(inner, dbc, kind)
     return replace(source, path=file, tables=_UnpackedTables(file, inner, folder, source.tables))
 
 

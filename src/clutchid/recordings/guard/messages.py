@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,7 @@ def described(source: Source) -> Message:
     """All of an opened file but the function that reads it."""
     return {
         "format": source.format,
-        "rasters": [_raster_described(raster) for raster in source.rasters],
+        "rasters": [asdict(replace(raster, size=int(raster.size))) for raster in source.rasters],
         "problems": source.problems,
         "warnings": source.warnings,
         "metadata": dict(source.metadata),
@@ -70,18 +71,9 @@ def source_of(message: Message, path: Path, tables: Tables) -> Source:
     )
 
 
-def _raster_described(raster: Raster) -> Message:
-    headings = [[h.index, h.text, h.name, h.unit, h.comment] for h in raster.headings]
-    return {
-        "headings": headings, "size": int(raster.size), "name": raster.name, "clock": raster.clock,
-        "others": raster.others,
-    }  # fmt: skip
-
-
 def _raster(message: Message) -> Raster:
-    headings = tuple(Heading(*heading) for heading in message["headings"])
-    others = tuple((name, what) for name, what in message["others"])
-    return Raster(headings, message["size"], message["name"], message["clock"], others)
+    headings = tuple(Heading(**heading) for heading in message["headings"])
+    return Raster(**message | {"headings": headings, "others": tuple(map(tuple, message["others"]))})
 
 
 def packed(table: Table) -> tuple[Message, Arrays]:

@@ -6,17 +6,17 @@ import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from clutchid.recordings.columns import Heading
 from clutchid.recordings.guard.messages import Message, source_of, unpacked
 from clutchid.recordings.guard.process import ReaderProcess, reader
 from clutchid.recordings.source import BLOCK, Source
-from clutchid.recordings.table import Places, Table
+from clutchid.recordings.table import Table, joined_samples
 
 
-def guarded_source(path: Path, dbc: Sequence[Path]) -> Source:
+def guarded_source(path: Path, dbc: Sequence[Path], kind: str = "") -> Source:
     """Open a file of any known format in the reader process; `dbc` files decode the frames of a bus log.
+
+    `kind` is its format where that is known already.
 
     Raises
     ------
@@ -26,7 +26,8 @@ def guarded_source(path: Path, dbc: Sequence[Path]) -> Source:
         If the format needs a library that is not installed.
     """
     process = reader(path)
-    question = {"do": "open", "path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
+    files = {"path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
+    question = {"do": "open", **files, "kind": kind}
     message, _ = process.ask(question, path)
     tables = _RemoteTables(process, path, message)
     weakref.finalize(tables, process.forgotten.append, message["source"])
@@ -66,14 +67,6 @@ def _joined(tables: list[Table]) -> Table:
     """Blocks as one table."""
     if len(tables) == 1:
         return tables[0]
-    first, starts = tables[0], np.cumsum([0, *(table.size for table in tables)])
-    unread = {
-        index: np.concatenate([table.unread[index] + start for table, start in zip(tables, starts, strict=False)
-                               if index in table.unread])
-        for index in {index for table in tables for index in table.unread}
-    }  # fmt: skip
-    rows = [table.places.numbers for table in tables if table.places.numbers is not None]
-    places = Places(first.places.word, first.places.first, np.concatenate(rows) if rows else None)
-    numbers = {index: np.concatenate([table.numbers[index] for table in tables]) for index in first.numbers}
+    numbers, size, places, unread = joined_samples(tables)
     problems = tuple(dict.fromkeys(problem for table in tables for problem in table.problems))
-    return Table(first.headings, numbers, int(starts[-1]), places, problems, unread, first.metadata)
+    return Table(tables[0].headings, numbers, size, places, problems, unread, tables[0].metadata)

@@ -80,7 +80,7 @@ class _Reading:
         return self._count
 
     def _open(self, question: Message) -> Answer:
-        source = opened_here(Path(question["path"]), [Path(name) for name in question["dbc"]])
+        source = opened_here(Path(question["path"]), [Path(name) for name in question["dbc"]], question["kind"])
         number = self._number()
         self._opened[number] = source
         return {"source": number, **described(source)}, {}

@@ -24,7 +24,7 @@ from clutchid.recordings.live.order import (
     unconfirmed,
 )
 from clutchid.recordings.live.streams import Arrived
-from clutchid.recordings.map.picking import Pick
+from clutchid.recordings.map.channel_map import Pick
 
 #: Samples of the first block at least: as many give the time from one sample to the next.
 FIRST = 101

@@ -19,7 +19,7 @@ from clutchid.recordings.formats.can.signals import decode
 from clutchid.recordings.formats.can.streams import Book, Stream, book, channels_of, in_order, sorted_out
 from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
 from clutchid.recordings.live.streams import Arrived, arrived, indices, picked_streams
-from clutchid.recordings.map.picking import Pick
+from clutchid.recordings.map.channel_map import Pick
 from clutchid.recordings.source import Raster
 from clutchid.recordings.table import Table
 

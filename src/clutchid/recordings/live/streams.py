@@ -12,8 +12,8 @@ from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import in_si
 from clutchid.recordings.columns import heading_problems
-from clutchid.recordings.map.channel_map import Channel, ChannelMap
-from clutchid.recordings.map.picking import COUNTED, Pick, pick
+from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
+from clutchid.recordings.map.picking import pick
 from clutchid.recordings.recording import scaled
 from clutchid.recordings.source import Raster, Source, in_contract
 from clutchid.recordings.table import Rows, Table

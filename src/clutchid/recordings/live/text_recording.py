@@ -11,7 +11,7 @@ from clutchid.errors import DataError
 from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
 from clutchid.recordings.live.streams import arrived, indices, picked_streams
 from clutchid.recordings.live.text import TextFeed, text_feed
-from clutchid.recordings.map.picking import Pick
+from clutchid.recordings.map.channel_map import Pick
 
 if TYPE_CHECKING:
     from clutchid.recordings.map.channel_map import ChannelMap

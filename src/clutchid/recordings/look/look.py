@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import AMBIENT, check, check_ambient, in_si
-from clutchid.recordings.columns import REQUIRED, Heading
+from clutchid.recordings.columns import REQUIRED, Heading, heading_problems, ignored
 from clutchid.recordings.look.overview import ColumnLook, Look, RasterLook
 from clutchid.recordings.look.time_look import TimeLook, updated
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
@@ -83,6 +83,9 @@ def look(
     for index, raster in enumerate(source.rasters):
         clock, said = _clock(raster, proposal.channels)
         summary = _Summary(len(raster.headings), checks)
+        if checks is not None:
+            summary.problems += heading_problems(raster.headings)
+            summary.warnings += ignored(raster.headings)
         rasters.append(_raster(source, index, summary, _Axis(clock, {}, ambient)))
         problems += summary.problems
         warnings += [*([said] if said else []), *summary.warnings]

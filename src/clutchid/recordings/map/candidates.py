@@ -1,25 +1,42 @@
-"""Channels of a file that may be a quantity by name and unit, each with its score, its range and its unit."""
+"""Channels of a file that may be a quantity by name and unit, each with its score, its range and its unit.
+
+Supply pressure and temperature of the air are conditions of a recording, which any vehicle may have. No fit needs them,
+so what is unclear about one is a note, and a file is read without it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from clutchid.log import INPUTS
 from clutchid.log.units import UNITS
 from clutchid.recordings.columns import QUANTITIES, Heading, unit_at_end
+from clutchid.recordings.formats.can.j1939 import parameter_in
 from clutchid.recordings.map.channel_map import Channel
-from clutchid.recordings.map.channel_words import is_set_point, name_score
-from clutchid.recordings.map.conditions import gauge_by_standard, standard_title
+from clutchid.recordings.map.channel_words import Circuit, circuit_of, is_named_by_j1939, is_set_point, name_score
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
 from clutchid.recordings.source import Raster, Source
+from clutchid.recordings.table import and_more
 
 #: Score of a channel with the standard name of the quantity.
 STANDARD = 100.0
 
 #: What the name of a set point costs a duty cycle: the one that is measured is preferred.
 _SET_POINT = 0.25
+
+
+#: Why the channel of a circuit is proposed.
+_REASONS = {
+    Circuit.POWERTRAIN: "it is that of the powertrain or the clutch",
+    Circuit.AUXILIARIES: "the circuit of auxiliaries (circuit 4) usually supplies the clutch actuator",
+    Circuit.SUPPLY: "no channel is nearer to the clutch than the supply as a whole",
+    Circuit.BRAKES: "no other is recorded; check, because braking lowers the circuits of the brakes",
+}
+
+_SHOWN = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,3 +116,49 @@ def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
 def fits(name: str, unit: str | None) -> bool:
     """Whether a unit is one of the quantity `name`."""
     return unit is not None and unit in UNITS and UNITS[unit].si == QUANTITIES[name]
+
+
+def standard_title(heading: Heading) -> str:
+    """What SAE J1939-71 calls a channel that its comment or its name identifies; else its name."""
+    found = parameter_in(heading.comment) or parameter_in(heading.text)
+    return found.title if found else heading.text
+
+
+def gauge_by_standard(heading: Heading) -> bool:
+    """Whether a pressure is one of SAE J1939-71 that counts from the ambient pressure."""
+    found = parameter_in(heading.comment) or parameter_in(heading.text)
+    return not found.absolute if found else is_named_by_j1939(heading.text)
+
+
+def implausible(name: str, heading: Heading, unit: str | None, seen: Range) -> str:
+    """Why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
+    if math.isnan(seen.low) or (seen.constant and seen.low == 0.0):
+        return f"{name}: '{heading.text}' has no values and is left out."
+    known = UNITS.get(unit or "")
+    if known is None:
+        return ""
+    low, high = (value * known.scale + known.offset for value in (seen.low, seen.high))
+    least, most = PLAUSIBLE[name]
+    if least <= low and high <= most:
+        return ""
+    what = "an air supply" if name == "pressure_supply" else "the air"
+    return (
+        f"{name}: '{heading.text}' is {seen.low:.4g} to {seen.high:.4g} {unit}, which {what} never has; it is left out."
+    )
+
+
+def reason(chosen: Heading, others: Sequence[Heading]) -> str:
+    """Why of several pressures one is proposed as that of the supply; empty where there is no other, and it is sure."""
+    circuit = circuit_of(standard_title(chosen))
+    if circuit is None or not (others or circuit is Circuit.BRAKES):
+        return ""
+    beside = ""
+    if others:
+        names = [f"'{heading.text}'" for heading in others[:_SHOWN]]
+        beside = f"; others are {and_more(names, len(others) - len(names))}"
+    return f"pressure_supply: '{chosen.text}' is proposed, because {_REASONS[circuit]}{beside}."
+
+
+def is_sure(chosen: Heading) -> bool:
+    """Whether a pressure is near enough to a clutch actuator to be used without being confirmed."""
+    return circuit_of(standard_title(chosen)) is not Circuit.BRAKES

@@ -12,7 +12,7 @@ from typing import Any
 from clutchid.errors import DataError, ParameterError
 from clutchid.log.units import UNITS, known_units
 from clutchid.names import unknown_name
-from clutchid.recordings.columns import QUANTITIES, unit_spelled
+from clutchid.recordings.columns import QUANTITIES, Heading, unit_spelled
 from clutchid.recordings.files import write_text
 from clutchid.recordings.toml_file import read_toml
 
@@ -60,6 +60,26 @@ class ChannelMap:
     raster: float | None = None
     rate: float | None = None
     comments: Mapping[str, str] = field(default_factory=dict)
+
+
+#: Index of a time that is counted, sample / rate, not read.
+COUNTED = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """Channels on one time grid: heading and map entry by quantity, including `time` unless that is a problem.
+
+    `delay` in s is the common delay of the channels after their time stamps; with a `rate` in Hz the time is sample /
+    rate. `notes` are assumptions that the user has to know. Time stamps that must be `increasing` are not repaired.
+    """
+
+    raster: int
+    columns: Mapping[str, tuple[Heading, Channel]]
+    delay: float = 0.0
+    rate: float | None = None
+    notes: tuple[str, ...] = ()
+    increasing: bool = False
 
 
 def read_map(path: str | PathLike[str]) -> ChannelMap:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from clutchid.log.units import UNITS, known_units
 from clutchid.recordings.columns import QUANTITIES, Heading, channel_name, unit_at_end, unit_spelled
-from clutchid.recordings.map.channel_map import Channel, ChannelMap, contradictions
+from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick, contradictions
 from clutchid.recordings.map.channel_words import means_no_time, means_time
 from clutchid.recordings.map.ranges import PLAUSIBLE
 from clutchid.recordings.source import Raster, Source
@@ -18,24 +18,6 @@ _SHOWN = 8
 
 #: Quantities that a file may lack although a map names their channels: another recording of the vehicle has them.
 OPTIONAL = ("pressure_a", *PLAUSIBLE)
-
-#: Index of a time that is counted, sample / rate, not read.
-COUNTED = -1
-
-
-@dataclass(frozen=True, slots=True)
-class Pick:
-    """Channels on one time grid: heading and map entry by quantity, including `time` unless that is a problem.
-
-    `delay` in s is the common delay of the channels after their time stamps; with a `rate` in Hz the time is sample /
-    rate. `notes` are assumptions that the user has to know.
-    """
-
-    raster: int
-    columns: Mapping[str, tuple[Heading, Channel]]
-    delay: float = 0.0
-    rate: float | None = None
-    notes: tuple[str, ...] = ()
 
 
 def pick(

@@ -8,10 +8,18 @@ from dataclasses import dataclass, replace
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
 from clutchid.recordings.columns import QUANTITIES, REQUIRED
-from clutchid.recordings.map.candidates import STANDARD, Candidate, candidates, fits, gauge_as_well
+from clutchid.recordings.map.candidates import (
+    STANDARD,
+    Candidate,
+    candidates,
+    fits,
+    gauge_as_well,
+    implausible,
+    is_sure,
+    reason,
+)
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.channel_words import is_set_point, name_score
-from clutchid.recordings.map.conditions import implausible, is_sure, reason
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.ranges import PLAUSIBLE, Ranges, guessed_unit
 from clutchid.recordings.source import Source
@@ -93,18 +101,14 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks), tuple(notes))
 
 
-def map_for(source: Source, given: ChannelMap | None, required: Sequence[str]) -> ChannelMap | None:
-    """Channel map for a file: the `given` one, else the proposed one if it is complete.
-
-    None for a table whose columns the user can rename.
+def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
+    """Channel map for a file: the proposed one if it is complete; None for a table whose columns the user can rename.
 
     Raises
     ------
     DataError
         If there is none; the text lists what is open.
     """
-    if given is not None:
-        return given
     proposal = propose(source, required)
     if proposal.complete:
         return replace(proposal.without_uncertain, comments={"": "\n".join(_identified(source, proposal))})

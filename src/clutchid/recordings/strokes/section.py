@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, FloatArray, Log
+from clutchid.log import HOLE, Log, concatenated
 from clutchid.recordings.strokes.edges import joined_edges
 
 Kind = Literal["stroke", "rest"]
@@ -111,33 +111,26 @@ def joined(sections: Iterable[Section]) -> Log:
         raise DataError("no section is given; at least one is needed.")
     logs = [section.log for section in ordered]
     names = tuple(logs[0].columns)
-    for before, after in pairwise(logs):
-        if set(after.columns) != set(names):
+    for one, other in pairwise(logs):
+        if set(other.columns) != set(names):
             raise DataError(
-                f"{after.name}: sections with different columns cannot be joined; join sections of one recording only."
+                f"{other.name}: sections with different columns cannot be joined; join sections of one recording only."
             )
-        if not after.time[0] > before.time[-1]:
+        if not other.time[0] > one.time[-1]:
             raise DataError(
-                f"{after.name}: a section begins at {after.time[0]:.6g} s, but the one before ends at "
-                f"{before.time[-1]:.6g} s; join disjoint sections of one recording."
+                f"{other.name}: a section begins at {other.time[0]:.6g} s, but the one before ends at "
+                f"{one.time[-1]:.6g} s; join disjoint sections of one recording."
             )
     steps = [np.diff(log.time) for log in logs if len(log) > 1]
     short = 2 * HOLE * float(np.median(np.concatenate(steps))) if steps else np.inf
-    times: list[FloatArray] = []
-    columns: list[Mapping[str, FloatArray]] = []
-    for number, section in enumerate(ordered):
-        if number and _needs_hole(ordered[number - 1], section, short):
-            times.append(np.array([0.5 * (ordered[number - 1].end + section.start)]))
-            columns.append({name: np.array([np.nan]) for name in names})
-        times.append(section.log.time)
-        columns.append(section.log.columns)
-    return Log(
-        np.concatenate(times),
-        {name: np.concatenate([part[name] for part in columns]) for name in names},
-        logs[0].name,
-        logs[0].metadata,
-        edges=joined_edges(logs),
-    )
+    parts = logs[:1]
+    for before, after in pairwise(ordered):
+        if _needs_hole(before, after, short):
+            parts.append(
+                Log(np.array([0.5 * (before.end + after.start)]), {name: np.array([np.nan]) for name in names})
+            )
+        parts.append(after.log)
+    return replace(concatenated(parts), edges=joined_edges(logs), warnings=())
 
 
 def _needs_hole(before: Section, after: Section, short: float) -> bool:

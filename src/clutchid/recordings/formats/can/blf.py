@@ -12,8 +12,6 @@ from pathlib import Path
 from clutchid.errors import DataError
 from clutchid.recordings.formats.can.frames import FrameLog, Frames, check_python_can, in_blocks, quiet
 
-MAGIC = b"LOGG"
-
 _HEADER = struct.Struct("<4sL8xQQLL8H")
 
 

@@ -7,7 +7,7 @@ long as they take no more than `can_scan.KEPT` bytes; else the file is read agai
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -18,42 +18,17 @@ from clutchid.log import FloatArray
 from clutchid.recordings.columns import Heading
 from clutchid.recordings.formats.can import warnings as can_warnings
 from clutchid.recordings.formats.can.dbc import read_dbc
-from clutchid.recordings.formats.can.frames import FrameLog
+from clutchid.recordings.formats.can.frames import FrameLog, payloads
 from clutchid.recordings.formats.can.scan import Piece, pieces, scan
 from clutchid.recordings.formats.can.signals import decode
 from clutchid.recordings.formats.can.streams import Book, Stream, book, channels_of, in_order
-from clutchid.recordings.source import Raster, Source
+from clutchid.recordings.formats.kinds import head_of, kind_of
+from clutchid.recordings.source import Raster, Source, refused
 from clutchid.recordings.table import Places, Table
 
-#: Bytes at the start of a file that tell its format.
-HEAD = 4096
 
-
-def container(path: Path) -> str | None:
-    """The format of a CAN log by its content, "BLF", "ASC", "TRC" or "MF4"; None where it is none.
-
-    Any MDF 4 file is "MF4" here: whether it holds frames of a bus is told when it is opened.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read.
-    """
-    from clutchid.recordings.formats.can import asc, blf, mf4, trc
-
-    with path.open("rb") as file:
-        head = file.read(HEAD)
-    if head.startswith(blf.MAGIC):
-        return "BLF"
-    if head.startswith(mf4.MAGIC):
-        return "MF4"
-    if trc.is_trc(head):
-        return "TRC"
-    return "ASC" if asc.is_asc(head) else None
-
-
-def frame_log(path: Path) -> FrameLog:
-    """The raw frames of a CAN log of any of the four formats.
+def frame_log(path: Path, kind: str = "") -> FrameLog:
+    """The raw frames of a CAN log of the format `kind`, see `kind_of`; it is found where it is not given.
 
     Raises
     ------
@@ -64,16 +39,16 @@ def frame_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    from clutchid.recordings.formats.can import asc, blf, mf4, trc
+    from clutchid.recordings.formats.can import blf, mf4, text
 
-    readers = {"BLF": blf.frame_log, "ASC": asc.frame_log, "TRC": trc.frame_log, "MF4": mf4.frame_log}
-    name = container(path)
-    if name is None:
+    readers = {"blf": blf.frame_log, "asc": text.asc_log, "trc": text.trc_log, "mdf": mf4.frame_log}
+    kind = kind or kind_of(head_of(path))
+    if kind not in readers:
         raise DataError("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.")
-    return readers[name](path)
+    return readers[kind](path)
 
 
-def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
+def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "") -> Source:
     """A CAN log, decoded: a raster a message that occurs in it, its stamps in s from the first frame of the file.
 
     Signals under a multiplexer become rasters of their own, one a page. A message that comes on several buses, or from
@@ -85,6 +60,8 @@ def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
         The log: BLF, ASC, TRC, or MF4 bus logging.
     dbc : sequence of Path
         The DBC files that say what the frames mean; of two that know the same frame the first counts.
+    kind : str
+        The format, where it is known already.
 
     Returns
     -------
@@ -102,15 +79,15 @@ def open_file(path: Path, dbc: Sequence[Path] = ()) -> Source:
     """
     messages = tuple(message for file in dbc for message in read_dbc(Path(file)))
     try:
-        log = frame_log(path)
+        log = frame_log(path, kind)
     except DataError as error:
-        return Source(path, "CAN log", (), _no_tables, (str(error),))
+        return refused(path, "CAN log", str(error))
     known = book(messages)
     seen = scan(log, known)
     problem = can_warnings.problem(seen, dbc)
     metadata = _metadata(log, seen.origin, dbc)
     if problem:
-        return Source(path, log.format, (), _no_tables, (problem,), log.warnings, metadata)
+        return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
     streams = in_order(seen.sizes, messages)
     names = can_warnings.names(streams)
     rasters = tuple(
@@ -128,12 +105,6 @@ def _metadata(log: FrameLog, origin: float, dbc: Sequence[Path]) -> dict[str, st
     except OverflowError:
         start = None
     return {"start": start.isoformat(), **found} if start else found
-
-
-def _no_tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-    """Nothing: there are no rasters."""
-    del raster, columns, rows
-    return iter(())
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -177,7 +148,5 @@ def _in_rows(pieces: Iterator[Piece], rows: int | None) -> Iterator[Piece]:
 
 
 def _joined(pieces: Sequence[Piece]) -> Piece:
-    width = max(piece.data.shape[1] for piece in pieces)
-    data = [np.pad(piece.data, ((0, 0), (0, width - piece.data.shape[1]))) for piece in pieces]
     stamps, lengths = [piece.stamp for piece in pieces], [piece.length for piece in pieces]
-    return Piece(np.concatenate(stamps), np.concatenate(data), np.concatenate(lengths))
+    return Piece(np.concatenate(stamps), payloads([piece.data for piece in pieces]), np.concatenate(lengths))

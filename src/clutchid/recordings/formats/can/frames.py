@@ -1,19 +1,19 @@
-"""`Frames`: raw frames of a CAN bus as columns, and `FrameLog`, the log that they are read from."""
+"""`Frames`: raw frames of a CAN bus as columns, `FrameLog`, the log that they are read from, and logs as one."""
 
 from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.errors import missing
+from clutchid.errors import DataError, missing
 from clutchid.log import FloatArray
 
 if TYPE_CHECKING:
@@ -31,6 +31,10 @@ CLASSIC, FD = 8, 64
 
 #: Buses above this number are counted as this one.
 LARGEST_BUS = 0xFFFF
+
+
+#: Fields of a frame; its payload is the last.
+_FIELDS = ("stamp", "bus", "identifier", "extended", "length", "data")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,14 +60,7 @@ class Frames:
 
     def take(self, rows: Rows | NDArray[np.bool_]) -> Frames:
         """The frames of `rows`; what was left out is counted only once, so not here."""
-        return Frames(
-            self.stamp[rows],
-            self.bus[rows],
-            self.identifier[rows],
-            self.extended[rows],
-            self.length[rows],
-            self.data[rows],
-        )
+        return Frames(*(getattr(self, name)[rows] for name in _FIELDS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +139,62 @@ def as_payload(rows: list[bytes]) -> Bytes:
     width = FD if max(map(len, rows), default=0) > CLASSIC else CLASSIC
     joined = b"".join([row[:width].ljust(width, b"\0") for row in rows])
     return np.frombuffer(bytearray(joined), dtype=np.uint8).reshape(len(rows), width)
+
+
+def merged(parts: Sequence[Iterator[Frames]]) -> Iterator[Frames]:
+    """Frames of several groups as one log, by their stamps; the order within a group never changes.
+
+    A stamp that is below one before it in its group keeps its place: it is for the checks to find.
+
+    Raises
+    ------
+    Whatever `parts` raise, after the frames before it were given.
+    """
+    if len(parts) == 1:
+        yield from parts[0]
+        return
+    waiting: list[Frames | None] = [None] * len(parts)
+    latest = [-np.inf] * len(parts)
+    failure: DataError | None = None
+    open_parts = set(range(len(parts)))
+    while True:
+        for i in sorted(open_parts):
+            if waiting[i] is None:
+                try:
+                    waiting[i] = next(parts[i])
+                except StopIteration:
+                    open_parts.discard(i)
+                except DataError as error:
+                    failure = failure or error
+                    open_parts.discard(i)
+        present = [(i, block) for i, block in enumerate(waiting) if block is not None]
+        if not present:
+            break
+        keys = {i: np.fmax.accumulate(np.fmax(block.stamp, latest[i])) for i, block in present}
+        limit = min((keys[i][-1] for i, _ in present if i in open_parts), default=np.inf)
+        taken = []
+        for i, block in present:
+            count = int(np.searchsorted(keys[i], limit, side="right"))
+            taken.append((keys[i][:count], block.take(np.arange(count))))
+            latest[i] = keys[i][count - 1] if count else latest[i]
+            waiting[i] = block.take(np.arange(count, len(block))) if count < len(block) else None
+        yield _together(taken)
+    if failure is not None:
+        raise failure
+
+
+def _together(parts: Sequence[tuple[FloatArray, Frames]]) -> Frames:
+    """Blocks of frames as one, in the order of their keys, which never fall within a block."""
+    order = np.argsort(np.concatenate([key for key, _ in parts]), kind="stable")
+    *columns, data = [[getattr(frames, name) for _, frames in parts] for name in _FIELDS]
+    joined: list[Any] = [*map(np.concatenate, columns), payloads(data)]
+    return Frames(*joined).take(order)
+
+
+def payloads(parts: Sequence[Bytes]) -> Bytes:
+    """Payloads of several blocks as one, with zeros behind those of the narrower ones."""
+    width = max(part.shape[1] for part in parts)
+    return np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts])
 
 
 def _block(messages: list[can.Message], left_out: Counter[str]) -> Frames:

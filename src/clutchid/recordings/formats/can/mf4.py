@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.recordings.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames
-from clutchid.recordings.formats.can.merge import merged
+from clutchid.recordings.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames, merged
 from clutchid.recordings.formats.mdf.numbers import converted
 from clutchid.recordings.formats.mdf.opening import Spoiled, opened
 from clutchid.recordings.formats.mdf.raw import blocks

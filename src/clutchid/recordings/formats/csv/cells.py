@@ -140,13 +140,9 @@ def counted(fields: Sequence[Integers], fraction: Integers, zone: Integers) -> t
 
 
 def _days(year: Integers, month: Integers, day: Integers) -> Integers:
-    """Days from 1970-01-01 in the Gregorian calendar; years are counted from March."""
-    shifted = year - (month <= 2)
-    era = shifted // 400
-    of_era = shifted - era * 400
-    of_year = (153 * ((month + 9) % 12) + 2) // 5 + day - 1
-    days: Integers = era * 146097 + of_era * 365 + of_era // 4 - of_era // 100 + of_year - 719468
-    return days
+    """Days from 1970-01-01 in the Gregorian calendar."""
+    first = (12 * (year - 1970) + month - 1).astype("M8[M]").astype("M8[D]")
+    return first.astype(np.int64) + day - 1
 
 
 def zone_minutes(zone: str) -> int:

@@ -16,10 +16,9 @@ from clutchid.recordings.columns import Heading
 from clutchid.recordings.files import CHUNK
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
 from clutchid.recordings.formats.csv.fast import by_numpy, by_polars, is_plain
-from clutchid.recordings.formats.csv.lines import SAMPLE, Block, Lines, blocks, lines_of, sample
-from clutchid.recordings.formats.csv.records import whole_records
+from clutchid.recordings.formats.csv.lines import SAMPLE, Block, Lines, blocks, lines_of, sample, whole_records
 from clutchid.recordings.formats.csv.text import Part, joined, read_text, table
-from clutchid.recordings.source import BLOCK, Raster, Source
+from clutchid.recordings.source import BLOCK, Raster, Source, refused
 from clutchid.recordings.table import EXAMPLE, Table, to_frame
 
 #: Bytes up to which NumPy reads a file sooner than polars, which is faster but takes 80 ms to import.
@@ -68,18 +67,17 @@ def open_file(path: Path) -> Source:
     """
     lines = lines_of(path, CHUNK)
     if lines is None:
-        return _refused(path, _NOT_TEXT)
+        return refused(path, "CSV", _NOT_TEXT)
     first = sample(lines)
     if len(first) == 1 and len(first[0]) > SAMPLE:
-        return _refused(path, _LONG)
+        return refused(path, "CSV", _LONG)
     wide = next((number for number, line in enumerate(first, start=1) if _is_wide(line)), 0)
     if wide:
-        return _refused(
-            path, f"line {wide} has more than {_WIDEST:,} cells; write one column per channel and one line per sample."
-        )
+        cells = f"line {wide} has more than {_WIDEST:,} cells"
+        return refused(path, "CSV", f"{cells}; write one column per channel and one line per sample.")
     found = dialect(first)
     if found is None:
-        return _refused(path, _EMPTY)
+        return refused(path, "CSV", _EMPTY)
     found = _with_decimal_mark(lines, found)
     names = {"utf-8": "UTF-8", "utf-16": "UTF-16", "cp1252": "Windows-1252"}
     metadata = {**found.about, "dialect": f"{names[lines.encoding]}, {found.text}"}
@@ -104,10 +102,6 @@ def save(log: Log, path: Path) -> None:
 
     with path.open("wb") as file:  # polars takes no name that is no text
         to_frame(log).with_columns(pl.all().fill_nan(None)).write_csv(file)
-
-
-def _refused(path: Path, problem: str) -> Source:
-    return Source(path, "CSV", (), lambda *_: iter(()), (problem,))
 
 
 def _is_wide(line: str) -> bool:

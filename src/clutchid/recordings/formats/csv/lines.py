@@ -1,15 +1,21 @@
-"""Lines of a CSV file: any encoding and line ends, converted to blocks of UTF-8 with line feeds."""
+"""Lines of a CSV file: any encoding and line ends, converted to blocks of UTF-8 with line feeds.
+
+Lines are joined to records where a cell in quotes contains line breaks.
+"""
 
 from __future__ import annotations
 
 import codecs
 import io
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
+
+from clutchid.recordings.formats.csv.header import is_comment
 
 #: Numbers of bytes and lines at the start of a file that determine its dialect; also the longest line.
 SAMPLE = 1 << 20
@@ -21,6 +27,14 @@ _MOST = 1 << 26
 _UTF8 = b"\xef\xbb\xbf"
 _WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _CONTROL = bytes({*range(32), 127} - {9, 10, 11, 12, 13, 26})
+
+
+#: The end of a line is in a quoted cell that is not closed there; a quote inside a cell is written twice.
+_OPEN = re.compile(r'(?:^|[,;\t|]) *"(?:[^"]|"")*$')
+
+#: Largest number of lines of a record above the samples, and of bytes of a block; a quote beyond them is a character.
+_MOST_LINES = 100
+_MOST_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,3 +194,43 @@ def _pieces(path: Path, encoding: str, chunk: int) -> Iterator[bytes]:
                 text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
             yield text
     yield carried.replace(b"\r", b"\n")
+
+
+def records(lines: Sequence[str]) -> list[tuple[int, str]]:
+    """Number of the first line, and text, of every record.
+
+    Examples
+    --------
+    >>> records(['t,"piston', 'travel [mm]"', '0,1', 'a 5" pipe'])
+    [(1, 't,"piston\\ntravel [mm]"'), (3, '0,1'), (4, 'a 5" pipe')]
+    """
+    found, at = [], 0
+    while at < len(lines):
+        end = _end(lines, at)
+        found.append((at + 1, "\n".join(lines[at:end])))
+        at = end
+    return found
+
+
+def _end(lines: Sequence[str], start: int) -> int:
+    """Index after the last line of the record that begins at `start`."""
+    line = lines[start]
+    quotes = line.count('"')
+    if quotes % 2 and not is_comment(line, ";") and _OPEN.search(line):
+        for end in range(start + 1, min(start + _MOST_LINES, len(lines))):
+            quotes += lines[end].count('"')
+            if quotes % 2 == 0:
+                return end + 1
+    return start + 1
+
+
+def whole_records(blocks: Iterator[Block]) -> Iterator[Block]:
+    """Blocks, joined where one ends in a quoted cell."""
+    held: Block | None = None
+    for block in blocks:
+        whole = block if held is None else Block(held.first, held.text + block.text, held.lines + block.lines)
+        held = whole if whole.text.count(b'"') % 2 and len(whole.text) < _MOST_BYTES else None
+        if held is None:
+            yield whole
+    if held is not None:
+        yield held

@@ -17,7 +17,7 @@ from clutchid.recordings.formats.csv.cells import AMBIGUOUS, COMMA, NUMBER, THOU
 from clutchid.recordings.formats.csv.dialect import Dialect
 from clutchid.recordings.formats.csv.header import split
 from clutchid.recordings.formats.csv.lines import Block
-from clutchid.recordings.table import SHOWN, Places, Rows, Table, and_more
+from clutchid.recordings.table import SHOWN, Places, Rows, Table, and_more, joined_samples
 
 Cell = Callable[[str], float | None]
 
@@ -112,23 +112,11 @@ def joined(parts: Sequence[Part]) -> Part:
     """Join consecutive parts."""
     if len(parts) == 1:
         return parts[0]
-    starts = np.cumsum([0, *(part.size for part in parts)])
-    if all(part.places.numbers is None for part in parts):
-        places = parts[0].places
-    else:
-        each = [
-            np.arange(part.places.first, part.places.first + part.size)
-            if part.places.numbers is None
-            else part.places.numbers
-            for part in parts
-        ]
-        places = Places("line", numbers=np.concatenate(each))
-    whole = Part(int(starts[-1]), places, {})
-    whole.numbers = {index: np.concatenate([part.numbers[index] for part in parts]) for index in parts[0].numbers}
-    for start, part in zip(starts, parts, strict=False):
-        for index, rows in part.unread.items():
-            whole.unread[index] = np.concatenate([whole.unread.get(index, rows[:0]), rows + start])
-            for cell in part.texts[index]:
+    numbers, size, places, unread = joined_samples(parts)
+    whole = Part(size, places, numbers, unread)
+    for part in parts:
+        for index, cells in part.texts.items():
+            for cell in cells:
                 _text(whole, index, cell)
         whole.ragged += part.ragged[: SHOWN - len(whole.ragged)]
         whole.ragged_count += part.ragged_count

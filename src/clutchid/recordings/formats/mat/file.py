@@ -10,7 +10,7 @@ import json
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from clutchid.errors import DataError, ExportError
@@ -21,7 +21,7 @@ from clutchid.recordings.formats.mat import hdf5, loaded
 from clutchid.recordings.formats.mat.objects import with_objects
 from clutchid.recordings.formats.mat.rasters import Found, Signal, rasters_of, signals_of
 from clutchid.recordings.formats.mat.tree import BrokenMat, ReadSamples, Struct, Text
-from clutchid.recordings.source import BLOCK, Raster, Source
+from clutchid.recordings.source import BLOCK, Raster, Source, own_metadata, refused
 from clutchid.recordings.table import Places, Table, and_more
 
 #: Bytes of the start of a file that tell its format.
@@ -102,13 +102,13 @@ def open_file(path: Path) -> Source:
         head = file.read(HEAD)
     version = _version(head)
     if version is None:
-        return _refused(path, "MATLAB", "is no MATLAB file: its header is damaged; copy or save it again.")
+        return refused(path, "MATLAB", "is no MATLAB file: its header is damaged; copy or save it again.")
     try:
         return _source(path, version, head)
     except BrokenMat as error:
-        return _refused(path, version.name, str(error))
+        return refused(path, version.name, str(error))
     except MemoryError:
-        return _refused(path, version.name, _NO_MEMORY)
+        return refused(path, version.name, _NO_MEMORY)
 
 
 def save(log: Log, path: Path) -> None:
@@ -157,17 +157,10 @@ def _is_v4(head: bytes) -> bool:
     return False
 
 
-def _refused(path: Path, form: str, problem: str) -> Source:
-    def tables(*_: object, **__: object) -> Iterator[Table]:
-        raise DataError(f"{path}: {problem}")
-
-    return Source(path, form, (), tables, (problem,))
-
-
 def _source(path: Path, version: _Version, head: bytes) -> Source:
     root = with_objects(path, version.contents(path))
     mark = root.fields.get(_KEY)
-    own = _metadata(mark.text) if isinstance(mark, Text) else None
+    own = own_metadata(mark.text) if isinstance(mark, Text) else None
     root = Struct({name: node for name, node in root.fields.items() if own is None or name != _KEY})
     with version.opened(path) as read:
 
@@ -179,7 +172,7 @@ def _source(path: Path, version: _Version, head: bytes) -> Source:
     objects, told = _objects(found), _left_out(found)
     if not rasters:
         nothing = "holds no vector of two or more numbers; save the time and the channels as vectors of one length."
-        return replace(_refused(path, version.name, objects or nothing), warnings=told)
+        return refused(path, version.name, objects or nothing, *told)
     header = "" if version is _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
     warnings = (objects, *told) if objects else told
     metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
@@ -237,12 +230,3 @@ def _some(paths: Sequence[str]) -> str:
     """The first of the paths, and the count of the rest."""
     shown = [f"'{shortened(printable(path))}'" for path in paths[:_SHOWN]]
     return and_more(shown, len(paths) - len(shown))
-
-
-def _metadata(text: str) -> dict[str, str] | None:
-    """The metadata of the log that was written; None where `clutchid` is something of another program."""
-    try:
-        values = json.loads(text)
-    except (json.JSONDecodeError, RecursionError):
-        return None
-    return {str(key): str(value) for key, value in values.items()} if isinstance(values, dict) else None

@@ -17,7 +17,7 @@ from clutchid.recordings.formats.mdf.layout import Layout, Place, comment_of, la
 from clutchid.recordings.formats.mdf.numbers import converted
 from clutchid.recordings.formats.mdf.opening import Spoiled, asammdf, opened, quiet, version_of
 from clutchid.recordings.formats.mdf.raw import blocks
-from clutchid.recordings.source import BLOCK, Source
+from clutchid.recordings.source import BLOCK, Source, refused
 from clutchid.recordings.table import Places, Table
 
 _UNKNOWN_START = datetime.fromtimestamp(0, UTC)
@@ -53,7 +53,7 @@ def open_file(path: Path) -> Source:
             metadata = metadata_of(mdf)
             version = str(mdf.version)
     except Spoiled as error:
-        return Source(path, "MDF", (), _Reader(path, ()), (str(error),))
+        return refused(path, "MDF", str(error))
     rasters = tuple(layout.raster for layout in found)
     return Source(path, f"MDF {version}", rasters, _Reader(path, found), (), warnings, metadata)
 

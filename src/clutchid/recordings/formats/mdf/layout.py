@@ -12,7 +12,7 @@ from typing import Any
 from clutchid.recordings.columns import Heading, channel, shortened
 from clutchid.recordings.formats.mdf.numbers import convertible
 from clutchid.recordings.formats.mdf.opening import version_of
-from clutchid.recordings.source import Raster
+from clutchid.recordings.source import Raster, own_metadata
 
 #: Name of the property in the header's comment that holds the metadata of a log.
 KEY = "clutchid"
@@ -69,13 +69,8 @@ def metadata_of(mdf: Any) -> dict[str, str]:
     """What the file says of itself; of a file that clutchid wrote exactly the metadata of its log."""
     root = _xml(_guarded(lambda: mdf.header.comment))
     own = root.find(f".//e[@name='{KEY}']") if root is not None else None
-    if own is not None:
-        try:
-            values = json.loads(own.text or "")
-        except json.JSONDecodeError:
-            values = None
-        if isinstance(values, dict):
-            return {str(key): str(value) for key, value in values.items()}
+    if own is not None and (metadata := own_metadata(own.text)) is not None:
+        return metadata
     start = _guarded(lambda: mdf.header.start_time.isoformat() if getattr(mdf.header, "abs_time", 1) else "")
     program = _guarded(lambda: mdf.identification.program_identification.decode("latin-1"))
     texts = {"start": start, "program": program.strip(" \0"), "comment": _text(root)}

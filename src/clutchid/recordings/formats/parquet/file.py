@@ -20,7 +20,7 @@ from clutchid.log import INPUTS, FloatArray, Log, Samples
 from clutchid.recordings.columns import Heading, headings, shortened
 from clutchid.recordings.formats.parquet.pages import EncryptedParquet, damage
 from clutchid.recordings.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
-from clutchid.recordings.source import Raster, Source
+from clutchid.recordings.source import Raster, Source, own_metadata, refused
 from clutchid.recordings.table import EXAMPLE, Places, Table, and_more, to_frame
 
 if TYPE_CHECKING:
@@ -88,13 +88,9 @@ def open_file(path: Path) -> Source:
         try:
             return _source(_opened(path))
         except UnreadParquet as error:
-            return _refused(path, _damaged(damage(path, ()) or str(error)))
+            return refused(path, "Parquet", _damaged(damage(path, ()) or str(error)))
     except EncryptedParquet:
-        return _refused(path, _ENCRYPTED)
-
-
-def _refused(path: Path, problem: str) -> Source:
-    return Source(path, "Parquet", (), lambda *_: iter(()), (problem,))
+        return refused(path, "Parquet", _ENCRYPTED)
 
 
 def _damaged(reason: str) -> str:
@@ -167,10 +163,11 @@ def _source(opened: _Opened) -> Source:
     told = [f"'{shortened(name)}' ({held})" for name, held in others[:_SHOWN]]
     left = f"({len(others)}): {and_more(told, len(others) - len(told))}"
     if not shown:
-        return _refused(opened.path, f"holds no column of numbers, only others {left}; write the channels as Float64.")
+        problem = f"holds no column of numbers, only others {left}; write the channels as Float64."
+        return refused(opened.path, "Parquet", problem)
     columns = tuple(_heading(replace(every[name], index=i), kinds[name]) for i, name in enumerate(shown))
     firsts = _firsts(opened.reader, [name for name in shown if kinds[name].is_temporal() and name not in opened.unread])
-    metadata = _metadata(opened.reader.metadata.get(KEY))
+    metadata = own_metadata(opened.reader.metadata.get(KEY)) or {}
     clock = next((column.index for column in columns if column.name == "time"), None)
     if clock is not None and shown[clock] in firsts:
         metadata["start"] = str(firsts[shown[clock]][1])
@@ -290,12 +287,3 @@ def _edges(text: str | None) -> dict[str, Samples]:
     except (ValueError, TypeError, AttributeError):
         return {}
     return {name: (parts[0], parts[1]) for name, parts in every.items() if len(parts) == 2 and name in INPUTS}
-
-
-def _metadata(text: str | None) -> dict[str, str]:
-    """The metadata of the log that was written; none where they are from another program."""
-    try:
-        values = json.loads(text or "{}")
-    except json.JSONDecodeError:
-        return {}
-    return {str(key): str(value) for key, value in values.items()} if isinstance(values, dict) else {}

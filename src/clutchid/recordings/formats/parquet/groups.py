@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from clutchid.recordings.formats.parquet.pages import Compact, Kind
+from clutchid.recordings.formats.parquet.thrift import Compact, Tree, encoded
 
 #: Bytes at the start and at the end of a Parquet file.
 MAGIC = b"PAR1"
@@ -15,9 +14,6 @@ _ROWS, _GROUPS, _COLUMNS, _GROUP_OFFSET, _ORDINAL = 3, 4, 1, 5, 7
 
 #: Fields that are places in the file: of a column, and of its description (field 3).
 _COLUMN_OFFSETS, _DESCRIPTION, _PAGE_OFFSETS = (2, 4, 6), 3, (9, 10, 11, 14)
-
-#: A structure with the kinds of its fields: (kind, value) by number; a list is (kind, values).
-Tree = dict[int, tuple[int, Any]]
 
 
 class Groups(NamedTuple):
@@ -34,10 +30,10 @@ def appended(groups: Groups, whole: bytes) -> tuple[Groups, bytes]:
     """Row groups with those of another whole file behind them, and the bytes to write at ``groups.end``."""
     length = int.from_bytes(whole[-8:-4], "little")
     cut = len(whole) - 8 - length
-    new, shift = _tree(Compact(whole[cut:-8])), groups.end - len(MAGIC)
+    new, shift = Compact(whole[cut:-8]).struct(), groups.end - len(MAGIC)
     before = [] if groups.footer is None else groups.footer[_GROUPS][1][1]
     kind, (inner, added) = new[_GROUPS]
-    moved = [_struct(_moved(group, shift, len(before) + i)) for i, group in enumerate(added)]
+    moved = [encoded(_moved(group, shift, len(before) + i)) for i, group in enumerate(added)]
     rows = new[_ROWS][1] + (0 if groups.footer is None else groups.footer[_ROWS][1])
     footer = {**new, _ROWS: (new[_ROWS][0], rows), _GROUPS: (kind, (inner, [*before, *moved]))}
     return Groups(shift + cut, footer), whole[len(MAGIC) : cut]
@@ -45,7 +41,7 @@ def appended(groups: Groups, whole: bytes) -> tuple[Groups, bytes]:
 
 def footer_bytes(groups: Groups) -> bytes:
     """What stands behind the row groups in a whole file."""
-    content = _struct(groups.footer or {})
+    content = encoded(groups.footer or {})
     return content + len(content).to_bytes(4, "little") + MAGIC
 
 
@@ -68,62 +64,3 @@ def _shifted(tree: Tree, fields: tuple[int, ...], shift: int) -> Tree:
     return {
         field: (kind, value + shift if field in fields and value else value) for field, (kind, value) in tree.items()
     }
-
-
-def _tree(reader: Compact) -> Tree:
-    fields: Tree = {}
-    field = 0
-    while (head := reader.take(1)[0]) != Kind.STOP:
-        field = field + (head >> 4) if head >> 4 else reader.value(Kind.I16)
-        fields[field] = (head & 15, _value(reader, head & 15))
-    return fields
-
-
-def _value(reader: Compact, kind: int) -> Any:
-    if kind == Kind.STRUCT:
-        return _tree(reader)
-    if kind == Kind.LIST:
-        head = reader.take(1)[0]
-        count = reader.varint() if head >> 4 == 15 else head >> 4
-        inner = Kind.BYTE if head & 15 in (Kind.TRUE, Kind.FALSE) else head & 15
-        return head & 15, [_value(reader, inner) for _ in range(count)]
-    return reader.value(kind)
-
-
-def _struct(tree: Mapping[int, tuple[int, Any]]) -> bytes:
-    parts, before = [], 0
-    for field, (kind, value) in sorted(tree.items()):
-        step = field - before
-        head = bytes([step << 4 | kind]) if 0 < step < 16 else bytes([kind]) + _integer(field)
-        parts += [head, _encoded(kind, value)]
-        before = field
-    return b"".join([*parts, bytes([Kind.STOP])])
-
-
-def _encoded(kind: int, value: Any) -> bytes:
-    if kind == Kind.STRUCT:
-        return value if isinstance(value, bytes) else _struct(value)
-    if kind == Kind.BINARY:
-        return _varint(len(value)) + bytes(value)
-    if kind == Kind.LIST:
-        inner, values = value
-        count = len(values)
-        head = bytes([count << 4 | inner]) if count < 15 else bytes([15 << 4 | inner]) + _varint(count)
-        kept = Kind.BYTE if inner in (Kind.TRUE, Kind.FALSE) else inner
-        return head + b"".join(_encoded(kept, one) for one in values)
-    if kind in (Kind.TRUE, Kind.FALSE):
-        return b""
-    return bytes(value) if kind in (Kind.BYTE, Kind.DOUBLE) else _integer(value)
-
-
-def _integer(value: int) -> bytes:
-    return _varint(value << 1 if value >= 0 else (-value << 1) - 1)
-
-
-def _varint(value: int) -> bytes:
-    parts = bytearray()
-    while value > 127:
-        parts.append(value & 127 | 128)
-        value >>= 7
-    parts.append(value)
-    return bytes(parts)

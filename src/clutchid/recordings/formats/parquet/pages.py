@@ -7,82 +7,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection
-from enum import IntEnum
 from pathlib import Path
 from typing import Any, BinaryIO
+
+from clutchid.recordings.formats.parquet.thrift import Compact, Kind, plain
 
 #: Bytes that a header of a page may have, and by how much old writers count the bytes of a column wrongly.
 _HEADER = 1 << 13
 _SLACK = 1 << 20
 
 
-class Kind(IntEnum):
-    """Kinds of values in the compact protocol of Thrift, as far as they are named here."""
-
-    STOP = 0
-    TRUE = 1
-    FALSE = 2
-    BYTE = 3
-    I16 = 4
-    DOUBLE = 7
-    BINARY = 8
-    LIST = 9
-    SET = 10
-    STRUCT = 12
-
-
 class EncryptedParquet(ValueError):
     """The file, or columns of it, are encrypted."""
-
-
-class Compact:
-    """Values in the compact protocol of Thrift, one behind the other."""
-
-    def __init__(self, data: bytes) -> None:
-        self.data, self.at = data, 0
-
-    def take(self, size: int) -> bytes:
-        """The next bytes."""
-        self.at += size
-        if self.at > len(self.data):
-            raise ValueError("it ends too early")
-        return self.data[self.at - size : self.at]
-
-    def varint(self) -> int:
-        """The next number without a sign."""
-        value = shift = 0
-        while (byte := self.take(1)[0]) & 128:
-            value |= (byte & 127) << shift
-            shift += 7
-        return value | byte << shift
-
-    def value(self, kind: int) -> Any:
-        """The next value, which is of a `Kind`."""
-        if kind in (Kind.TRUE, Kind.FALSE):
-            return kind == Kind.TRUE
-        if kind in (Kind.BYTE, Kind.DOUBLE):
-            return self.take(1 if kind == Kind.BYTE else 8)
-        if kind == Kind.BINARY:
-            return self.take(self.varint())
-        if kind in (Kind.LIST, Kind.SET):
-            head = self.take(1)[0]
-            inner = Kind.BYTE if head & 15 in (Kind.TRUE, Kind.FALSE) else head & 15
-            return [self.value(inner) for _ in range(self.varint() if head >> 4 == 15 else head >> 4)]
-        if kind == Kind.STRUCT:
-            return self.struct()
-        if not Kind.BYTE < kind < Kind.DOUBLE:
-            raise ValueError(f"a value of the unknown kind {kind}")
-        number = self.varint()
-        return (number >> 1) ^ -(number & 1)
-
-    def struct(self) -> dict[int, Any]:
-        """The fields of a structure by their numbers."""
-        fields: dict[int, Any] = {}
-        field = 0
-        while (head := self.take(1)[0]) != Kind.STOP:
-            field = field + (head >> 4) if head >> 4 else self.value(Kind.I16)
-            fields[field] = self.value(head & 15)
-        return fields
 
 
 def damage(path: Path, columns: Collection[str] | None = None) -> str:
@@ -116,7 +52,7 @@ def _footer(file: BinaryIO, size: int) -> dict[int, Any]:
     if tail[4:] != b"PAR1" or length > size - 12:
         raise ValueError("it does not end as such a file ends")
     file.seek(size - 8 - length)
-    footer = Compact(file.read(length)).struct()
+    footer: dict[int, Any] = plain(Kind.STRUCT, Compact(file.read(length)).struct())
     if 8 in footer:  # how its columns are encrypted
         raise EncryptedParquet
     return footer
@@ -131,7 +67,7 @@ def _pages(file: BinaryIO, size: int, chunk: dict[int, Any]) -> str:
             return f"a page at byte {start} is not in the file"
         file.seek(start)
         reader = Compact(file.read(_HEADER))
-        page = reader.struct()
+        page = plain(Kind.STRUCT, reader.struct())
         start += reader.at + page[3]
         data = page.get(5) or page.get(8)
         held = (data or page.get(7) or {1: 0})[1]
