@@ -44,7 +44,7 @@ def fitted(recording, start=None, free=FREE, measure=MEASURE):
 
 @pytest.fixture(scope="module")
 def whole(recording):
-    return fitted(recording).fit
+    return fitted(recording)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def stopped(recording, tmp_path_factory):
         outcome = fitted(recording)
     path = tmp_path_factory.mktemp("saved") / "CAL.toml"
     workflow.save(outcome, path)
-    return outcome.fit, path
+    return outcome, path
 
 
 def test_the_end_of_a_search_has_one_wording_in_python_files_and_messages(stopped):
@@ -69,7 +69,7 @@ def test_the_end_of_a_search_has_one_wording_in_python_files_and_messages(stoppe
 
 def test_a_continued_search_has_the_original_priors_and_ends_where_a_single_one_does(recording, stopped, whole):
     _, path = stopped
-    continued = fitted(recording, path).fit
+    continued = fitted(recording, path)
     assert continued.converged
     assert continued.search.priors.keys() == whole.search.priors.keys()
     for name, prior in whole.search.priors.items():
@@ -82,14 +82,14 @@ def test_a_continued_search_has_the_original_priors_and_ends_where_a_single_one_
 
 def test_a_continued_search_is_not_a_new_calibration_on_top_of_the_old_one(recording, stopped):
     fit, path = stopped
-    continued = fitted(recording, path).fit
+    continued = fitted(recording, path)
     assert continued.baseline is None
     assert continued.evaluations < fit.evaluations
 
 
 def test_a_converged_search_that_is_continued_stays_where_it_was(recording, whole, tmp_path):
     workflow.save(workflow.Outcome(whole), tmp_path / "CAL.toml")
-    again = fitted(recording, tmp_path / "CAL.toml").fit
+    again = fitted(recording, tmp_path / "CAL.toml")
     assert again.converged
     for name, estimate in whole.parameters.items():
         assert abs(again.parameters[name].value - estimate.value) < 0.1 * estimate.std
@@ -98,17 +98,17 @@ def test_a_converged_search_that_is_continued_stays_where_it_was(recording, whol
 
 def test_other_free_parameters_or_another_recording_start_a_new_search_from_the_calibration(recording, stopped):
     _, path = stopped
-    other = fitted(recording, path, free=("load", "P_S", "C_vs")).fit
+    other = fitted(recording, path, free=("load", "P_S", "C_vs"))
     assert other.baseline is not None
     assert other.baseline.origin.name == "CAL.toml"
     altered = recording.with_name("other.csv")
     altered.write_text(recording.read_text() + "\n")
-    assert fitted(altered, path).fit.baseline is not None
+    assert fitted(altered, path).baseline is not None
 
 
 def test_a_reading_from_a_calibration_that_had_not_converged_says_so(recording, stopped):
     _, path = stopped
-    read = fitted(recording, path, free=("load",), measure=("position",)).fit
+    read = fitted(recording, path, free=("load",), measure=("position",))
     assert read.baseline.converged is False
     assert read.verdict.trust != "good"
     assert any("CAL.toml had not converged" in reason for reason in read.verdict.reasons)
@@ -147,9 +147,9 @@ def test_a_prediction_error_search_is_continued_too(recording, tmp_path):
     first = workflow.fit_recordings(logs, actuator, request, force=True)
     workflow.save(first, tmp_path / "CAL.toml")
     actuator, request = workflow.start_of(tmp_path / "CAL.toml", None, request)
-    again = workflow.fit_recordings(logs, actuator, request, force=True).fit
+    again = workflow.fit_recordings(logs, actuator, request, force=True)
     assert again.converged
     assert again.baseline is None
-    for name, estimate in first.fit.parameters.items():
+    for name, estimate in first.parameters.items():
         assert abs(again.parameters[name].value - estimate.value) < 0.5 * estimate.std
     assert np.isfinite(again.covariance).all()

@@ -23,6 +23,11 @@ GOOD = [("good", n) for n in range(30)]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
 
 
+def children():
+    """Processes of this one; the reader of other tests may be among them."""
+    return {child.pid for child in psutil.Process().children()}
+
+
 def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
     bad = [("SIGKILL", 100), ("SIGSEGV", 101), ("slow", 102), ("memory", 103), ("error", 104)]
     items = [*GOOD[:15], *bad, *GOOD[15:]]
@@ -60,13 +65,14 @@ def test_the_memory_that_other_work_has_left_behind_is_not_held_against_an_item(
 
 
 def test_a_sentence_for_the_user_is_raised_and_ends_all_workers():
+    before = children()
     with pytest.raises(DataError, match="it is so"):
         list(results(own_error, [1, 2, 3], 2))
-    assert not psutil.Process().children()
+    assert children() == before
 
 
 def test_items_are_asked_for_as_workers_become_free():
-    asked = []
+    asked, before = [], children()
 
     def items():
         for n in range(100):
@@ -77,7 +83,7 @@ def test_items_are_asked_for_as_workers_become_free():
     next(some)
     assert len(asked) <= 8
     some.close()
-    assert not psutil.Process().children(), "what is at work when nobody waits any more is ended"
+    assert children() == before, "what is at work when nobody waits any more is ended"
 
 
 def test_a_worker_serves_one_item_after_the_other_and_rests_when_it_is_told():
