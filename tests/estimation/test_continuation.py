@@ -88,7 +88,7 @@ def test_a_continued_search_is_not_a_new_calibration_on_top_of_the_old_one(recor
 
 
 def test_a_converged_search_that_is_continued_stays_where_it_was(recording, whole, tmp_path):
-    workflow.save(workflow.Outcome(whole), tmp_path / "CAL.toml")
+    workflow.save(whole, tmp_path / "CAL.toml")
     again = fitted(recording, tmp_path / "CAL.toml")
     assert again.converged
     for name, estimate in whole.parameters.items():
