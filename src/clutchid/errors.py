@@ -5,7 +5,6 @@ Each one is also a built-in exception, so that code without knowledge of clutchi
 
 import re
 import sys
-from importlib.metadata import requires
 from importlib.util import find_spec
 
 
@@ -48,6 +47,8 @@ def requirements(extra: str) -> tuple[str, ...]:
     >>> [re.match("[a-z0-9-]+", requirement)[0] for requirement in requirements("mat")]
     ['h5py', 'mat-io']
     """
+    from importlib.metadata import requires  # slow to import, and asked for only where a library is absent
+
     marked = [requirement.partition(";") for requirement in requires("clutchid") or ()]
     return tuple(text.strip() for text, _, marker in marked if re.search(rf"extra\s*==\s*['\"]{extra}['\"]", marker))
 

@@ -1,1 +1,1 @@
-"""Work on many recordings: processes that share it, and the files of a virtual fleet."""
+"""Work on many recordings: jobs, store and tables, also on a Dask scheduler, and the files of a virtual fleet."""

@@ -62,6 +62,10 @@ class Place:
     tls: Tls | None = None
 
 
+#: One worker on this machine.
+HERE = Place()
+
+
 def results(work: Callable[[Item], Result], items: Iterable[Item], place: Place) -> Iterator[Done[Item, Result]]:
     """Results in order of completion; what ends its process, or takes too long, is `Lost` with a sentence.
 

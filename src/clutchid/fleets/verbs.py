@@ -11,7 +11,7 @@ from typing import Literal
 from clutchid import workflow
 from clutchid.errors import ParameterError
 from clutchid.fleets import tracking
-from clutchid.fleets.cluster import Place
+from clutchid.fleets.cluster import HERE, Place
 from clutchid.fleets.jobs import Fleet, fleet_of
 from clutchid.fleets.output import write_results
 from clutchid.fleets.reading import How
@@ -24,9 +24,6 @@ from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.wear.tables import read_table, read_wear_table
 
 Progress = Callable[[int, int], None]
-
-#: One worker on this machine.
-HERE = Place()
 
 
 @dataclass(frozen=True, slots=True)

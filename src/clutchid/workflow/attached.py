@@ -137,8 +137,9 @@ _ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
 
 
 def attach() -> None:
-    """Attach to the classes that have been imported what belongs to them."""
+    """Attach to the classes that have been imported what belongs to them, once."""
     for (module, name), members in _ATTACHED.items():
-        if module in sys.modules and (found := getattr(sys.modules[module], name, None)) is not None:
+        found = getattr(sys.modules.get(module), name, None)
+        if found is not None and "plot" not in vars(found):
             for member, value in members.items():
                 setattr(found, member, value)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.fleets.cluster import Place, results
+from clutchid.fleets.cluster import HERE, Place, results
 from clutchid.fleets.version import version_and_source
 from clutchid.log import Log
 from clutchid.processes import Lost, check_workers
@@ -28,10 +28,6 @@ SECONDS = 30.0
 #: Wear of the facing in m in the two worn recordings, and strokes per metre of wear.
 WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
 STROKES = 3e8
-
-
-#: One worker on this machine.
-HERE = Place()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
