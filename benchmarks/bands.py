@@ -1,8 +1,8 @@
 """How certain a load from position alone may be called: ``python benchmarks/bands.py --family A --trucks 12``.
 
 Every truck is calibrated once with pressure; its worn clutch is read under the cases of `widening.py`, once, and its
-band is calculated with several settings of `clutchid.estimation.mixture.IntervalSettings`. Score: mean logarithm of the
-density of the true load in the band, which is largest where bands are as wide as the errors are. Covered is the share
+band is calculated with several settings of `clutchid.estimation.hypotheses.IntervalSettings`. Score: mean logarithm of
+the density of the true load in the band, largest where bands are as wide as the errors are. Covered is the share
 of the points from 0.5 to 20 mm in the 95 % band, width the median of the band from low to high in % of the peak; the
 area under the curve is that of the expected error for loads more than 2 % off.
 """
@@ -21,9 +21,8 @@ import numpy as np
 from widening import LATE, calibrated, worn_clutch
 
 from clutchid.estimation.departure import relative_misfit
-from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.hypotheses import explained
-from clutchid.estimation.mixture import BAND, IntervalSettings, Mixture, mixture
+from clutchid.estimation.hypotheses import BAND, IntervalSettings, Mixture, explained, mixture
+from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.shooting.fit import SHOOTING
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.uncertainty.calibration import Calibration

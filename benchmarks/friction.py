@@ -13,8 +13,8 @@ import numpy as np
 
 from clutchid import Log
 from clutchid.rig import conclusions, coulomb_friction, fit_lugre, implied
-from clutchid.rig.compiled import NAMES
-from clutchid.rig.tables import level_table, lugre_table, parameter_table
+from clutchid.rig.free_run import NAMES
+from clutchid.rig.summary import level_table, lugre_table, parameter_table
 
 AMBIENT = 101_325.0
 

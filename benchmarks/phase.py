@@ -21,8 +21,8 @@ from clutchid.estimation import phase as estimated
 from clutchid.preparation import pulses
 from clutchid.preparation.carrier import centred
 from clutchid.recordings.signals.duty_cycle import grid_phase
-from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.ground import STROKES
+from clutchid.study.proving.scores import Answer, score
 from clutchid.truck import Drive, drive, truck
 
 USED = ("nothing", "cold", "warm", "supply", "cold and valves")

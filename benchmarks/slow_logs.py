@@ -3,9 +3,9 @@
 Every truck is calibrated once at 1 kHz with pressure. Each recording of its worn clutch is read from position alone
 twice, as the controller and as the bus recorded the same drive, with ambient temperature and supply pressure. The last
 table has the bands of the slow logs with several shares of the load in place of that of
-`clutchid.estimation.slow_logs`. Error and band are in % of the peak over 0.5 to 20 mm: error and expected error rms, z
-their ratio rms over the points, width the median of the band from low to high, score the mean logarithm of the density
-of the true load in the band. Seconds are those of a processor.
+`clutchid.estimation.verification`. Error and band are in % of the peak over 0.5 to 20 mm: error and expected error rms,
+z their ratio rms over the points, width the median of the band from low to high, score the mean logarithm of
+the density of the true load in the band. Seconds are those of a processor.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from bands import FLOOR, QUANTILE, rms
 from widening import CASES, calibrated, worn_clutch
 
 from clutchid import DataError, fit, parameter_file, read_parameters, write_parameters
-from clutchid.estimation.slow_logs import MISSED
+from clutchid.estimation.verification import MISSED
 from clutchid.log import FloatArray
 from clutchid.truck import GRID, Drive
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import Fit, Partition, fit, read
-from clutchid.study.proving.answers import half_load
+from clutchid.study.proving.scores import half_load
 
 PARTITIONS = {
     "ballistic": None,

@@ -18,7 +18,7 @@ import numpy as np
 import polars as pl
 
 from clutchid.log import FloatArray
-from clutchid.wear.settings import REFERENCE
+from clutchid.wear.trend import REFERENCE
 
 #: Channels: column of the measurement, its truth, and the unit of the truth in that of the measurement.
 CHANNELS = {

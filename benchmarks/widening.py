@@ -26,8 +26,8 @@ import numpy as np
 from clutchid import DataError, Fit, Prior, SolveError, fit
 from clutchid.estimation.fit import MethodName
 from clutchid.log import INPUTS
-from clutchid.study.proving.answers import Answer, score
 from clutchid.study.proving.ground import SECONDS, STROKES
+from clutchid.study.proving.scores import Answer, score
 from clutchid.truck import CHANGES, GRID, Drive, Vehicle, drive, truck
 
 #: Columns of the table.

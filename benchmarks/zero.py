@@ -18,8 +18,7 @@ import numpy as np
 
 from clutchid import Fit, fit
 from clutchid.errors import ClutchidError
-from clutchid.estimation.assess.engaging import ENGAGING
-from clutchid.estimation.assess.half_load import half_load
+from clutchid.estimation.assess.comparison import ENGAGING, half_load
 from clutchid.recordings.strokes.vented_rest import rest_shift, vented_rest
 from clutchid.truck import GRID, MANOEUVRES, Drive, drive, truck
 

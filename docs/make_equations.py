@@ -69,7 +69,7 @@ def page() -> str:
     parts.append(STRIBECK + _own("isothermal-stribeck"))
     parts.append(BALANCE + _own("energy-balance"))
     if len(system("energy-balance").inputs) > 2:
-        from clutchid.model.pulses import (
+        from clutchid.model.opening import (
             bridged_share,
             continued_share,
             fall,

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 
 from clutchid import Fit, fit, read_parameters, write
-from clutchid.cli.fit_output import MOST_WARNINGS, answer, answer_json
+from clutchid.cli.fit import MOST_WARNINGS, answer, answer_json
 from clutchid.cli.terminal import OutputLost
 from clutchid.errors import ExportError
-from clutchid.estimation.assess.states import States, states_of_wear
+from clutchid.estimation.assess.verdict import States, states_of_wear
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.reports.next_step import Command
 from clutchid.truck import Truck, drive

@@ -2,7 +2,7 @@
 
 import pytest
 
-from clutchid.cli.progress import EVERY, progress_of, progress_words
+from clutchid.cli.common import EVERY, progress_of, progress_words
 
 
 @pytest.fixture

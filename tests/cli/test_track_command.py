@@ -51,7 +51,7 @@ def run(folder, *options):
 
 
 def test_the_life_of_a_clutch_is_tracked(folder, capsys, monkeypatch):
-    monkeypatch.setattr("clutchid.cli.progress.EVERY", 0.0)
+    monkeypatch.setattr("clutchid.cli.common.EVERY", 0.0)
     files = ("--out", folder / "wear.parquet", "--report", folder / "wear.html", "--table", folder / "table.csv")
     assert run(folder, *files, "--limit", "0.2") == 0
     shown, said = capsys.readouterr()

@@ -10,9 +10,8 @@ import sympy as sp
 from numba.core.errors import TypingError
 
 from clutchid.codegen.cache import load_module
-from clutchid.codegen.instructions import ArrayElement
 from clutchid.codegen.language import FUNCTIONS
-from clutchid.codegen.llvm import Interface, function
+from clutchid.codegen.llvm import ArrayElement, Interface, function
 from clutchid.codegen.numba_source import elementwise_source, module_head
 from clutchid.codegen.program import lower
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from clutchid.codegen.names import PYTHON_WORDS, apart
+from clutchid.codegen.language import PYTHON_WORDS, apart
 from clutchid.codegen.system import System
 
 

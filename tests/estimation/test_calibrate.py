@@ -10,8 +10,8 @@ from clutchid.estimation.calibrate import calibration_of, fit_with_priors
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import fit as module
 from clutchid.estimation.shooting.fit import SHOOTING
+from clutchid.inference.uncertainty.calibration import drift
 from clutchid.inference.uncertainty.change_prior import changeable
-from clutchid.inference.uncertainty.consider import drift
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.failure import Failure
 

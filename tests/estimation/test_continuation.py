@@ -10,8 +10,7 @@ import clutchid
 from clutchid import workflow
 from clutchid.errors import ParameterError
 from clutchid.estimation.parameter_file import search_in, search_section
-from clutchid.estimation.request import FitRequest
-from clutchid.estimation.search_state import Continuation, SearchState, ended
+from clutchid.estimation.request import Continuation, FitRequest, SearchState, ended
 from clutchid.inference.smoother import search
 from clutchid.inference.uncertainty.coordinates import Prior
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.estimation.free import bounds_of
+from clutchid.estimation.request import bounds_of
 from clutchid.model import Actuator, Load
 from clutchid.parameters import Parameters
 

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.hypotheses import explained, softmax
-from clutchid.estimation.mixture import mixture
+from clutchid.estimation.hypotheses import explained, mixture, softmax
 from clutchid.estimation.problem import fit_problem, with_hypothesis
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, change_covariance, changeable
 from clutchid.inference.uncertainty.coordinates import Prior

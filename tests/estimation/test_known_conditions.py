@@ -7,11 +7,9 @@ import pytest
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.hypotheses import explained, log_root
-from clutchid.estimation.mixture import mixture
+from clutchid.estimation.hypotheses import explained, log_root, mixture
 from clutchid.estimation.problem import fit_problem, with_hypothesis
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.inference.smoother.problem import prior_rows
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES

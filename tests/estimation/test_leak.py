@@ -5,16 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.assess.reading import departs
+from clutchid.estimation.assess.reasons import departs
 from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.estimation.shooting import fit as module
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.inference.smoother.search import UNLIMITED
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.model import Actuator, Load
-from clutchid.wear.measurement import leak_of
+from clutchid.wear.history import leak_of
 
 LEAK = 4e-11
 Y = np.linspace(0.5e-3, 20e-3, 40)

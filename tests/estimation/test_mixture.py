@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from clutchid.estimation.hypotheses import Explanation, errors_in_x, flattened, probabilities
-from clutchid.estimation.mixture import BAND, ERRORS_REPEAT, Mixture, changes, mixture
+from clutchid.estimation.hypotheses import (
+    BAND,
+    ERRORS_REPEAT,
+    Explanation,
+    Mixture,
+    changes,
+    errors_in_x,
+    flattened,
+    mixture,
+    probabilities,
+)
 from clutchid.estimation.problem import with_hypothesis
 from clutchid.estimation.search_result import SearchResult
 from clutchid.inference.smoother.problem import FitProblem

@@ -9,7 +9,7 @@ from clutchid import workflow
 from clutchid.errors import ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.estimation.request import FitRequest
-from clutchid.inference.uncertainty.consider import drift
+from clutchid.inference.uncertainty.calibration import drift
 from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.model import Actuator, OwnModel, OwnParameter
 

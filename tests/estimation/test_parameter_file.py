@@ -11,8 +11,8 @@ from clutchid.errors import ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, write_parameters
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.b_spline import DEFAULT_KNOTS
 from clutchid.model.variants import VARIANTS
+from clutchid.model.weighted_load import DEFAULT_KNOTS
 from clutchid.parameters import Parameters
 
 #: A load on two knots, the four weights that it needs, and an actuator of another drawing without them.

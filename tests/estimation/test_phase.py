@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.phase import filtered_phase, phase_finder
+from clutchid.estimation.request import FreeParameters
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.preparation.carrier import centred
 from clutchid.preparation.pulses import find_phase

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.hypotheses import explanation
-from clutchid.estimation.mixture import mixture
+from clutchid.estimation.hypotheses import explanation, mixture
 from clutchid.estimation.position_only import position_only_errors
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.estimation.shooting.uncertainty import parameter_uncertainty
 from clutchid.inference.uncertainty.calibration import PositionOnlyErrors

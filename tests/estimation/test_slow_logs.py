@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import clutchid
-from clutchid.estimation.outcome import QUANTILE
-from clutchid.estimation.slow_logs import MISSED, with_slow_logs
+from clutchid.estimation.result import QUANTILE
+from clutchid.estimation.verification import MISSED, with_slow_logs
 
 Y = np.linspace(0.5e-3, 15e-3, 40)
 

@@ -15,8 +15,7 @@ import pytest
 from distributed.security import Security
 
 from clutchid.errors import DataError, ParameterError, SolveError
-from clutchid.fleets.cluster import Place, connected, results
-from clutchid.fleets.scheduler import Tls, answered, security_of
+from clutchid.fleets.cluster import Place, Tls, answered, connected, results, security_of
 from fixtures.fleet_faults import faulty, own_error
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]

@@ -13,7 +13,7 @@ from clutchid.fleets.run import Options, tasks
 from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import track
 from clutchid.recordings.files import write_frame
-from clutchid.wear.measurement import WearReading
+from clutchid.wear.history import WearReading
 
 
 def statuses(tmp_path, status):

@@ -6,12 +6,11 @@ import polars as pl
 import pytest
 
 from clutchid.fleets.jobs import Fleet, Job, fleet_of
-from clutchid.fleets.output import write_results
+from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.reading import How, RecordingResult, read_recording
 from clutchid.fleets.store import StoredResult, store
 from clutchid.fleets.tracking import NO_LIMIT, track, write_tracked
-from clutchid.fleets.vehicles import vehicles_of, write_vehicles
-from clutchid.wear.measurement import WearReading
+from clutchid.wear.history import WearReading
 
 pytestmark = pytest.mark.slow
 

@@ -38,7 +38,7 @@ from clutchid.estimation.automatic import freed
 from clutchid.observer.methods import METHODS
 from clutchid.observer.prior import online_prior
 from clutchid.inference.uncertainty.change_prior import change_covariance, changeable
-from clutchid.inference.uncertainty.consider import consider_parameters
+from clutchid.inference.uncertainty.calibration import consider_parameters
 from clutchid.inference.uncertainty.coordinates import coordinates
 
 actuator = Actuator(model="energy-balance-stribeck-proportional")

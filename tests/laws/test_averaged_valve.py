@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.opening import opening
-from clutchid.model.pulses import switched_opening
+from clutchid.model.opening import opening, switched_opening
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
 from clutchid.model import Load
-from clutchid.model.b_spline import DEFAULT_KNOTS, b_spline_table
+from clutchid.model.weighted_load import DEFAULT_KNOTS, b_spline_table
 
 pytestmark = pytest.mark.slow
 

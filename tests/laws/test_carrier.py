@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels
-from clutchid.model.opening import opening
-from clutchid.model.pulses import (
+from clutchid.model.opening import (
     bridged_share,
     continued_share,
     fall,
+    opening,
     passed_pulses,
     pulse_share,
     switched_opening,

@@ -8,7 +8,7 @@ from clutchid.observer.following import observe
 from clutchid.observer.observer import observer, start
 from clutchid.observer.recording import observe_recording
 from clutchid.observer.state_file import read_state, write_state
-from clutchid.reports.observe_figures import samples_figure
+from clutchid.reports.observe_page import samples_figure
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 

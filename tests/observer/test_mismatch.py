@@ -14,10 +14,9 @@ from clutchid.observer.following import observe
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
 from clutchid.observer.observer import observer, start
-from clutchid.observer.recording import observe_recording
+from clutchid.observer.recording import observe_recording, usual_nis
 from clutchid.observer.state_file import read_state, write_state
-from clutchid.observer.usual import usual_nis
-from clutchid.reports.observe_json import observe_json
+from clutchid.reports.observe_text import observe_json
 
 module = import_module("clutchid.observer.following")
 

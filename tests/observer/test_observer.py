@@ -9,9 +9,9 @@ from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
 from clutchid.observer.following import observe
 from clutchid.observer.observer import observer, start
+from clutchid.observer.prior import ASSUMED, load_deviation
+from clutchid.observer.state import FROZEN
 from clutchid.observer.state_file import read_state, write_state
-from clutchid.observer.supply import ASSUMED, load_deviation
-from clutchid.observer.tail import FROZEN
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
 

@@ -9,9 +9,9 @@ from clutchid.observer.by_stroke import curve, known, positions
 from clutchid.observer.following import observe
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import observer, start
+from clutchid.observer.prior import ASSUMED
 from clutchid.observer.recording import observe_recording, spacing
-from clutchid.observer.supply import ASSUMED
-from clutchid.observer.tail import FROZEN
+from clutchid.observer.state import FROZEN
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from clutchid.observer import curve, known, observe, observer, read_state, start
 from clutchid.observer.methods import MODES
 from clutchid.observer.observer import DRIFT
 from clutchid.observer.recording import observe_recording
-from clutchid.reports.observe_json import observe_json
+from clutchid.reports.observe_text import observe_json
 
 ORIGIN = Origin("cal.toml", "0" * 64, "0")
 

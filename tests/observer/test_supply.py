@@ -9,8 +9,8 @@ from clutchid.observer.following import observe
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import checked, gone_on, live_run
 from clutchid.observer.observer import observer, start
+from clutchid.observer.prior import load_deviation, supply_of, unused_supply
 from clutchid.observer.state_file import read_state, write_state
-from clutchid.observer.supply import load_deviation, supply_of, unused_supply
 from clutchid.simulation import simulate
 
 STROKE = np.linspace(2e-3, 9e-3, 30)

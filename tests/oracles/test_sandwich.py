@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from clutchid.inference.uncertainty.covariance import sandwich
+from clutchid.inference.uncertainty.gaussian import sandwich
 from clutchid.numerics.least_squares import compress
 
 pytestmark = pytest.mark.slow

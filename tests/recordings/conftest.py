@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from clutchid.recordings.columns import channel
-from clutchid.recordings.source import Raster, Source
-from clutchid.recordings.table import Places, Table
+from clutchid.recordings.source import Places, Raster, Source, Table
 
 HEADER = "time [s],position [m],duty_supply [1],duty_exhaust [1],pressure_a [Pa]"
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.recordings.clock import repair
-from clutchid.recordings.table import Places
+from clutchid.recordings.source import Places
 
 
 @given(st.lists(st.integers(0, 40), min_size=1, max_size=80), st.lists(st.integers(0, 80), max_size=4))

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import DataError
-from clutchid.recordings.formats.can.dbc import messages_in, read_dbc
+from clutchid.recordings.formats.can.dbc import Page, Signal, decode, messages_in, present, raw_bits, read_dbc
 from clutchid.recordings.formats.can.j1939 import first_code
-from clutchid.recordings.formats.can.signals import Page, Signal, decode, present, raw_bits
 
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, reads the DBC and is the oracle")
 

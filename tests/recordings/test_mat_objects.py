@@ -9,8 +9,7 @@ from scipy.io import savemat
 from scipy.io.matlab import MatlabOpaque
 
 from clutchid.recordings.formats.mat import file as mat_file
-from clutchid.recordings.formats.mat.arrays import node
-from clutchid.recordings.formats.mat.tree import class_object
+from clutchid.recordings.formats.mat.loaded import class_object, node
 
 N = 40
 T = np.arange(N) / 1000

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import clutchid.recordings as cio
 from clutchid.errors import DataError, install_command
 from clutchid.recordings.formats.parquet import file as parquet_file
-from clutchid.recordings.formats.parquet.pages import damage
+from clutchid.recordings.formats.parquet.footer import damage
 
 GOOD = {
     "time [ms]": [0, 1, 2],

@@ -12,7 +12,7 @@ from clutchid.errors import ExportError
 from clutchid.log import Log
 from clutchid.recordings import read, write
 from clutchid.recordings import spool as module
-from clutchid.recordings.formats.parquet.pages import damage
+from clutchid.recordings.formats.parquet.footer import damage
 from clutchid.recordings.spool import cut_behind, recovered, spooled
 
 

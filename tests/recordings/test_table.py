@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clutchid.recordings.table import Places, Table, joined_samples
+from clutchid.recordings.source import Places, Table, joined_samples
 
 
 def test_each_sample_of_joined_parts_keeps_its_place_and_its_invalid_cells():

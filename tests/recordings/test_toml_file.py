@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.parameter_file import read_parameters
-from clutchid.recordings.toml_file import read_toml
+from clutchid.recordings.records import read_toml
 
 STRANGE = {
     "an integer beyond floats": (f"[parameters]\nM = 1{'0' * 400}\n", r"M = 10+…: a number in kg is needed"),

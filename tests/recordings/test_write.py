@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import clutchid.recordings as cio
 from clutchid.errors import ExportError
 from clutchid.log import COLUMNS, Log
-from clutchid.recordings.table import to_frame
+from clutchid.recordings.source import to_frame
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 measured = st.one_of(finite, st.just(np.nan))

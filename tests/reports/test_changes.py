@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Change
 from clutchid.reports.changes import change_sentences, short_changes
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import comparison
-from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.reports.comparison_page import change_table, comparison_figure, comparison_sections, readings_table
 from clutchid.reports.figures import svg

@@ -8,10 +8,11 @@ import pytest
 from clutchid.estimation.assess.evidence import diagnosed, evidence
 from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import Log
-from clutchid.reports.diagnosis_figures import colour_figure, region_figure
 from clutchid.reports.diagnosis_page import (
+    colour_figure,
     diagnosis_table,
     information_blocks,
+    region_figure,
     residual_blocks,
     verdict_blocks,
     worst_first,

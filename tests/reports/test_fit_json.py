@@ -8,7 +8,7 @@ import pytest
 
 from clutchid.cli.common import print_json
 from clutchid.estimation import LoadCurve
-from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.reports.fit_json import fit_json
 from fixtures.baselines import ORIGIN, with_baseline

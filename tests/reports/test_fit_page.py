@@ -11,9 +11,8 @@ from clutchid.errors import ExportError
 from clutchid.estimation import LoadCurve
 from clutchid.log import Log
 from clutchid.reports import fit_page
-from clutchid.reports.fit_page import MAX_DRAWN, error_table, page_of
+from clutchid.reports.fit_page import MAX_DRAWN, error_table, page_of, parameter_table
 from clutchid.reports.html import render
-from clutchid.reports.parameter_page import parameter_table
 
 pytestmark = pytest.mark.slow
 

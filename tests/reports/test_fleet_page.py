@@ -9,13 +9,19 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from clutchid.reports.fleet_figures import distribution_figure, panels_of
-from clutchid.reports.fleet_odd import ODD_AT_LEAST, ODD_SCORE, odd_vehicles
-from clutchid.reports.fleet_page import ReasonCount, VehicleRow, fleet_page, page_of
-from clutchid.reports.fleet_tables import ODD, all_table, reasons_table, worst_table
-from clutchid.reports.fleet_values import spans_of
+from clutchid.reports.fleet_page import ReasonCount, VehicleRow, distribution_figure, fleet_page, page_of, panels_of
+from clutchid.reports.fleet_tables import (
+    ODD,
+    ODD_AT_LEAST,
+    ODD_SCORE,
+    all_table,
+    odd_vehicles,
+    reasons_table,
+    spans_of,
+    worst_table,
+)
 from clutchid.reports.html import render
-from clutchid.reports.link import Link
+from clutchid.reports.tables import Link
 
 NAN, INF = float("nan"), float("inf")
 HOSTILE = "</script><script>alert('1')</script>\"><img src=x onerror=alert(2)>"

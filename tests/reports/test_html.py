@@ -5,8 +5,7 @@ import hashlib
 import re
 
 from clutchid.reports.html import Bullets, Details, Notice, Page, PageSection, Picture, Sortable, Text, escape, render
-from clutchid.reports.link import Link
-from clutchid.reports.tables import Column, ReportTable
+from clutchid.reports.tables import Column, Link, ReportTable
 
 HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
 PAGE = Page(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.estimation.search_state import SearchState
+from clutchid.estimation.request import SearchState
 from clutchid.reports.next_step import Command, next_step
 from fixtures.baselines import calibration_like, with_baseline
 

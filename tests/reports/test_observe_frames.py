@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
-from clutchid.recordings.formats.can.dbc import messages_in
-from clutchid.recordings.formats.can.signals import decode
-from clutchid.reports.observe_frames import LENGTH, MESSAGES, packed, results_dbc
+from clutchid.recordings.formats.can.dbc import decode, messages_in
+from clutchid.reports.observe_lines import LENGTH, MESSAGES, packed, results_dbc
 
 
 def test_the_dbc_has_the_signals_that_are_sent():

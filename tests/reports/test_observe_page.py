@@ -10,10 +10,17 @@ from clutchid.observer.observer import observer
 from clutchid.observer.recording import observe_recording
 from clutchid.reports.figures import BINS, thinned
 from clutchid.reports.html import render
-from clutchid.reports.observe_figures import loads_figure, samples_figure, strokes_figure, with_gaps
-from clutchid.reports.observe_json import observe_json
-from clutchid.reports.observe_page import health_table, observe_page, page_of, parameter_table
-from clutchid.reports.observe_text import load_sentence, loads, observe_sentence
+from clutchid.reports.observe_page import (
+    health_table,
+    loads_figure,
+    observe_page,
+    page_of,
+    parameter_table,
+    samples_figure,
+    strokes_figure,
+    with_gaps,
+)
+from clutchid.reports.observe_text import load_sentence, loads, observe_json, observe_sentence
 
 ORIGIN = Origin("CAL.toml", "2026-11-22T10:00:00+00:00", "abc", "good")
 

@@ -11,13 +11,12 @@ import pytest
 
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Change
 from clutchid.reports.fit_json import fit_json
 from clutchid.reports.fit_page import page_of
-from clutchid.reports.fit_text import fit_text
 from clutchid.reports.html import render
 from clutchid.reports.next_step import Command, next_step
-from clutchid.reports.summary import other_warnings, summary
+from clutchid.reports.summary import fit_text, other_warnings, summary
 from fixtures.baselines import calibration_like, with_baseline
 
 COMMAND = Command(("fit", "new.csv", "worn.csv"), (Path("new.csv"), Path("worn.csv")), Path("CAL.toml"))

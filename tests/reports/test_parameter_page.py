@@ -7,8 +7,8 @@ import pytest
 
 from clutchid.estimation import Estimate
 from clutchid.model import Load
+from clutchid.reports.fit_page import parameter_blocks, parameter_table
 from clutchid.reports.html import Details
-from clutchid.reports.parameter_page import parameter_blocks, parameter_table
 from clutchid.reports.tables import ReportTable
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from clutchid.log import Log
 from clutchid.parameters import Parameters
-from clutchid.reports.pressure_span import reliable, vented_rests
+from clutchid.reports.fit_figures import reliable, vented_rests
 
 T = np.arange(0.0, 4.0, 1e-3)
 

@@ -10,17 +10,16 @@ from clutchid.estimation.assess.evidence import evidence
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.observer.observer import observer
 from clutchid.observer.recording import observe_recording
-from clutchid.reports import observe_figures, observe_page, wear_figures, wear_page
+from clutchid.reports import observe_page, wear_page
 from clutchid.reports.comparison_page import comparison_figure
-from clutchid.reports.diagnosis_figures import colour_figure, region_figure
+from clutchid.reports.diagnosis_page import colour_figure, region_figure
 from clutchid.reports.figures import legend, new_figure
 from clutchid.reports.fit_figures import load_figure, recording_figure
 from clutchid.reports.fit_page import page_of
 from clutchid.reports.html import render
 from clutchid.reports.observe_text import loads
-from clutchid.wear.history import arranged
+from clutchid.wear.history import Measurement, WearReading, arranged
 from clutchid.wear.life import Curve, wear_of
-from clutchid.wear.measurement import Measurement, WearReading
 from fixtures.baselines import with_baseline
 from fixtures.figures import legends_on_the_engaging_range, smallest_text
 
@@ -59,8 +58,8 @@ def of_loads(compared, run, curves):
     return {
         "fit": load_figure(compared),
         "comparison": comparison_figure(compared.comparison),
-        "observe": observe_figures.loads_figure(loads(run)),
-        "track": wear_figures.loads_figure(curves),
+        "observe": observe_page.loads_figure(loads(run)),
+        "track": wear_page.loads_figure(curves),
     }
 
 
@@ -72,9 +71,9 @@ def others(compared, run, life):
         "recording": recording_figure(compared.recordings["first"]),
         "colour": colour_figure(diagnosis),
         "region": region_figure(diagnosis),
-        "strokes": observe_figures.strokes_figure(run),
-        "samples": observe_figures.samples_figure(run),
-        "trend": wear_figures.trend_figure(life),
+        "strokes": observe_page.strokes_figure(run),
+        "samples": observe_page.samples_figure(run),
+        "trend": wear_page.trend_figure(life),
     }
 
 

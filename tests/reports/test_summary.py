@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from clutchid.estimation import Estimate, LoadCurve
-from clutchid.estimation.changes import Change
+from clutchid.estimation.result import Change
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.reports.fit_json import fit_json
 from clutchid.reports.fit_page import page_of
-from clutchid.reports.fit_text import fit_text
 from clutchid.reports.html import render
-from clutchid.reports.summary import LARGEST_HALF, baseline_name, other_warnings, summary, with_interval
+from clutchid.reports.summary import LARGEST_HALF, baseline_name, fit_text, other_warnings, summary, with_interval
 from fixtures.baselines import ORIGIN, calibration_like, with_baseline
 
 VALVES = "valves"

@@ -5,8 +5,7 @@ from io import StringIO
 
 import pytest
 
-from clutchid.reports.link import Link
-from clutchid.reports.tables import Column, ReportTable, scientific, to_csv, to_html, to_text
+from clutchid.reports.tables import Column, Link, ReportTable, scientific, to_csv, to_html, to_text
 
 COLUMNS = (
     Column("method", "method"),

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from clutchid.reports.html import render
-from clutchid.reports.wear_json import wear_json
 from clutchid.reports.wear_page import page_of, recordings_table, wear_page
-from clutchid.reports.wear_text import wear_lines
-from clutchid.wear.history import Listed, arranged
+from clutchid.reports.wear_text import wear_json, wear_lines
+from clutchid.wear.history import Listed, Measurement, WearReading, arranged
 from clutchid.wear.life import wear_of
-from clutchid.wear.measurement import Measurement, WearReading
 
 
 def life_of(shifts, name="r"):

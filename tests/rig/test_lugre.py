@@ -11,8 +11,7 @@ from scipy.stats import binom
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.rig import fit_lugre
-from clutchid.rig.compiled import NAMES
-from clutchid.rig.free_run import free_run, segments
+from clutchid.rig.free_run import NAMES, free_run, segments
 from clutchid.rig.lugre_problem import resolution
 
 pytestmark = pytest.mark.slow

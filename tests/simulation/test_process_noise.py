@@ -10,8 +10,7 @@ from clutchid.model import Actuator
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
-from clutchid.simulation.noise import Noise
-from clutchid.simulation.process_noise import process_noise
+from clutchid.simulation.noise import Noise, process_noise
 
 PRESSURE = VARIANTS["energy-balance-stribeck"].index("p_A")
 

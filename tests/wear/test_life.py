@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 from clutchid.reports.wear_text import alarm_words
-from clutchid.wear.forecast import remaining
-from clutchid.wear.history import Listed, arranged
-from clutchid.wear.life import wear_of
-from clutchid.wear.measurement import Leak, Measurement, WearReading
-from clutchid.wear.settings import FALSE_ALARMS, LEAKING, LEAKS
-from clutchid.wear.trend import WearTable
+from clutchid.wear.history import Leak, Listed, Measurement, WearReading, arranged
+from clutchid.wear.life import remaining, wear_of
+from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable
 
 #: 1 mm of shift in 1e7 strokes.
 RATE = 1e-10

@@ -5,9 +5,8 @@ import pytest
 
 from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.reports.wear_text import alarm_words, left_words, wear_lines
-from clutchid.wear.history import Listed, arranged
+from clutchid.wear.history import Listed, Measurement, WearReading, arranged
 from clutchid.wear.life import wear_of
-from clutchid.wear.measurement import Measurement, WearReading
 from clutchid.wear.rest import rest_moves
 from clutchid.wear.trend import WearTable
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from clutchid.estimation.assess.engaging import SHARES
-from clutchid.wear.measurement import Measurement
-from clutchid.wear.settings import FALSE_ALARMS, GROWTH, LIFE, REFERENCE
-from clutchid.wear.trend import WearTable, follow, smoothed, trend_model
+from clutchid.estimation.assess.comparison import SHARES
+from clutchid.wear.history import Measurement
+from clutchid.wear.trend import FALSE_ALARMS, GROWTH, LIFE, REFERENCE, WearTable, follow, smoothed, trend_model
 
 STRIDE, STD = 7000.0, (0.03e-3, 0.012)
 MODEL = trend_model(LIFE["strokes"])

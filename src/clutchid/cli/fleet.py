@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json
-from clutchid.cli.progress import progress_of
+from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_of
 from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError

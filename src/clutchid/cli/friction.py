@@ -70,7 +70,7 @@ def friction(
 
 def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[str, dict[str, Any]]:
     from clutchid.rig import conclusions, coulomb_friction, implied
-    from clutchid.rig.tables import level_table, parameter_table
+    from clutchid.rig.summary import level_table, parameter_table
 
     found = coulomb_friction(logs, ambient=ambient, area=area)
     sentence, *others = conclusions(found)
@@ -110,7 +110,7 @@ def _fixed(items: Sequence[str], inertia: float | None, law: str, area: float | 
 
 def _lugre(logs: Sequence[Log], fixed: Mapping[str, float], inertia: float) -> tuple[str, dict[str, Any]]:
     from clutchid.rig import fit_lugre
-    from clutchid.rig.tables import lugre_table
+    from clutchid.rig.summary import lugre_table
 
     fits = [fit_lugre(log, fixed=fixed, inertia=inertia) for log in logs]
     estimates = {f"{name}@{fit.name}": _entry(estimate) for fit in fits for name, estimate in fit.parameters.items()}

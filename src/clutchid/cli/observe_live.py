@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
-from clutchid.cli.observe_kept import Kept, offer
-from clutchid.cli.observe_output import Files, answer
+from clutchid.cli.observe_output import Files, Kept, answer, offer
 from clutchid.cli.observe_sinks import (
     Sink,
     Stopped,
@@ -41,8 +40,7 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.observer.live import LiveRun
     from clutchid.observer.observer import Observer
-    from clutchid.observer.state import ObserverState
-    from clutchid.observer.tail import Tail
+    from clutchid.observer.state import ObserverState, Tail
     from clutchid.recordings.live.arrival import LiveBlock
     from clutchid.recordings.strokes.vented_rest import Zero
 
@@ -183,10 +181,9 @@ def stop_signals() -> Iterator[Stopped]:
 def _blocks(log: Path, content: ParameterFile, options: LiveOptions, stopped: Stopped) -> Generator[LiveBlock]:
     """Blocks of the recording as they arrive, with a duty cycle for both valves of the model."""
     from clutchid.observer.state_file import saved_origin
-    from clutchid.recordings.live.bus import from_bus
-    from clutchid.recordings.live.bus_recording import bus_blocks
+    from clutchid.recordings.live.bus import bus_blocks, from_bus
     from clutchid.recordings.live.feed import from_descriptor, from_growing_file
-    from clutchid.recordings.live.text_recording import text_blocks
+    from clutchid.recordings.live.text import text_blocks
     from clutchid.recordings.map.channel_map import read_map
 
     channels = None if options.channel_map is None else read_map(options.channel_map)

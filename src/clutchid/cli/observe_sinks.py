@@ -150,14 +150,14 @@ def _sent(descriptor: int, text: bytes, stopped: Stopped, patience: float) -> by
 
 @contextmanager
 def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Stopped) -> Iterator[Sink]:
-    """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.reports.observe_frames.PERIOD`.
+    """Results as frames on a bus, a sample each `every` seconds, by default `clutchid.reports.observe_lines.PERIOD`.
 
     Where the bus does not take them, the recording goes on without them, and says so once. `dbc` is written once
     the bus is open.
     """
     from clutchid.recordings.files import write_text
     from clutchid.recordings.live.bus import sender
-    from clutchid.reports.observe_frames import MESSAGES, PERIOD, observe_frames, results_dbc
+    from clutchid.reports.observe_lines import MESSAGES, PERIOD, observe_frames, results_dbc
 
     sent, failed = 0, False
     with sender(name, stopped) as send:

@@ -8,8 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, guarded, print_written
-from clutchid.cli.progress import progress_of
+from clutchid.cli.common import DONE, FAILED, guarded, print_written, progress_of
 from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import WIDTH, put
 from clutchid.errors import ParameterError
@@ -60,7 +59,7 @@ def prove(
         from clutchid.reports.tables import to_csv, to_text
         from clutchid.study.proving.ground import Conditions, kept
         from clutchid.study.proving.ground import prove as run
-        from clutchid.study.proving.standings import every_recording, standings
+        from clutchid.study.proving.scores import every_recording, standings
 
         if trucks < 1 or seed < 0:
             raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")

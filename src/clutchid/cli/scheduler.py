@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from clutchid.errors import ParameterError
 
 if TYPE_CHECKING:
-    from clutchid.fleets.scheduler import Tls
+    from clutchid.fleets.cluster import Tls
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Scheduler:
         ParameterError
             If only some are named, or there is no scheduler.
         """
-        from clutchid.fleets.scheduler import Tls
+        from clutchid.fleets.cluster import Tls
 
         given = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
         absent = [name for name, path in given.items() if path is None]

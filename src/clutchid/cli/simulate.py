@@ -118,7 +118,7 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
     """Print the errors of the simulation against what was measured, and its warnings."""
     from clutchid.estimation.result import errors_over
     from clutchid.reports.fit_json import errors_json
-    from clutchid.reports.fit_text import errors_text
+    from clutchid.reports.summary import errors_text
 
     errors = errors_over([(recording, done.log)]) if "position" in recording else None
     distinct = list(dict.fromkeys(warnings))

@@ -11,8 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, check_outputs, guarded, life_limit, pressure, print_json, print_written
-from clutchid.cli.progress import progress_of
+from clutchid.cli.common import (
+    DONE,
+    check_outputs,
+    guarded,
+    life_limit,
+    pressure,
+    print_json,
+    print_written,
+    progress_of,
+)
 from clutchid.cli.terminal import printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
@@ -104,8 +112,7 @@ def _write(found: Tracked, out: Path, report: Path | None) -> None:
 
 def _say(found: Tracked, written: Sequence[Path | None], *, as_json: bool) -> None:
     """Print the result, warnings apart."""
-    from clutchid.reports.wear_json import wear_json
-    from clutchid.reports.wear_text import wear_lines
+    from clutchid.reports.wear_text import wear_json, wear_lines
 
     if as_json:
         print_json(wear_json(found.wear))

@@ -1,21 +1,139 @@
-"""C99 of a system for a control unit: double or float, static memory, no heap, no recursion."""
+"""C99 of a system for a control unit, with its derivatives: double or float, static memory, no heap, no recursion."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from clutchid.codegen.c99_columns import ColumnCode
-from clutchid.codegen.c99_lines import c_lines, unpacked
-from clutchid.codegen.language import C_DOUBLE, C_FLOAT, Language
-from clutchid.codegen.layout import DifferentiatedProgram, layout
-from clutchid.codegen.names import C_WORDS, apart
-from clutchid.codegen.parts import Parts, positions, read
-from clutchid.codegen.program import Lookup, live
-from clutchid.codegen.system import System
+from clutchid.codegen.language import C_DOUBLE, C_FLOAT, C_WORDS, Language, apart
+from clutchid.codegen.layout import DifferentiatedProgram, Entry, layout
+from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, targets
+from clutchid.codegen.staging import Parts, positions, read
+from clutchid.codegen.system import Expr, System
 from clutchid.codegen.templates import template
+
+
+def c_lines(
+    statements: Sequence[Statement],
+    language: Language,
+    indent: str = "    ",
+    declared: Collection[Expr] = (),
+    defined: Collection[str] = (),
+    slopes: bool = False,
+) -> list[str]:
+    """Statements as lines of C; variables are declared where they are set, unless they are in `declared`.
+
+    `defined` are names that a comment points out where they are computed case by case; with `slopes` a table gives its
+    slope too.
+
+    Raises
+    ------
+    NotImplementedError
+        If an expression uses a function that is not printed.
+    """
+    real = "float" if language is C_FLOAT else "double"
+    lines: list[str] = []
+    for statement in statements:
+        if isinstance(statement, Assign):
+            kind = "" if statement.target in declared else f"const {real} "
+            lines.append(f"{indent}{kind}{statement.target} = {language.print(statement.value)};")
+        elif isinstance(statement, Lookup):
+            lines.append(f"{indent}const {real} {statement.value} = lookup(table, memory, {statement.argument});")
+            if slopes:
+                lines.append(f"{indent}const {real} {statement.slope} = table_slope(table, memory);")
+        else:
+            lines += _branch(statement, language, indent, declared, defined)
+    return lines
+
+
+def _branch(
+    branch: Branch, language: Language, indent: str, declared: Collection[Expr], defined: Collection[str]
+) -> list[str]:
+    real = "float" if language is C_FLOAT else "double"
+    outputs = targets(branch)
+    new = [target for target in outputs if target not in declared]
+    named = [str(target) for target in new if str(target) in defined]
+    lines = [f"{indent}/* {', '.join(named)}, case by case */"] if named else []
+    lines += [f"{indent}{real} {target};" for target in new]
+    known = {*declared, *outputs}
+    for number, (condition, arm) in enumerate(branch.arms):
+        final = number == len(branch.arms) - 1
+        test = "" if final else f"if ({language.print(condition)}) "
+        lines.append(f"{indent}{'} else ' if number else ''}{test}{{")
+        lines += c_lines(arm, language, indent + "    ", known, defined)
+    return [*lines, f"{indent}}}"]
+
+
+def unpacked(system: System, parts: Parts, needed: Collection[Expr]) -> dict[str, list[Any]]:
+    """Arguments that a stage reads: states, parameters, constants, and held values."""
+    return {
+        "x": positions(system.states, needed),
+        "p": positions(system.parameters, needed),
+        "c": [t for t in parts.constants if t in needed],
+        "held": [t for t in (*parts.inputs, *parts.held) if t in needed],
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnCode:
+    """The text around ``NAME_step_columns``.
+
+    `jacobian`, `table` and `slots` are the results of a stage, as text. A slot is the derivative of the rate
+    `slot_rows` to the parameter of the column `slot_columns`. `rows` are the rates of a column, J z + source, a row
+    each.
+    """
+
+    parts: Parts
+    code: str
+    unpacked: dict[str, list[Any]]
+    jacobian: tuple[str, ...]
+    table: tuple[tuple[int, str], ...]
+    slots: tuple[str, ...]
+    slot_rows: tuple[int, ...]
+    slot_columns: tuple[int, ...]
+    rows: tuple[str, ...]
+
+    @classmethod
+    def of(cls, plan: DifferentiatedProgram, places: Sequence[int], language: Language) -> ColumnCode:
+        """For the parameters at these places.
+
+        Raises
+        ------
+        NotImplementedError
+            If an expression uses a function that is not printed.
+        """
+        pairs = zip(plan.slots, plan.slot_values, strict=True)
+        chosen = [(row, places.index(q), value) for (row, q), value in pairs if q in places and value != 0]
+        entries = [entry for entry in plan.jacobian if not entry.value.is_number]
+        derivatives = [entry.value for entry in (*entries, *plan.table_entries)] + [value for _, _, value in chosen]
+        program = plan.with_parameters if chosen else plan.with_jacobian
+        parts = Parts.of(plan.system, program, [*plan.rates, *derivatives])
+        stage = parts.program.stage
+        slopes = any(isinstance(part, Lookup) and part.slope in read(stage) for part in stage)
+        return cls(
+            parts=parts,
+            code="\n".join(c_lines(stage, language, slopes=slopes)),
+            unpacked=unpacked(plan.system, parts, parts.in_stage),
+            jacobian=tuple(language.print(entry.value) for entry in entries),
+            table=tuple((entry.row, language.print(entry.value)) for entry in plan.table_entries),
+            slots=tuple(language.print(value) for _, _, value in chosen),
+            slot_rows=tuple(row for row, _, _ in chosen),
+            slot_columns=tuple(column for _, column, _ in chosen),
+            rows=tuple(_row(plan, row, entries, language) for row, _ in enumerate(plan.rates)),
+        )
+
+
+def _row(plan: DifferentiatedProgram, row: int, entries: Sequence[Entry], language: Language) -> str:
+    """The rate of a column: J z + source."""
+    terms = []
+    for entry in plan.jacobian:
+        if entry.row == row:
+            number = language.print(entry.value) if entry.value.is_number else f"jacobian[{entries.index(entry)}]"
+            terms.append(f"z[{entry.column}]" if entry.value == 1 else f"({number} * z[{entry.column}])")
+    return " + ".join([*terms, f"source[{row}]"])
+
 
 _LANGUAGES = {"double": C_DOUBLE, "float": C_FLOAT}
 

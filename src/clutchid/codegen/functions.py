@@ -7,15 +7,13 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from clutchid.codegen.instructions import ArrayElement
-from clutchid.codegen.lanes import Rows, map_columns, move_columns
+from clutchid.codegen.lanes import Rows, Work, map_columns, move_columns
 from clutchid.codegen.layout import JUMP, DifferentiatedProgram, Entry
-from clutchid.codegen.llvm import Function, Interface, function
-from clutchid.codegen.parts import Parts, positions, read
+from clutchid.codegen.llvm import ArrayElement, Function, Interface, function
 from clutchid.codegen.program import live
+from clutchid.codegen.staging import Parts, positions, read
 from clutchid.codegen.stepping import step_function
 from clutchid.codegen.system import Expr
-from clutchid.codegen.work import Work
 
 
 def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:

@@ -1,4 +1,4 @@
-"""Columns of sensitivities through one step of the Runge-Kutta scheme, `WIDTH` of them at once, as LLVM's text.
+"""Columns of sensitivities through a Runge-Kutta step, `WIDTH` at once, as LLVM's text, and the work array.
 
 A block of columns lies in one array: groups of rows, one a state, of `WIDTH` numbers each. They are the sensitivities
 S and, for each of the four stages, the derivatives of the rates to the column's own parameter: the sources.
@@ -6,16 +6,16 @@ S and, for each of the four stages, the derivatives of the rates to the column's
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
 import sympy as sp
 
-from clutchid.codegen.instructions import constant
 from clutchid.codegen.kernels import FAST
-from clutchid.codegen.layout import Entry
-from clutchid.codegen.llvm import Function, Interface, finished
+from clutchid.codegen.layout import DifferentiatedProgram, Entry
+from clutchid.codegen.llvm import Function, Interface, constant, finished
+from clutchid.codegen.staging import Parts
 
 #: Columns that are computed at once.
 WIDTH = 4
@@ -128,3 +128,69 @@ class _Writer:
 
 def _number(value: object) -> str:
     return f"<{', '.join([f'double {constant(value)}'] * WIDTH)}>"
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """Places in the work array.
+
+    First the segment in which the table was read last, then `constants` and `held`; then four `stages` of `stride`
+    numbers, in each of which lie the rates (or new states after a jump), segment and offset of the table, Jacobian,
+    derivatives to the table's value, and parameter slots. After the `head` of all these come the blocks of columns,
+    each of `block` numbers, see `lanes`; the first source of a block begins at its number `source`.
+    """
+
+    constants: int
+    held: int
+    stages: int
+    stride: int
+    rates: int
+    segment: int
+    offset: int
+    jacobian: int
+    table: int
+    slots: int
+    head: int
+    block: int
+    source: int
+
+    @classmethod
+    def of(cls, plan: DifferentiatedProgram, programs: Sequence[Parts]) -> Work:
+        """Room for the results of all `programs`, which use the array in turn."""
+        n = len(plan.system.states)
+        before, stages = _placed(
+            {
+                "segment": 1,
+                "constants": max(len(program.constants) for program in programs),
+                "held": max(len(program.inputs) + len(program.held) for program in programs),
+            }
+        )
+        inside, stride = _placed(
+            {
+                "rates": n,
+                "segment": 1,
+                "offset": 1,
+                "jacobian": max(len(plan.jacobian), len(plan.jump.jacobian)),
+                "table": len(plan.table_entries),
+                "slots": len(plan.slots),
+            }
+        )
+        return cls(
+            constants=before["constants"],
+            held=before["held"],
+            stages=stages,
+            stride=stride,
+            **inside,
+            head=stages + 4 * stride,
+            block=block_size(n),
+            source=n * WIDTH,
+        )
+
+
+def _placed(sizes: Mapping[str, int]) -> tuple[dict[str, int], int]:
+    """One after the other, and the end."""
+    places, end = {}, 0
+    for name, size in sizes.items():
+        places[name] = end
+        end += size
+    return places, end

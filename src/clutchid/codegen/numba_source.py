@@ -8,12 +8,10 @@ from typing import Any
 import sympy as sp
 
 from clutchid.codegen.functions import functions
-from clutchid.codegen.instructions import ArrayElement
 from clutchid.codegen.lanes import WIDTH
-from clutchid.codegen.language import PYTHON
+from clutchid.codegen.language import PYTHON, apart
 from clutchid.codegen.layout import layout
-from clutchid.codegen.llvm import Interface, function
-from clutchid.codegen.names import apart
+from clutchid.codegen.llvm import ArrayElement, Interface, function
 from clutchid.codegen.program import Assign, Lookup, Statement, lower
 from clutchid.codegen.system import Expr, System
 from clutchid.codegen.templates import template

@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from clutchid.codegen.instructions import ArrayElement, Writer, constant
 from clutchid.codegen.kernels import FAST
+from clutchid.codegen.lanes import Work
 from clutchid.codegen.layout import DifferentiatedProgram
-from clutchid.codegen.llvm import Function, Interface, finished
+from clutchid.codegen.llvm import ArrayElement, Function, Interface, Writer, constant, finished
 from clutchid.codegen.program import Lookup, Statement
 from clutchid.codegen.system import Expr
-from clutchid.codegen.work import Work
 
 #: What a table gives: value and slope, segment, and the distance from its left breakpoint.
 _FOUND = "{double, double, i64, double}"

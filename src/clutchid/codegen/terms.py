@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import sympy as sp
 
-from clutchid.codegen.names import PYTHON_WORDS, apart
+from clutchid.codegen.language import PYTHON_WORDS, apart
 from clutchid.codegen.numba_source import block
 from clutchid.codegen.program import lower
 from clutchid.codegen.system import Expr, System

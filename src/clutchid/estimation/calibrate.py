@@ -9,21 +9,15 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.automatic import automatic
-from clutchid.estimation.changes import Change, Departure
 from clutchid.estimation.departure import departure, relative_misfit
-from clutchid.estimation.free import FreeParameters, SearchStart, bounds_of, free_names
-from clutchid.estimation.hypotheses import explained
-from clutchid.estimation.mixture import changes, mixture
-from clutchid.estimation.outcome import failed_fit
+from clutchid.estimation.hypotheses import changes, explained, mixture
 from clutchid.estimation.position_only import position_only_errors
-from clutchid.estimation.request import FitRequest
-from clutchid.estimation.result import Fit
+from clutchid.estimation.request import Continuation, FitRequest, FreeParameters, SearchStart, bounds_of, free_names
+from clutchid.estimation.result import Change, Departure, Fit, failed_fit
 from clutchid.estimation.search_result import SearchMethod, SearchResult, SolutionT
-from clutchid.estimation.search_state import Continuation
-from clutchid.estimation.slow_logs import with_slow_logs
-from clutchid.estimation.verification import on_samples
+from clutchid.estimation.verification import on_samples, with_slow_logs
 from clutchid.inference.smoother.problem import FitProblem
-from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.calibration import Calibration, calibrated_deviation
 from clutchid.inference.uncertainty.conditions import (
     CONDITIONS,
     RecordedConditions,
@@ -32,7 +26,6 @@ from clutchid.inference.uncertainty.conditions import (
     conditions_of,
     with_estimated_supply,
 )
-from clutchid.inference.uncertainty.consider import calibrated_deviation
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
@@ -98,7 +91,7 @@ def _with_calibration(
     progress: Progress | None,
 ) -> Fit:
     """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""
-    from clutchid.observer.usual import usual_nis  # on use: readings do without an observer
+    from clutchid.observer.recording import usual_nis  # on use: readings do without an observer
 
     kept = calibration_of(result, actuator)
     simulated = [result.recordings[log.name].simulated for log in logs]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchid.estimation.changes import Departure
 from clutchid.estimation.problem import with_hypothesis
+from clutchid.estimation.result import Departure
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log

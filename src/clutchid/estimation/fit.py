@@ -13,8 +13,7 @@ from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.methods import method_of
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
-from clutchid.estimation.verification import on_samples, verified
-from clutchid.estimation.zero import with_rests
+from clutchid.estimation.verification import on_samples, verified, with_rests
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log

@@ -23,9 +23,8 @@ from clutchid.estimation.parameter_tables import (
     recording_tables,
     recordings_in,
 )
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.request import Continuation, FitRequest, SearchState
 from clutchid.estimation.result import Fit
-from clutchid.estimation.search_state import Continuation, SearchState
 from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -33,9 +32,8 @@ from clutchid.model.own import OwnModel
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
 from clutchid.recordings.files import small_file, write_text
-from clutchid.recordings.records import Rule, covariance_problem, plain, read, table
+from clutchid.recordings.records import LARGEST, Rule, covariance_problem, plain, read, table, toml_of
 from clutchid.recordings.strokes.vented_rest import Rested, from_rest
-from clutchid.recordings.toml_file import LARGEST, toml_of
 
 #: Suffixes of files for MATLAB, which `clutchid.reports.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")

@@ -10,11 +10,10 @@ from typing import Any, Literal, NamedTuple
 
 from clutchid.errors import ParameterError
 from clutchid.model.actuator import Actuator
-from clutchid.model.b_spline import DEFAULT_KNOTS
 from clutchid.model.compiled import Model
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel
-from clutchid.model.weighted_load import MOST_KNOTS, Load
+from clutchid.model.weighted_load import DEFAULT_KNOTS, MOST_KNOTS, Load
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
 from clutchid.recordings.records import Rule, collected, read, table

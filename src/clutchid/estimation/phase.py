@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.prediction_error.problem import predict_errors
 from clutchid.estimation.problem import fit_problem
+from clutchid.estimation.request import FreeParameters
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log, sample_interval

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from clutchid.estimation.departure import misfit
-from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.hypotheses import explanation
+from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult, SolutionT
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, Hypothesis

@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimation.outcome import Compared, load_curve, physical_limits, plan_warnings
-from clutchid.estimation.result import Estimate, Fit, errors_over
+from clutchid.estimation.request import SearchState, ended
+from clutchid.estimation.result import Compared, Estimate, Fit, errors_over, load_curve, physical_limits, plan_warnings
 from clutchid.estimation.search_result import SearchResult, SolutionT
-from clutchid.estimation.search_state import SearchState, ended
 from clutchid.inference.smoother.problem import FitProblem
-from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.consider import DEVIATION_FACTOR
+from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.inference.uncertainty.identifiability import listed
 from clutchid.log import FloatArray

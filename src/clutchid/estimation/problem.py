@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimation.free import FreeParameters
+from clutchid.estimation.request import FreeParameters
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import Hypothesis, change_covariance, change_priors

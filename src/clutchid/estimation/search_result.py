@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, Literal, Protocol, TypeVar
 
-from clutchid.estimation.free import FreeParameters
+from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import Fit
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.smoother.search import UNLIMITED, Effort

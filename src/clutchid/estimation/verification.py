@@ -1,23 +1,75 @@
-"""Simulation of recordings with a fitted actuator, compared at their samples through the sensor models."""
+"""Recordings simulated with a fitted actuator, their vented rests, and bands of slow recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit, Recording, errors_over
 from clutchid.estimation.simulation_error.fit import fit_simulation_error
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
+from clutchid.names import base_of
+from clutchid.numerics.interval import QUANTILE
 from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
+from clutchid.recordings.signals.duty_cycle import is_slow
+from clutchid.recordings.strokes.vented_rest import Rested
 from clutchid.simulation.inputs import at_samples, with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan
 from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.stiffness import stiffness, top_speed
+
+
+def with_rests(result: Fit, rested: Sequence[Rested]) -> Fit:
+    """`result` with the shifts of the rests of its recordings."""
+    known = {one.log.name: one for one in rested if one.shift is not None}
+
+    def added(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
+        return {
+            name: replace(one, rest=known[name].shift, subtracted=known[name].subtracted) if name in known else one
+            for name, one in recordings.items()
+        }
+
+    if not known:
+        return result
+    return replace(result, recordings=added(result.recordings), verification=added(result.verification))
+
+
+#: Standard deviation of a load that is read from a slow recording, as a share of it, beside that of a recording with
+#: every change of the duty cycles. Provenance: `benchmarks/slow_logs.py`, docs/derivations.md, "What a slow log
+#: lacks".
+MISSED = 0.02
+
+
+def with_slow_logs(fit: Fit, logs: Sequence[Log]) -> Fit:
+    """`fit` of a load with the interval of slow recordings; as it is if all `logs` have every change of the inputs.
+
+    Times at which valves open that are not recorded change the air that passes, and the load by a share of itself.
+    """
+    if not any(map(is_slow, logs)):
+        return fit
+    load, curve = fit.actuator.load, fit.load_curve
+    weights = dict(zip(load.names, load.theta, strict=True))
+    missed = MISSED * np.array([weights.get(base_of(name), 0.0) for name in fit.parameters])
+    estimates = dict(fit.parameters)
+    for name, by in zip(fit.parameters, np.abs(missed).tolist(), strict=True):
+        e = fit.parameters[name]
+        std = float(np.hypot(e.std, by))
+        if by > 0.0:
+            estimates[name] = replace(e, std=std, low=e.value - QUANTILE * std, high=e.value + QUANTILE * std)
+    half = np.hypot(0.5 * (curve.high - curve.low), QUANTILE * MISSED * curve.force)
+    return replace(
+        fit,
+        parameters=estimates,
+        covariance=fit.covariance + np.outer(missed, missed),
+        load_curve=replace(curve, low=curve.force - half, high=curve.force + half),
+    )
 
 
 def verified(result: Fit, logs: Sequence[Log], request: FitRequest) -> Fit:

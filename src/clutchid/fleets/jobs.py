@@ -1,9 +1,12 @@
-"""The recordings of a fleet: which there are, of which vehicle and type, and the calibration that each starts from."""
+"""The recordings of a fleet, their vehicles, types and calibrations, and the version that reads them."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +17,17 @@ from clutchid.names import as_text
 from clutchid.recordings.files import is_there
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
+
+
+@cache
+def version_and_source() -> dict[str, str]:
+    """Version and source hash of clutchid, including the ranges of the virtual fleet."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*")):
+        if path.suffix in (".py", ".j2", ".toml"):
+            digest.update(path.read_bytes())
+    return {"clutchid": version("clutchid"), "source": digest.hexdigest()[:16]}
+
 
 #: A folder with this file is a fleet with a table, as `clutchid drive --fleet` writes it.
 TABLE = "recordings.csv"

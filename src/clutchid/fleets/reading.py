@@ -10,9 +10,8 @@ import numpy as np
 
 from clutchid import workflow
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.assess.comparison import comparison
-from clutchid.estimation.assess.half_load import HalfLoad, half_load_band
-from clutchid.estimation.assess.reading import departs
+from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_load_band
+from clutchid.estimation.assess.reasons import departs
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import LoadCurve
@@ -20,8 +19,8 @@ from clutchid.names import as_text
 from clutchid.processes import Lost
 from clutchid.recordings.files import digest
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
+from clutchid.wear.history import WearReading, leak_of, measured, unmeasured
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import WearReading, leak_of, measured, unmeasured
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile

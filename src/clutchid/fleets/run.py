@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 from clutchid.errors import ClutchidError
 from clutchid.fleets.cluster import Place, results
-from clutchid.fleets.jobs import Fleet, Job
+from clutchid.fleets.jobs import Fleet, Job, version_and_source
 from clutchid.fleets.reading import How, RecordingResult, checksum_of, read_recording, without_result
 from clutchid.fleets.store import Store, StoredResult
-from clutchid.fleets.version import version_and_source
 from clutchid.processes import Done, Lost, Pool
 from clutchid.recordings.files import digest
 

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.estimation.assess.half_load import HalfLoad
+from clutchid.estimation.assess.comparison import HalfLoad
 from clutchid.fleets.reading import RecordingResult
 from clutchid.recordings.files import atomic_write, make_folder
 from clutchid.recordings.strokes.vented_rest import RestShift
+from clutchid.wear.history import Leak, Measurement, WearReading
 from clutchid.wear.life import Curve
-from clutchid.wear.measurement import Leak, Measurement, WearReading
 
 #: The file in the folder of a run.
 STORE = "run.sqlite"

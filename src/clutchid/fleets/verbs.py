@@ -13,12 +13,11 @@ from clutchid.errors import ParameterError
 from clutchid.fleets import tracking
 from clutchid.fleets.cluster import HERE, Place
 from clutchid.fleets.jobs import Fleet, fleet_of
-from clutchid.fleets.output import write_results
+from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.reading import How
 from clutchid.fleets.run import Options, compile_first, run, tasks
 from clutchid.fleets.store import store
 from clutchid.fleets.tracking import Tracked
-from clutchid.fleets.vehicles import vehicles_of, write_vehicles
 from clutchid.names import as_text
 from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.wear.tables import read_table, read_wear_table

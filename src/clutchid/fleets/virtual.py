@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ExportError, SolveError
-from clutchid.estimation.assess.engaging import ENGAGING
-from clutchid.estimation.assess.half_load import half_load
+from clutchid.estimation.assess.comparison import ENGAGING, half_load
 from clutchid.log import FloatArray
 from clutchid.processes import Lost, check_workers, results
 from clutchid.recordings import write

@@ -9,8 +9,7 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.log.measured import SENSOR_PARAMETERS
-from clutchid.log.states import State
+from clutchid.log.states import SENSOR_PARAMETERS, State
 from clutchid.model.compiled import Model, check_model, kernels, parameter_names, state_rows
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter

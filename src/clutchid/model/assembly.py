@@ -7,12 +7,13 @@ import sympy as sp
 from clutchid.codegen.system import Expr
 from clutchid.model.friction import coulomb_force, deflection_rate, friction_force, stribeck_force
 from clutchid.model.motion import stop_force
-from clutchid.model.opening import opening, port_opening
-from clutchid.model.pulses import (
+from clutchid.model.opening import (
     bridged_share,
     continued_share,
     fall,
+    opening,
     passed_pulses,
+    port_opening,
     pulse_share,
     switched_opening,
 )

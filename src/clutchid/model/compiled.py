@@ -102,7 +102,7 @@ def step(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.callback import Callback
+    from clutchid.codegen.kernels import Callback
 
     x, S = (types.Array(types.float64, n, "C") for n in (1, 2))
     fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
@@ -122,7 +122,7 @@ def prepare(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.callback import Callback
+    from clutchid.codegen.kernels import Callback
 
     x, places = types.Array(types.float64, 1, "C"), types.Array(types.int64, 1, "C")
     return Callback(kernels(model).prepare, (x, places, x))
@@ -183,8 +183,7 @@ def _functions_text() -> str:
 
     from clutchid.codegen.numba_source import elementwise_source, function_source, module_head
     from clutchid.model.load import table_expressions
-    from clutchid.model.opening import opening
-    from clutchid.model.pulses import passed_pulses
+    from clutchid.model.opening import opening, passed_pulses
 
     knots = sp.symbols("t_1:5 phi2_slope", real=True)
     u, R_0, R_1, a, b, s, e, c, d = sp.symbols("u R_0 R_1 a b s e c d", real=True)

@@ -12,8 +12,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.following import Observed, observe
 from clutchid.observer.observer import Observer
-from clutchid.observer.state import ObserverState
-from clutchid.observer.strokes import count_strokes
+from clutchid.observer.state import ObserverState, count_strokes
 
 #: Distance of two positions of the load curve of a stroke in m.
 STEP = 0.5e-3

@@ -16,9 +16,18 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, unknown
 from clutchid.observer.rest import counted_from, new_stretch, rest_pace, watch_rest
-from clutchid.observer.state import ObserverState, RestWatch
-from clutchid.observer.strokes import count_strokes
-from clutchid.observer.tail import EMPTY, Mask, Tail, last_samples, measured_values, segment_of, usable_positions
+from clutchid.observer.state import (
+    EMPTY,
+    Mask,
+    ObserverState,
+    RestWatch,
+    Tail,
+    count_strokes,
+    last_samples,
+    measured_values,
+    segment_of,
+    usable_positions,
+)
 
 #: Shares of ambient and supply pressure beyond which the pressure in a chamber is that of a filter that has diverged.
 PRESSURES = 0.01, 10.0

@@ -11,7 +11,7 @@ from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observer.following import Observed, subtracted
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.observer import Observer
-from clutchid.observer.tail import Mask
+from clutchid.observer.state import Mask
 
 #: A position further outside of the stroke than this in m is beyond the stops.
 BEYOND = 0.5e-3

@@ -13,9 +13,9 @@ from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.following import Observed
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observer.observer import Observer
+from clutchid.observer.prior import unused_supply
 from clutchid.observer.recording import ObservedRecording, duration, follow_block, too_slow, usable
 from clutchid.observer.state import ObserverState
-from clutchid.observer.supply import unused_supply
 from clutchid.preparation.inspection import inspect
 
 #: Time in s of the samples, and number of the strokes, that are kept for a report.

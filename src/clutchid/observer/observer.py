@@ -9,14 +9,12 @@ import numpy as np
 from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, JointState, init, joint_filter
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray
-from clutchid.log.measured import SENSORS
+from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.observer.methods import method_for
-from clutchid.observer.prior import BOUND, LEAK, OnlinePrior, online_prior
-from clutchid.observer.state import ObserverState
-from clutchid.observer.supply import ASSUMED, Supply, load_deviation, supply_of
-from clutchid.observer.tail import EMPTY, Tail, segment_of
+from clutchid.observer.prior import ASSUMED, BOUND, LEAK, OnlinePrior, Supply, load_deviation, online_prior, supply_of
+from clutchid.observer.state import EMPTY, ObserverState, Tail, segment_of
 from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.stiffness import pace

@@ -1,20 +1,23 @@
-"""Follow a whole recording: its samples, its strokes, and the faults of its signals."""
+"""A whole recording through an observer: samples, strokes, faults, and usual values of a calibration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from clutchid.errors import DataError
+from clutchid.errors import DataError, ParameterError
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import StrokeRow, follow_strokes, known, positions
-from clutchid.observer.following import Observed, subtracted
+from clutchid.observer.following import Observed, observe, subtracted
 from clutchid.observer.health import health
-from clutchid.observer.observer import Observer, start
+from clutchid.observer.mismatch import normalised
+from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
 
@@ -196,3 +199,25 @@ def follow_block(observer: Observer, before: ObserverState, log: Log) -> Observe
     after, samples, rows = follow_strokes(observer, before, log)
     found = health(observer, before.tail.time, log, samples)
     return ObservedRecording(observer, log, before, after, samples, tuple(rows), found, duration(observer, log.time))
+
+
+def usual_nis(actuator: Actuator, calibration: Calibration, logs: Sequence[Log]) -> float:
+    """Mean normalised innovation squared of the method 'joint' while the piston moves in the calibration recordings.
+
+    Recordings that cannot be observed are left out; NaN where none is left.
+    """
+    found = []
+    for log in logs:
+        with suppress(DataError, ParameterError):  # a calibration is not lost for it
+            found.append(_nis(actuator, calibration, log))
+    together = np.concatenate(found) if found else np.empty(0)
+    known = together[np.isfinite(together)]
+    return float(np.mean(known)) if known.size else float("nan")
+
+
+def _nis(actuator: Actuator, calibration: Calibration, log: Log) -> FloatArray:
+    if not usable(log) or too_slow(log, actuator):
+        return np.empty(0)
+    one = observer(actuator, "joint", spacing(log), calibration)
+    _, samples = observe(one, start(one), log)
+    return normalised(one, samples.states, samples.innovations)

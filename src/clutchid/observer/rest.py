@@ -10,8 +10,7 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.observer.state import ObserverState, RestWatch
 from clutchid.recordings.signals.sampled import runs
-from clutchid.recordings.strokes.bins import BIN, CLOSED
-from clutchid.recordings.strokes.rest_level import CREEP, STILL, BoolArray
+from clutchid.recordings.strokes.rest_level import BIN, CLOSED, CREEP, STILL, BoolArray
 from clutchid.recordings.strokes.vented_rest import VENTS, VentedRest, rest_shift
 
 #: A vented rest lies below this position in m, whatever its sensor adds.

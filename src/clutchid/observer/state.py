@@ -1,4 +1,4 @@
-"""State of an observer between two samples."""
+"""State of an observer between two samples: its filter, strokes, and the last samples of its stretch."""
 
 from __future__ import annotations
 
@@ -6,11 +6,141 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.inference.filter.joint_filter import JointState
-from clutchid.log import FloatArray
-from clutchid.observer.strokes import NO_STROKES, Strokes
-from clutchid.observer.tail import Tail
+from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.recordings.signals.excitation import VENTED_POSITION
+from clutchid.simulation.inputs import held_inputs
+from clutchid.simulation.plan import OUTSIDE, Segment
+
+#: A stroke begins above the first position in m and ends below the second, so that noise does not count; a shorter one
+#: in s is a spike of the sensor.
+RISEN, FALLEN, SHORTEST = 2e-3, 1.8e-3, 0.02
+
+
+class Strokes(NamedTuple):
+    """Number of strokes that have ended, and the time in s at which the present one began, None without one."""
+
+    ended: int = 0
+    began: float | None = None
+
+
+#: Before the first stroke.
+NO_STROKES = Strokes()
+
+
+def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> tuple[Strokes, list[int]]:
+    """Strokes after some more samples, and the numbers of those samples at which strokes ended.
+
+    Parameters
+    ----------
+    strokes : Strokes
+        Before the first of the samples.
+    time : s
+        Increasing, shape (n,).
+    position : m
+        Shape (n,); NaN is left out.
+
+    Examples
+    --------
+    >>> position = np.array([0.0, 8e-3, 8e-3, 1e-3, 0.0])
+    >>> count_strokes(Strokes(), 0.1 * np.arange(5), position)
+    (Strokes(ended=1, began=None), [3])
+    """
+    side = np.where(position > RISEN, 1, np.where(position < FALLEN, -1, 0))
+    known = np.flatnonzero(side)
+    before = np.append(-1 if strokes.began is None else 1, side[known[:-1]])
+    (ended, began), ends = strokes, []
+    for i in known[side[known] != before[: known.size]].tolist():
+        if side[i] > 0:
+            began = float(time[i])
+        else:
+            if began is not None and time[i] - began >= SHORTEST:
+                ended += 1
+                ends.append(i)
+            began = None
+    return Strokes(ended, began), ends
+
+
+Mask = NDArray[np.bool_]
+
+#: As many equal samples of the position in a row are a frozen sensor, and the later ones are left out.
+FROZEN = 15
+
+
+class Tail(NamedTuple):
+    """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions.
+
+    `supply` is the recorded supply pressure in Pa, NaN where there is none.
+    """
+
+    time: FloatArray
+    duties: FloatArray
+    position: FloatArray
+    supply: FloatArray
+
+
+#: Before the first sample of a stretch.
+EMPTY = Tail(np.empty(0), np.empty((0, 2)), np.empty(0), np.empty(0))
+
+
+def segment_of(samples: Tail, actuator: Actuator) -> Segment:
+    """The samples for the filter; nothing but the first is used to start."""
+    m = samples.time.size
+    log = Log(samples.time, dict(zip(INPUTS, samples.duties.T, strict=True)))
+    dt = np.diff(samples.time)
+    position = float(np.clip(samples.position[0], -OUTSIDE, actuator.parameters.y_max + OUTSIDE))
+    return Segment(
+        start=0,
+        stop=m,
+        inputs=held_inputs(log, actuator, 0, m) if m > 1 else np.zeros((1, 2)),
+        dt=dt,
+        open_std=np.zeros(dt.size),
+        substeps=np.zeros(dt.size, dtype=np.int32),
+        jump=np.zeros(m, dtype=np.uint8),
+        measured=np.zeros((m, 2)),
+        position_start=position,
+        pressure_start=np.nan,
+        vented=abs(position) <= VENTED_POSITION,
+    )
+
+
+def usable_positions(position: FloatArray) -> Mask:
+    """Whether each position is finite and not that of a frozen sensor."""
+    index = np.arange(position.size)
+    changed = np.append(True, position[1:] != position[:-1])
+    usable: Mask = np.isfinite(position) & (index - np.maximum.accumulate(np.where(changed, index, 0)) < FROZEN)
+    return usable
+
+
+def measured_values(samples: Tail, usable: Mask, supply: float | None) -> FloatArray:
+    """Measured values of the filter, NaN for none: the position, and the supply pressure if a ratio of it is given.
+
+    It counts while no valve is open, when it is the same in the vehicle's reservoir and before the valve.
+
+    Parameters
+    ----------
+    supply : 1
+        Estimated over recorded supply pressure, see `Supply`.
+
+    Returns
+    -------
+    values : (samples, columns)
+    """
+    position = np.where(usable, samples.position, np.nan)
+    if supply is None:
+        return position[:, None]
+    closed = np.all(samples.duties <= 0.0, axis=1) & np.isfinite(samples.supply)
+    return np.column_stack([position, np.where(closed, supply * samples.supply, np.nan)])
+
+
+def last_samples(samples: Tail, seconds: float) -> Tail:
+    """The samples that the next one needs: those of the last `seconds`, and those that may be frozen."""
+    begin = int(np.searchsorted(samples.time, samples.time[-1] - seconds))
+    begin = max(0, min(begin, samples.time.size - FROZEN - 1))
+    return Tail(*(array[begin:].copy() for array in samples))
 
 
 class RestWatch(NamedTuple):

@@ -17,13 +17,11 @@ from clutchid.log import FloatArray
 from clutchid.observer.following import ROUNDING
 from clutchid.observer.observer import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
-from clutchid.observer.state import ObserverState, RestWatch
-from clutchid.observer.strokes import Strokes
-from clutchid.observer.tail import Tail
+from clutchid.observer.state import ObserverState, RestWatch, Strokes, Tail
 from clutchid.parameters import is_number
 from clutchid.recordings.files import write_text
+from clutchid.recordings.records import read_toml
 from clutchid.recordings.strokes.vented_rest import FURTHEST
-from clutchid.recordings.toml_file import read_toml
 
 FORMAT = 5
 

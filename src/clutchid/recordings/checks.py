@@ -13,7 +13,7 @@ from clutchid.errors import ParameterError
 from clutchid.log import HOLE, INPUTS, FloatArray
 from clutchid.log.units import UNITS, to_si
 from clutchid.recordings.columns import QUANTITIES, Heading
-from clutchid.recordings.table import SHOWN, Places, Rows, Table, and_more
+from clutchid.recordings.source import SHOWN, Places, Rows, Table, and_more
 
 #: Ambient pressure in Pa that is added to gauge pressures, P_0 of Appendix A.
 AMBIENT = 1.095e5

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.recordings.checks import quantity, usual_interval
-from clutchid.recordings.table import SHOWN, Places, and_more
+from clutchid.recordings.source import SHOWN, Places, and_more
 
 #: Gap between two runs that are placed one after the other, in usual intervals; long enough to be a hole.
 _APART = 20.0

@@ -10,8 +10,7 @@ from os import PathLike
 from pathlib import Path
 
 from clutchid.recordings.files import plain_file
-from clutchid.recordings.formats.kinds import readable_kind
-from clutchid.recordings.formats.opening import opened_here
+from clutchid.recordings.formats.opening import opened_here, readable_kind
 from clutchid.recordings.source import Source
 
 #: Bytes in memory up to which a Parquet file is read in this process.
@@ -34,7 +33,7 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     kind = readable_kind(file)
     if kind == "csv" or (kind == "parquet" and _is_moderate(file)):
         return opened_here(file, databases, kind)
-    from clutchid.recordings.guard.remote import guarded_source
+    from clutchid.recordings.guard.process import guarded_source
 
     return guarded_source(file, databases, kind)
 

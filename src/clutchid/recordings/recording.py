@@ -20,10 +20,9 @@ from clutchid.recordings.alignment import Stream, aligned
 from clutchid.recordings.checks import check, in_si, usual_interval
 from clutchid.recordings.clock import Clock, repair
 from clutchid.recordings.columns import Heading, heading_problems, ignored
-from clutchid.recordings.guard.limits import MEMORY_VARIABLE, memory
+from clutchid.recordings.guard.process import MEMORY_VARIABLE, memory
 from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
-from clutchid.recordings.source import Source, with_unit
-from clutchid.recordings.table import Places, Rows, Table
+from clutchid.recordings.source import Places, Rows, Source, Table, with_unit
 
 #: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
 _PART = 0.4

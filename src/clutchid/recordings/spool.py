@@ -21,8 +21,8 @@ from clutchid.errors import ExportError
 from clutchid.log import Log, concatenated
 from clutchid.recordings.files import atomic_write, writable_target
 from clutchid.recordings.formats.parquet.file import KEY
-from clutchid.recordings.formats.parquet.groups import MAGIC, Groups, appended, footer_bytes
-from clutchid.recordings.table import to_frame
+from clutchid.recordings.formats.parquet.footer import MAGIC, Groups, appended, footer_bytes
+from clutchid.recordings.source import to_frame
 
 #: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
 #: before: a short one takes more than its numbers.

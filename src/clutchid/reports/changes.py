@@ -1,4 +1,4 @@
-"""Changes since a calibration, as sentences."""
+"""Changes since a calibration, and a vented rest that has moved, as sentences."""
 
 from __future__ import annotations
 
@@ -8,14 +8,40 @@ from itertools import groupby
 import numpy as np
 
 from clutchid.estimation.assess.evidence import reach
-from clutchid.estimation.assess.states import states_of_wear
-from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.changes import Change
-from clutchid.estimation.result import Fit
+from clutchid.estimation.assess.rest import Cause, MovedRest, moved_rests
+from clutchid.estimation.assess.verdict import states_of_wear, verdict
+from clutchid.estimation.result import Change, Fit
 from clutchid.inference.uncertainty.conditions import Assumption, by_supply
 from clutchid.inference.uncertainty.identifiability import listed
-from clutchid.reports.rest import rest_sentences
 from clutchid.reports.style import BAR
+
+_CAUSE: dict[Cause, str] = {
+    "sensor": "the position sensor or its bracket has moved, or was exchanged",
+    "wear": "wear, by which the travel to the far stop has grown as much",
+    "unknown": "wear or the position sensor; several recordings in clutchid track decide",
+}
+
+
+def rest_sentences(fit: Fit) -> list[str]:
+    """A sentence for each rest that has moved."""
+    return [f"{one.recording}: {rest_words(one)}." for one in moved_rests(fit)]
+
+
+def rest_words(one: MovedRest) -> str:
+    """Shift of a rest, its cause, and its correction."""
+    done = "subtracted, so that the load is over the travel from the rest" if one.subtracted else "kept"
+    return f"the vented rest has moved by {one.shift} since the calibration ({_CAUSE[one.cause]}); {done}"
+
+
+def rests_json(fit: Fit) -> dict[str, dict[str, float | str | None]]:
+    """The shift of the rest of each recording in m with its 95 % interval, where known; a cause where it has moved."""
+    causes = {one.recording: one.cause for one in moved_rests(fit)}
+    return {
+        name: {"value": rest.value, "low": rest.low, "high": rest.high, "cause": causes.get(name)}
+        for name, recording in fit.recordings.items()
+        if (rest := recording.rest) is not None
+    }
+
 
 #: Most groups of changes that a summary shows with their values, and most parameters of a group.
 MOST_WITH_VALUES, MOST_OF_A_GROUP = 2, 3

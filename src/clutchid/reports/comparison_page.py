@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.estimation import Fit
-from clutchid.estimation.assess.comparison import Comparison, comparison
-from clutchid.estimation.assess.engaging import ENGAGING
-from clutchid.estimation.assess.half_load import HalfLoad
+from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad, comparison
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import LoadCurve
 from clutchid.inference.uncertainty.calibration import Calibration
@@ -18,10 +16,9 @@ from clutchid.log import FloatArray
 from clutchid.reports.changes import assumed_sentences, since_calibration
 from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, svg
 from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text, escape
-from clutchid.reports.load_tables import STEP
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.reports.summary import POSITIONS, of_the_paper
-from clutchid.reports.tables import Cell, Column, ReportTable
+from clutchid.reports.tables import STEP, Cell, Column, ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,14 +10,11 @@ from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import Comparison, comparison
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, remarks
 from clutchid.estimation.assess.evidence import evidence
-from clutchid.estimation.assess.states import states_of_wear
-from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.changes import Change
-from clutchid.estimation.result import Errors, LoadCurve
+from clutchid.estimation.assess.verdict import states_of_wear, verdict
+from clutchid.estimation.result import Change, Errors, LoadCurve
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.recordings.signals.residual_colour import CrossCorrelation
-from clutchid.reports.changes import notes_of, supply_worth
-from clutchid.reports.rest import rests_json
+from clutchid.reports.changes import notes_of, rests_json, supply_worth
 
 _UNCOMPARED: dict[str, Any] = {"calibrated_load_curve": None, "load_change": None}
 

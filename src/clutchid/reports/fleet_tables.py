@@ -1,29 +1,204 @@
-"""Tables of a fleet: by type, the worst, the odd, the reasons, and every vehicle."""
+"""Tables of a fleet: by type, the worst, the odd, the reasons for failures, and every vehicle."""
 
 from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 
 from clutchid.names import printable
-from clutchid.reports.fleet_odd import MARKS, OddVehicle
-from clutchid.reports.fleet_values import (
-    ReasonCount,
-    Spans,
-    VehicleRow,
-    has_reading,
-    left_shown,
-    quantiles,
-    quantity_of,
-    rate_shown,
-)
-from clutchid.reports.link import Link
 from clutchid.reports.style import MM
-from clutchid.reports.tables import Cell, Column, ReportTable
-from clutchid.wear.settings import LIFE
+from clutchid.reports.tables import Cell, Column, Link, ReportTable
+from clutchid.wear.history import Axis
+from clutchid.wear.trend import LIFE
+
+
+class VehicleRow(NamedTuple):
+    """A vehicle: its recordings, and its clutch at the last one, each with its 95 % band; NaN is unknown.
+
+    `counted` are the recordings that count in the trend, without a trend those with a load; `statuses` their number by
+    status. `shift` of the half-load position [m] and relative `load` are changes since the calibration; `wear` [m] is
+    known with a table of it. `rate` is that of wear, or else of shift, a stroke, km, day or recording, as `axis` says,
+    and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
+    sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
+    ends its life, NaN without one.
+    """
+
+    name: str
+    type: str
+    recordings: int
+    counted: int
+    statuses: Mapping[str, int]
+    last: datetime | None
+    shift: float
+    shift_low: float
+    shift_high: float
+    load: float
+    load_low: float
+    load_high: float
+    wear: float
+    wear_low: float
+    wear_high: float
+    rate: float
+    left_low: float
+    left: float
+    left_high: float
+    axis: Axis
+    alarms: tuple[str, ...] = ()
+    page: str = ""
+    limit: float = float("nan")
+
+
+class ReasonCount(NamedTuple):
+    """Recordings without result: status, reason as a sentence without names or numbers, how many, one of them."""
+
+    status: str
+    sentence: str
+    recordings: int
+    example: str
+
+
+class Spans(NamedTuple):
+    """Units of rates and of what is left: by axis how many strokes, km and so on, and in words."""
+
+    rate: Mapping[str, float]
+    rate_words: str
+    left: Mapping[str, float]
+    left_words: str
+
+
+_SPANS = {
+    "strokes": (1e5, "100,000 strokes", 1e3, "thousand strokes"),
+    "km": (1e4, "10,000 km", 1e3, "thousand km"),
+    "days": (100.0, "100 days", 1.0, "days"),
+    "recordings": (10.0, "10 recordings", 1.0, "recordings"),
+}
+
+
+def spans_of(vehicles: Sequence[VehicleRow]) -> Spans:
+    """The unit of the fleet's only axis; shares of a life where vehicles have different ones."""
+    axes = {one.axis for one in vehicles if np.isfinite(one.rate) or not np.isnan(one.left)}
+    if len(axes) > 1:
+        return Spans(LIFE, "life", {axis: life / 100 for axis, life in LIFE.items()}, "% of a life")
+    axis = axes.pop() if axes else "strokes"
+    rate, rate_words, left, left_words = _SPANS[axis]
+    return Spans({axis: rate}, rate_words, {axis: left}, left_words)
+
+
+def rate_shown(one: VehicleRow, spans: Spans) -> float:
+    """The rate over the span of the page, in m."""
+    return one.rate * spans.rate.get(one.axis, np.nan)
+
+
+def left_shown(one: VehicleRow, spans: Spans) -> tuple[float, float, float]:
+    """Remaining life in the unit of the page: 5 %, 50 %, 95 %."""
+    span = spans.left.get(one.axis, np.nan)
+    return one.left_low / span, one.left / span, one.left_high / span
+
+
+def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
+    """Quantiles of the known values, which may be infinite: each is one of the values."""
+    known = np.sort([value for value in values if not np.isnan(value)])
+    return [float(np.quantile(known, share, method="nearest")) if known.size else None for share in shares]
+
+
+def quantity_of(vehicles: Sequence[VehicleRow]) -> str:
+    """Quantity that ends the life: wear where that of a vehicle is known, else shift."""
+    return "wear" if any(np.isfinite(one.wear) for one in vehicles) else "shift"
+
+
+def has_reading(one: VehicleRow) -> bool:
+    """Whether anything is known of its clutch."""
+    return bool(np.isfinite(one.shift) or np.isfinite(one.wear))
+
+
+#: A robust z score beyond this is odd. Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993: of normal rates
+#: one in 2000 is beyond.
+ODD_SCORE = 3.5
+
+#: Vehicles of a type from which their median and its deviation are taken: with fewer, the deviation itself is known to
+#: hardly better than half (guessed).
+ODD_AT_LEAST = 8
+
+#: Share of the recordings without a reading beyond which a vehicle is odd.
+ODD_SHARE = 0.5
+
+#: The median absolute deviation of the normal distribution in its standard deviations.
+_MAD = 0.6745
+
+
+#: What a vehicle can stand out by, and what that means.
+MARKS = {
+    "alarm": "a clutch replaced, a sudden change, a leak, a departure",
+    "fast": "wears faster than others of its type",
+    "slow": "wears more slowly than others of its type",
+    "few readings": "most recordings do not count",
+}
+
+
+class OddVehicle(NamedTuple):
+    """A vehicle that stands out by one of MARKS, why, and how much, to sort them by."""
+
+    vehicle: VehicleRow
+    mark: str
+    reason: str
+    score: float
+
+
+def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
+    """By mark, the oddest first; a vehicle has a row for each mark.
+
+    A rate is odd where its robust z score among the vehicles of its type is beyond ODD_SCORE: from their median and
+    median absolute deviation, which the odd ones hardly change.
+    """
+    alarmed = [OddVehicle(one, "alarm", " ".join(map(_sentence, one.alarms)), len(one.alarms)) for one in vehicles]
+    few = [OddVehicle(one, "few readings", _few(one), one.recordings - one.counted) for one in vehicles if _misses(one)]
+    found = [*(odd for odd in alarmed if odd.score), *_odd_rates(vehicles, spans), *few]
+    marks = list(MARKS)
+    return sorted(found, key=lambda odd: (marks.index(odd.mark), -abs(odd.score)))
+
+
+def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
+    groups: dict[tuple[str, str, bool], list[VehicleRow]] = defaultdict(list)
+    for one in vehicles:
+        if np.isfinite(one.rate):
+            groups[one.type, one.axis, bool(np.isfinite(one.wear))].append(one)
+    found = []
+    for (type_, _, _), members in groups.items():
+        rates = np.array([rate_shown(one, spans) for one in members])
+        median = float(np.median(rates))
+        deviation = float(np.median(np.abs(rates - median)))
+        if len(members) < ODD_AT_LEAST or deviation == 0.0:
+            continue
+        scores = _MAD * (rates - median) / deviation
+        others = f"of the {len(members):,} vehicles {f'of type {printable(type_)}' if type_ else 'of no given type'}"
+        for one, rate, score in zip(members, rates, scores, strict=True):
+            if abs(score) > ODD_SCORE:
+                reason = (
+                    f"{rate / MM:.3f} mm per {spans.rate_words}; the median {others} is {median / MM:.3f} mm; robust "
+                    f"z score {'+' if score > 0 else '−'}{abs(score):.1f}."
+                )
+                found.append(OddVehicle(one, "fast" if score > 0 else "slow", reason, float(score)))
+    return found
+
+
+def _few(one: VehicleRow) -> str:
+    words = ", ".join(f"{number} {printable(status)}" for status, number in one.statuses.items() if number)
+    return f"{one.counted} of {one.recordings} recordings count; by status: {words or 'not known'}."
+
+
+def _misses(one: VehicleRow) -> bool:
+    return one.recordings - one.counted > ODD_SHARE * one.recordings
+
+
+def _sentence(words: str) -> str:
+    words = printable(words).rstrip(".")
+    return f"{words[:1].upper()}{words[1:]}."
+
 
 #: Rows of the tables of the worst, of one kind of the odd, of types and of reasons, at most.
 WORST, ODD, TYPES, REASONS = 20, 12, 30, 40

@@ -1,17 +1,20 @@
-"""A self-contained page: sections of text, tables and figures, rendered from one template into one HTML file."""
+"""A self-contained page: sections of text, tables and figures in one HTML file, with its provenance."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+import platform
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from html import escape
+from importlib.metadata import PackageNotFoundError, version
 from typing import Literal
 
-from clutchid.reports.link import Link
-from clutchid.reports.tables import ReportTable, to_html
+from clutchid.log import Log
+from clutchid.reports.tables import Link, ReportTable, to_html
 
 __all__ = [
     "Block",
@@ -154,3 +157,27 @@ def _policy(script: str) -> str:
 
 def _kind(block: Block) -> str:
     return _KINDS[type(block)]
+
+
+_PACKAGES = ("clutchid", "numpy", "scipy", "numba")
+
+
+def provenance(logs: Iterable[Log], command: str) -> dict[str, str]:
+    """Names and values of everything needed to reproduce a page made from `logs` with `command`."""
+    found = {"command": command, "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
+    for name in _PACKAGES:
+        found[name] = _version(name)
+    found["Python"] = platform.python_version()
+    found["machine"] = f"{platform.system()} {platform.machine()}"
+    for log in logs:
+        digest = log.metadata.get("sha256")
+        if digest:
+            found[f"SHA-256 of {log.metadata.get('source', log.name)}"] = digest
+    return found
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed as a package"

@@ -23,7 +23,7 @@ from clutchid.estimation.result import Estimate, Fit
 from clutchid.names import ParameterName
 from clutchid.recordings.files import atomic_write, write_text
 from clutchid.reports.fit_json import change_json, comparison_json, curve_json, origin_json
-from clutchid.reports.parameter_page import meaning
+from clutchid.reports.fit_page import meaning
 
 _VARIABLE = "clutchid"
 _SUPERSCRIPT = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")

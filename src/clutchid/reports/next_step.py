@@ -9,8 +9,7 @@ from itertools import chain, count
 from pathlib import Path
 
 from clutchid.estimation import Fit
-from clutchid.estimation.assess.states import states_of_wear
-from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.model import Actuator
 from clutchid.reports.summary import of_the_paper
 

@@ -1,23 +1,177 @@
-"""Page of a recording that was observed: load before and after, by stroke, samples over time, parameters, health."""
+"""Page of an observed recording: load before and after, by stroke, samples, parameters, health."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.observer.by_stroke import Known, known
+from clutchid.log import HOLE, FloatArray, Log
+from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.by_stroke import Known, ObservedLoad, curve, known, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
-from clutchid.reports.figures import png, svg
-from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, escape, render
-from clutchid.reports.observe_figures import loads_figure, samples_figure, strokes_figure
-from clutchid.reports.observe_text import load_sentence, loads
-from clutchid.reports.provenance import provenance
+from clutchid.reports.figures import BINS, draw, fill, label, legend, mark_span, new_figure, png, svg
+from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, escape, provenance, render
+from clutchid.reports.observe_text import Loads, load_sentence, loads
+from clutchid.reports.style import BAR, MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, ReportTable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Positions in m at which the load is drawn by stroke.
+FOLLOWED = (3e-3, 6e-3, 12e-3)
+
+#: Units of differences of pressures in Pa and of positions in m.
+KPA, MICRO = 1e3, 1e-6
+
+#: Unit of an innovation by what it compares, and its factor to SI.
+INNOVATION = {"position": ("µm", MICRO), "force": ("N", 1.0)}
+
+#: Percentage of the innovations that the figure has room for.
+SHOWN = 99.0
+
+
+def loads_figure(found: Loads) -> Figure:
+    """The load before and after a recording with their bands, and below the change with the band of the load after."""
+    figure, (loads, change) = new_figure([3.3, 1.9])
+    before, after = found.before, found.after
+    x = after.position / MM
+    for axis in (loads, change):
+        mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
+    for one, colour, words in ((before, STYLE.orange, "before"), (after, STYLE.blue, "after")):
+        fill(loads, x, one.low, one.high, Line(colour, f"95 % band {words}", opacity=0.2))
+        draw(loads, x, one.force, Line(colour, f"{words} the recording", 1.8))
+    fill(change, x, after.low - before.force, after.high - before.force, Line(STYLE.red, opacity=0.2))
+    draw(change, x, after.force - before.force, Line(STYLE.red, "after less before, with the band after", 1.6))
+    change.axhline(0.0, color=STYLE.ink, linewidth=0.7)
+    label(loads, y="load [N]")
+    label(change, "position [mm]", "change [N]")
+    loads.set_xlim(0.0, float(x[-1]))
+    _limit(loads, np.concatenate([before.force, after.force, [0.0]]), 0.15)
+    _limit(change, np.append(after.force - before.force, 0.0), 1.0)
+    for axis in (loads, change):
+        legend(axis, 4)
+    figure.align_ylabels()
+    return figure
+
+
+def _limit(axis: Axes, values: FloatArray, part: float) -> None:
+    """Limits for some values with a part of their range on both sides, however wide a band is."""
+    low, high = float(values.min()), float(values.max())
+    room = part * max(high - low, 1e-3)
+    lowest, highest = axis.get_ylim()
+    axis.set_ylim(max(lowest, low - room), min(highest, high + room))
+
+
+def strokes_figure(run: ObservedRecording) -> Figure:
+    """The load at three positions over the number of the stroke, with its band; first that before the recording."""
+    from matplotlib.ticker import MaxNLocator
+
+    grid = positions(run.observer)
+    curves: list[ObservedLoad] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
+    number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
+    places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
+    figure, axes = new_figure([1.25] * len(places))
+    for axis, at in zip(axes, places, strict=True):
+        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in ObservedLoad._fields[1:])
+        fill(axis, number, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
+        draw(axis, number, force, Line(STYLE.blue, "load", 1.6))
+        axis.plot(number, force, "o", color=STYLE.blue, markersize=2.8)
+        _limit(axis, np.concatenate([force, low[1:], high[1:]]), 0.2)
+        label(axis, y=f"at {grid[at] / MM:.0f} mm [N]")
+    axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    label(axes[-1], "stroke")
+    legend(axes[0], 4)
+    figure.align_ylabels()
+    return figure
+
+
+def samples_figure(run: ObservedRecording) -> Figure:
+    """Position, pressure in chamber A with its band, innovations with their bounds, and duty cycles, over time.
+
+    Where the pressure was measured, its difference to the estimate follows.
+    """
+    log, states = run.log, run.observer.actuator.states
+    with_pressure = "pressure_a" in log
+    figure, axes = new_figure([1.6, 1.9, *([1.15] if with_pressure else []), 1.15, 1.05])
+    position, pressure, innovation, duty = axes[0], axes[1], axes[-2], axes[-1]
+    estimated, half = run.samples.states[:, states.index("p_A")], QUANTILE * run.deviation("p_A")
+    t, (measured, followed, p, h) = with_gaps(
+        log.time, [log["position"], run.samples.states[:, states.index("y")], estimated, half], run.observer.spacing
+    )
+    draw(position, t, measured / MM, Line(STYLE.measured, "measured", 2.2))
+    draw(position, t, followed / MM, Line(STYLE.blue, "estimated"))
+    if with_pressure:
+        _, (recorded,) = with_gaps(log.time, [log["pressure_a"]], run.observer.spacing)
+        draw(pressure, t, recorded / BAR, Line(STYLE.measured, "measured, not used", 2.2))
+        fill(axes[2], t, -h / KPA, h / KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
+        draw(axes[2], t, (recorded - p) / KPA, Line(STYLE.measured, "measured less estimated", 0.8))
+        label(axes[2], y="difference\n[kPa]")
+    fill(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
+    draw(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
+    _innovations(innovation, run)
+    _duties(duty, log)
+    label(position, y="position [mm]")
+    label(pressure, y="pressure A,\nabsolute [bar]")
+    label(innovation, y=f"innovation\n[{INNOVATION[run.observer.joint.rule.compares][0]}]")
+    for axis in axes:
+        legend(axis, 4)
+    figure.align_ylabels()
+    return figure
+
+
+def _innovations(axis: Axes, run: ObservedRecording) -> None:
+    """Innovations with their 95 % bounds."""
+    found, variance = run.samples.innovations.T
+    corrected = np.isfinite(found)
+    every = run.observer.joint.settings.every * run.observer.spacing
+    compares = run.observer.joint.rule.compares
+    _, unit = INNOVATION[compares]
+    columns = [found[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
+    t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
+    fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
+    draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured less predicted", 0.8))
+    if corrected.any():
+        most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), SHOWN))
+        axis.set_ylim(-most, most)
+
+
+def _duties(axis: Axes, log: Log) -> None:
+    draw(axis, log.time, log["duty_supply"], Line(STYLE.green, "supply", 0.9))
+    draw(axis, log.time, -log["duty_exhaust"], Line(STYLE.purple, "exhaust (negative)", 0.9))
+    label(axis, "time [s]", "duty cycle [1]")
+    axis.set_xlim(float(log.time[0]), float(log.time[-1]))
+
+
+def with_gaps(time: FloatArray, columns: Sequence[FloatArray], usual: float) -> tuple[FloatArray, list[FloatArray]]:
+    """Curves with NaN in the holes in time, enough of them that a decimated curve has a gap as well.
+
+    Parameters
+    ----------
+    usual : s
+        Time from one sample to the next.
+
+    Examples
+    --------
+    >>> with_gaps(np.array([0.0, 1.0, 9.0]), [np.ones(3)], 1.0)[1]
+    [array([ 1.,  1., nan, nan, nan,  1.])]
+    """
+    holes = np.flatnonzero(np.diff(time) > HOLE * usual)
+    count = 2 * -(-time.size // BINS) + 1
+    at = np.repeat(holes + 1, count)
+    between = (time[holes, None] + np.diff(time)[holes, None] * np.linspace(0.0, 1.0, count + 2)[1:-1]).ravel()
+    return np.insert(time, at, between), [np.insert(column, at, np.nan) for column in columns]
+
 
 _AFTER = "after the recording"
 _MEANINGS = {**FLAGS, **LIVE_FLAGS}

@@ -1,26 +1,67 @@
-"""A fit in ten lines, for a terminal: verdict, load, changes, errors."""
+"""A fit for a terminal: in ten lines (verdict, load, changes, errors), or in full."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from math import isfinite
-from typing import Literal, NamedTuple
+from textwrap import fill
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from clutchid.estimation import Fit
-from clutchid.estimation.assess.comparison import Comparison, comparison
+from clutchid.estimation.assess.comparison import Comparison, HalfLoad, comparison, half_load_band
 from clutchid.estimation.assess.evidence import reach
-from clutchid.estimation.assess.half_load import HalfLoad, half_load_band
 from clutchid.estimation.assess.rest import moved_rests
-from clutchid.estimation.assess.states import states_of_wear
-from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.reports.changes import assumed_sentences, short_changes
-from clutchid.reports.fit_text import errors_text, errors_words
-from clutchid.reports.rest import rest_words
+from clutchid.reports.changes import assumed_sentences, rest_words, short_changes
 from clutchid.reports.style import MM
+
+if TYPE_CHECKING:
+    from clutchid.estimation import Fit
+    from clutchid.estimation.result import Errors
+
+
+def errors_text(errors: Errors) -> str:
+    """Errors of a simulation for a terminal.
+
+    Examples
+    --------
+    >>> from clutchid.estimation.result import Errors
+    >>> errors_text(Errors(2.5e-4, 1e-6, None, None)), errors_text(Errors(2.5e-4, 1e-6, 7100.0, 1e9))
+    ('position 0.250 mm rms', 'position 0.250 mm rms, pressure 7.1 kPa rms')
+    """
+    pressure = "" if errors.pressure_a_rms is None else f", pressure {errors.pressure_a_rms / 1e3:.1f} kPa rms"
+    return f"position {errors.position_rms * 1e3:.3f} mm rms{pressure}"
+
+
+def errors_words(fit: Fit) -> str:
+    """Kind of the errors of a fit, to follow them: simulated as a whole, in windows, or one sample ahead."""
+    words = {"shooting": " over windows of 0.1 s", "prediction-error": ", predicted one sample ahead"}
+    return words.get(fit.method, ", simulated")
+
+
+def fit_text(fit: Fit, columns: int = 80) -> str:
+    """Details that a summary leaves out: end of the search, all parameters, errors of all recordings, and notes.
+
+    Sentences are wrapped at a width in columns.
+    """
+    from clutchid.reports.changes import notes_of
+
+    width = max([9, *(len(name) for name in fit.parameters)])
+    lines = [f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>27}  unit"]
+    for name, e in fit.parameters.items():
+        lines.append(f"{name:<{width}}  {e.value:12.5g}  {e.std:10.2g}  {e.low:12.5g} .. {e.high:12.5g}  {e.unit}")
+    sentences, fitted = [f"The search {fit.message}."], errors_words(fit)
+    for title, recordings in (("fitted", fit.recordings), ("verified", fit.verification)):
+        for name, recording in recordings.items():
+            how = ", simulated from its duty cycles" if title == "verified" else fitted
+            sentences.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
+    wrapped = (fill(text, columns, subsequent_indent="  ") for text in [*sentences, *notes_of(fit)])
+    return "\n".join([*lines, *wrapped])
+
 
 #: Positions in mm at which the load is given: where the clutch engages.
 POSITIONS = (5, 6, 7, 8)

@@ -1,15 +1,43 @@
-"""`ReportTable`: rows in SI and columns with display formats, as HTML, CSV or text."""
+"""`ReportTable`: rows in SI and columns with display formats, as HTML, CSV or text; tables of load curves."""
 
 from __future__ import annotations
 
 import csv
 import math
+import os
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
 from itertools import groupby
+from typing import NamedTuple
+from urllib.parse import quote
 
-from clutchid.reports.link import Link
+import numpy as np
+
+from clutchid.estimation import LoadCurve
+from clutchid.reports.style import MM
+
+
+class Link(NamedTuple):
+    """A text that leads to a file, with its path relative to the page; without a path, only the text."""
+
+    text: str
+    path: str = ""
+
+    @property
+    def address(self) -> str:
+        """The path as a relative address, percent-encoded: it can neither name a server nor run anything.
+
+        Examples
+        --------
+        >>> Link("", "vehicles/50 % #1.html").address, Link("", "javascript:alert(1)").address
+        ('vehicles/50%20%25%20%231.html', 'javascript%3Aalert%281%29')
+        >>> Link("", "//server/page.html").address
+        './server/page.html'
+        """
+        address = quote(os.fsencode(self.path))
+        return f"./{address.lstrip('/')}" if address.startswith("/") else address
+
 
 Cell = str | float | int | Link | None
 
@@ -211,3 +239,22 @@ def _is_numeric(table: ReportTable, column: int) -> bool:
     return any(isinstance(cell, (int, float)) for cell in cells) and not any(
         isinstance(cell, (str, Link)) for cell in cells
     )
+
+
+#: Step of the positions in a table of the load in m.
+STEP = 1e-3
+
+
+def load_table(curve: LoadCurve, reach: float) -> ReportTable:
+    """The load and its band on a grid of positions up to the reach in m."""
+    columns = (
+        Column("position [m]", "position [mm]", MM, 0), Column("force [N]", "load [N]", 1.0, 0),
+        Column("low [N]", "from [N]", 1.0, 0, group="95 % band"),
+        Column("high [N]", "to [N]", 1.0, 0, group="95 % band"),
+    )  # fmt: skip
+    last = min(reach, float(curve.position[-1])) if np.isfinite(reach) else 0.0
+    rows: list[tuple[Cell, ...]] = []
+    for position in np.arange(0.0, last + 1e-9, STEP):
+        values = (np.interp(position, curve.position, y) for y in (curve.force, curve.low, curve.high))
+        rows.append((float(position), *(float(value) for value in values)))
+    return ReportTable("Load over position", columns, tuple(rows), note="Up to the reach of the recordings.")

@@ -12,8 +12,7 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.least_squares import Linearisation, compress
 from clutchid.recordings.signals.sampled import velocity
-from clutchid.rig.compiled import NAMES
-from clutchid.rig.free_run import FreeRunSegment, free_run, segments
+from clutchid.rig.free_run import NAMES, FreeRunSegment, free_run, segments
 
 #: Parameters that a fit estimates or keeps fixed: the friction, and the zero of the load cell.
 FREE = (*NAMES, "force_zero")

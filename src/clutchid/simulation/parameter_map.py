@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.log.measured import MEASURED, SENSOR_PARAMETERS
+from clutchid.log.states import MEASURED, SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.run import Columns, IntArray, KernelArrays, columns
 from clutchid.simulation.windows import units

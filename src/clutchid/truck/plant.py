@@ -8,7 +8,7 @@ import sympy as sp
 
 from clutchid.codegen.system import Expr, System, TabulatedFunction
 from clutchid.truck import air, flow, friction, motion
-from clutchid.truck.definitions import Definitions
+from clutchid.truck.motion import Definitions
 from clutchid.truck.order import INPUTS, LEDGER, PARAMETERS, STATES
 
 

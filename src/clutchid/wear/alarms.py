@@ -7,11 +7,9 @@ from datetime import datetime
 from typing import NamedTuple
 
 from clutchid.numerics.interval import QUANTILE
-from clutchid.wear.history import Dated
-from clutchid.wear.measurement import Leak, WearReading
+from clutchid.wear.history import Dated, Leak, WearReading
 from clutchid.wear.rest import RestMove
-from clutchid.wear.settings import AGED, AS_NEW, DEPARTED, LEAKING, LEAKS
-from clutchid.wear.trend import Band, Step
+from clutchid.wear.trend import AGED, AS_NEW, DEPARTED, LEAKING, LEAKS, Band, Step
 
 
 class Alarm(NamedTuple):

@@ -1,4 +1,4 @@
-"""Recordings of a vehicle in the order of its life."""
+"""Recordings of a vehicle in the order of its life, each with its reading or the reason why it has none."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from clutchid.estimation.assess.comparison import Measurement, change_of, comparison, measured
+from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.result import Fit
 from clutchid.log import FloatArray
+from clutchid.recordings.strokes.vented_rest import RestShift
 
 Axis = Literal["strokes", "km", "days", "recordings"]
 
@@ -157,3 +161,72 @@ def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray
 def _some(names: Sequence[str]) -> str:
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
+
+
+__all__ = ["Leak", "Measurement", "WearReading", "leak_of", "measured", "unmeasured"]
+
+
+class Leak(NamedTuple):
+    """A leak of chamber A since its calibration.
+
+    Its conductance in m³/(Pa·s) with the standard deviation, and the probability that it has changed.
+    """
+
+    conductance: float
+    std: float
+    probability: float
+
+
+class WearReading(NamedTuple):
+    """Result of one recording: status and sentence as in every result, trust, and its measurement, if any.
+
+    `leak` is that of chamber A, if one is probable; `departs` says that the truck is farther from its calibration than
+    a change explains; `rest` how far the vented rest has moved since, if that is known; `reason` is why a recording
+    that was read gives no measurement, empty where it gives one.
+    """
+
+    status: str
+    message: str
+    trust: str
+    measurement: Measurement | None
+    leak: Leak | None = None
+    departs: bool = False
+    rest: RestShift | None = None
+    reason: str = ""
+
+    @property
+    def has_result(self) -> bool:
+        """Whether the recording was read."""
+        return self.status in ("ok", "warning")
+
+    @property
+    def unmeasured(self) -> str:
+        """Reason why it gives no measurement, in a sentence; empty where it gives one."""
+        return "" if self.measurement is not None else self.reason or self.message
+
+
+def leak_of(fit: Fit) -> Leak | None:
+    """The leak that a reading finds; None if it finds none, or its model has no leak."""
+    found = next((change for change in fit.changes if change.name == "C_A0"), None)
+    return Leak(found.after - found.before, found.std, found.probability) if found else None
+
+
+def unmeasured(fit: Fit) -> str:
+    """Reason why a recording fitted from a calibration gives no measurement, in a sentence; empty if it gives one.
+
+    A load that is only uncertain gives one with its band.
+    """
+    if fit.status == "failed" or not fit.converged:
+        return f"its search did not converge: {fit.message}".rstrip(".") + "."
+    judged, compared = verdict(fit), comparison(fit)
+    if judged.flawed:
+        return " ".join(judged.reasons)
+    if compared is None:
+        return "the calibration has no load in its file, so that there is nothing to compare with; save it again."
+    if change_of(compared) is None:
+        furthest = 1e3 * compared.reach
+        return (
+            f"the position of half load, or its interval, is not determined within the {furthest:.1f} mm that were "
+            "reached; record longer strokes."
+        )
+    return ""

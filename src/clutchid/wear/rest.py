@@ -10,8 +10,8 @@ from scipy import stats
 
 from clutchid.log import FloatArray
 from clutchid.recordings.strokes.vented_rest import RestShift
-from clutchid.wear.measurement import Measurement
-from clutchid.wear.settings import FALL, FALSE_ALARMS, FASTER
+from clutchid.wear.history import Measurement
+from clutchid.wear.trend import FALL, FALSE_ALARMS, FASTER
 
 Cause = Literal["", "sensor", "wear", "new clutch"]
 

@@ -23,8 +23,8 @@ def fast_enough(log: Log, content: ParameterFile, *, force: bool = False) -> Log
     DataError
         If it is too slow for an observer, unless with `force`.
     """
+    from clutchid.observer.prior import unused_supply
     from clutchid.observer.recording import too_slow
-    from clutchid.observer.supply import unused_supply
 
     slow = too_slow(log, content.actuator)
     if slow and not force:

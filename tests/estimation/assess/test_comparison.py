@@ -9,7 +9,7 @@ from clutchid import fit
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import SMALLEST_SHARE, comparison
 from clutchid.estimation.assess.evidence import reach
-from clutchid.estimation.outcome import QUANTILE
+from clutchid.estimation.result import QUANTILE
 from clutchid.inference.uncertainty.calibration import Origin
 from fixtures.baselines import calibration_like, with_baseline
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimation.assess.manoeuvre_choice import RESET_SAMPLES, best_manoeuvre
-from clutchid.inference.uncertainty.information import WEIGHT_SIZES, Information
+from clutchid.estimation.assess.missing_excitation import RESET_SAMPLES, best_manoeuvre
+from clutchid.inference.uncertainty.gaussian import WEIGHT_SIZES, Information
 from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation import Partition, simulate

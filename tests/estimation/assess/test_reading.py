@@ -8,10 +8,9 @@ import pytest
 from clutchid import fit
 from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.evidence import reach
-from clutchid.estimation.assess.reading import expected_error, reading_reasons
-from clutchid.estimation.assess.slow import slow_reasons
+from clutchid.estimation.assess.reasons import expected_error, reading_reasons, slow_reasons
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.changes import Departure
+from clutchid.estimation.result import Departure
 from fixtures.baselines import ORIGIN, with_baseline
 
 NEAR = Departure(distance=5.0, parameters=24, misfit=1.0)

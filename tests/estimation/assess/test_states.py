@@ -8,8 +8,8 @@ from scipy import stats
 
 from clutchid import fit
 from clutchid.estimation import LoadCurve
-from clutchid.estimation.assess.engaging import SHARES, WORTH, measured
-from clutchid.estimation.assess.states import FALSE_ALARM, UNKNOWN_DIFFERENCE, states_of_wear
+from clutchid.estimation.assess.comparison import SHARES, WORTH, measured
+from clutchid.estimation.assess.verdict import FALSE_ALARM, UNKNOWN_DIFFERENCE, states_of_wear
 from fixtures.baselines import ORIGIN, with_baseline
 
 #: Half width of the band of a load, as a share of it.

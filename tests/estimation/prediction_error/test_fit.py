@@ -9,12 +9,11 @@ import pytest
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.position_only import position_only_errors
 from clutchid.estimation.prediction_error import fit as module
 from clutchid.estimation.prediction_error.fit import PREDICTION_ERROR, predict
 from clutchid.estimation.problem import fit_problem
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.numerics.failure import Failure

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.estimation.free import FreeParameters
+from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.shooting import fit as module
 from clutchid.estimation.shooting.fit import MEMORY, shoot
 from clutchid.inference.smoother.search import UNLIMITED, ShootingSolution

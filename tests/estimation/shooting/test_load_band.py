@@ -8,13 +8,12 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.estimation.shooting.fit import SHOOTING, shoot
 from clutchid.estimation.shooting.result import result
 from clutchid.inference.smoother import search as fine_search
 from clutchid.inference.smoother.search import search
-from clutchid.inference.uncertainty import consider
+from clutchid.inference.uncertainty import calibration
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import changeable, drift
 from clutchid.parameters import Parameters
@@ -39,7 +38,7 @@ def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log
     y = np.linspace(1e-3, 20e-3, 20)
     shot = shoot([worn_log], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
     whole = half_width(result(shot, EXACT), y)
-    monkeypatch.setattr(consider, "drift", lambda actuator, name: 0.0 if name == "A_A" else drift(actuator, name))
+    monkeypatch.setattr(calibration, "drift", lambda actuator, name: 0.0 if name == "A_A" else drift(actuator, name))
     counted = np.sqrt(whole**2 - half_width(result(shot, EXACT), y) ** 2)
     # the same by searching at 1 % more and less, to within sqrt(1e-4) = 0.01 standard deviations of the minimum
     monkeypatch.setattr(fine_search, "CONVERGED_GAIN", 1e-4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimation.outcome import QUANTILE
+from clutchid.estimation.result import QUANTILE
 from clutchid.estimation.shooting import profile as module
 from clutchid.estimation.shooting.profile import (
     MAX_EVALUATIONS,

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.free import FreeParameters
-from clutchid.estimation.outcome import failed_fit
 from clutchid.estimation.posterior import QUANTILE, corrected
+from clutchid.estimation.request import FreeParameters
+from clutchid.estimation.result import failed_fit
 from clutchid.estimation.shooting.fit import shoot
 from clutchid.estimation.shooting.result import result
-from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
-from clutchid.inference.uncertainty.consider import DEVIATION_FACTOR
+from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, PositionOnlyErrors
 from clutchid.numerics.failure import Failure
 
 #: Calibrated parameters that do not change between recordings, and their standard deviations: m², Pa, N/m.

@@ -10,9 +10,8 @@ from clutchid.estimation.shooting.uncertainty import parameter_uncertainty, pres
 from clutchid.inference.smoother.problem import linearise
 from clutchid.inference.smoother.residuals import dispersion
 from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
-from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.calibration import Calibration, consider_parameters
 from clutchid.inference.uncertainty.change_prior import drift
-from clutchid.inference.uncertainty.consider import consider_parameters
 from clutchid.numerics.failure import Failure
 from clutchid.parameters import Parameters, in_order
 

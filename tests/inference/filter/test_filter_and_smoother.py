@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from numba import njit, types
 
-from clutchid.codegen.callback import Callback
-from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.kernels import Callback, kernels_in
 from clutchid.inference.filter.setup import scratch
-from clutchid.inference.smoother.elimination import eliminate, recover
+from clutchid.inference.smoother.rows import eliminate, recover
 from clutchid.simulation.sensors import lag_coefficients
 
 #: States of the model, and with the outputs of two sensors without a lag, of states 0 and 2; samples.

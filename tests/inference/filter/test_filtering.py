@@ -11,8 +11,7 @@ from clutchid.inference.filter.filtering import filtered
 from clutchid.log.states import STATES
 from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
-from clutchid.simulation.noise import Noise
-from clutchid.simulation.process_noise import process_noise, start_deviations
+from clutchid.simulation.noise import Noise, process_noise, start_deviations
 from clutchid.simulation.run import columns, run_to_end, start_state
 
 pytestmark = pytest.mark.slow

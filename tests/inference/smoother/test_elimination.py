@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.inference.smoother.elimination import Eliminated, eliminate, recover
+from clutchid.inference.smoother.rows import Eliminated, eliminate, recover
 
 STATES, K = 3, 4
 LENGTHS = pytest.mark.parametrize("length", [1, 2, 3, 12])

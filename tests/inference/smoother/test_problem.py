@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.inference.smoother.elimination import recover
 from clutchid.inference.smoother.problem import PRIOR_LIMIT, FitProblem, condense, linearise, prior_rows
+from clutchid.inference.smoother.rows import recover
 from clutchid.inference.uncertainty.coordinates import Prior, coordinates
 from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS

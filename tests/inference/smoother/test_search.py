@@ -10,8 +10,7 @@ from clutchid.inference.smoother import search as module
 from clutchid.inference.smoother import trial
 from clutchid.inference.smoother.problem import condense, linearise
 from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, ShootingSolution, search
-from clutchid.inference.smoother.settling import shifted_states
-from clutchid.inference.smoother.trial import evaluate_step
+from clutchid.inference.smoother.trial import evaluate_step, shifted_states
 from clutchid.numerics.failure import Failure
 
 
@@ -92,7 +91,7 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, s
         return Failure("no such state.") if calls["linearise_windows"] % 7 == 3 else linearise_windows(*arguments)
 
     monkeypatch.setattr(module, "evaluate_step", failing_attempt)
-    monkeypatch.setattr("clutchid.inference.smoother.settling.evaluate_step", failing_attempt)
+    monkeypatch.setattr("clutchid.inference.smoother.trial.evaluate_step", failing_attempt)
     monkeypatch.setattr(trial, "linearise_windows", failing_linearisation)
     answer = search(problem, *start, (1.0,))
     assert isinstance(answer, ShootingSolution)

@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from clutchid.inference.smoother import settling
+from clutchid.inference.smoother import trial
 from clutchid.inference.smoother.problem import condense, linearise
-from clutchid.inference.smoother.settling import (
+from clutchid.inference.smoother.trial import (
     REJECTED_DAMPING,
+    evaluate_step,
     initial_damping,
     minimise_states,
     shifted_states,
     stepped_states,
+    with_theta_fixed,
 )
-from clutchid.inference.smoother.trial import evaluate_step, with_theta_fixed
 from clutchid.numerics.failure import Failure
 
 NAMES = ("theta_5", "theta_9", "C_vs", "F_C")
@@ -40,7 +41,7 @@ def test_minimised_states_cost_less_and_as_computed(problem, current, minimised,
     minimised, _, calls = minimised
     assert np.array_equal(minimised.x, current.x), "the parameters are fixed"
     assert minimised.cost < 0.9 * current.cost
-    assert minimised.cost == pytest.approx(cost_at(problem, minimised.x, minimised.X), abs=settling.CONVERGED_GAIN)
+    assert minimised.cost == pytest.approx(cost_at(problem, minimised.x, minimised.X), abs=trial.CONVERGED_GAIN)
     assert len(calls) >= 3
 
 
@@ -60,21 +61,21 @@ def test_only_a_window_whose_prediction_fails_is_damped(problem, current, monkey
         object.__setattr__(answer, "cost", answer.cost + 1e6 * moved)
         return answer
 
-    monkeypatch.setattr(settling, "evaluate_step", misleading)
+    monkeypatch.setattr(trial, "evaluate_step", misleading)
     damping = initial_damping(problem)
     minimised = minimise_states(problem, current, damping, lambda: None)
-    assert damping[0][wrong] >= REJECTED_DAMPING * 10 ** (settling.MAX_TRIALS - 2)
+    assert damping[0][wrong] >= REJECTED_DAMPING * 10 ** (trial.MAX_TRIALS - 2)
     others = np.delete(damping[0], [wrong - 1, wrong, wrong + 1])
-    assert np.median(others) <= settling.INITIAL_DAMPING
+    assert np.median(others) <= trial.INITIAL_DAMPING
     assert minimised.cost <= current.cost
 
 
 def test_where_every_step_fails_the_states_stay(problem, current, monkeypatch):
-    monkeypatch.setattr(settling, "evaluate_step", lambda *_: Failure("no such state."))
+    monkeypatch.setattr(trial, "evaluate_step", lambda *_: Failure("no such state."))
     damping = initial_damping(problem)
     minimised = minimise_states(problem, current, damping, lambda: None)
     assert minimised is current
-    assert damping[0].min() > settling.INITIAL_DAMPING, "the next time a shorter step is tried"
+    assert damping[0].min() > trial.INITIAL_DAMPING, "the next time a shorter step is tried"
 
 
 def test_damping_of_one_window_shortens_its_step_most(problem, current):

@@ -5,12 +5,12 @@ import pytest
 
 from clutchid.inference.smoother import trial as module
 from clutchid.inference.smoother.problem import condense, linearise
-from clutchid.inference.smoother.settling import stepped_states
 from clutchid.inference.smoother.trial import (
     COST_TOLERANCE,
     RESIMULATION_DISTANCE,
     accept,
     evaluate_step,
+    stepped_states,
     with_theta_fixed,
     with_theta_free,
 )

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.consider import DEVIATION_FACTOR, calibrated_deviation
+from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, calibrated_deviation
 from clutchid.model import Actuator
 
 

@@ -9,8 +9,8 @@ from sympy import srepr, symbols
 
 from clutchid.errors import ParameterError
 from clutchid.estimation.automatic import freed
+from clutchid.inference.uncertainty.calibration import consider_parameters
 from clutchid.inference.uncertainty.change_prior import change_covariance, changeable, directions
-from clutchid.inference.uncertainty.consider import consider_parameters
 from clutchid.model import Actuator, GroupChange, OwnModel, OwnParameter, own_model
 from clutchid.observer.methods import METHODS
 from clutchid.observer.prior import online_prior

@@ -6,11 +6,10 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.recordings.columns import channel
 from clutchid.recordings.live.arrival import Piece, live_blocks
-from clutchid.recordings.live.streams import Arrived, arrived, picked_streams
-from clutchid.recordings.live.text_recording import text_blocks
+from clutchid.recordings.live.order import Arrived, arrived, picked_streams
+from clutchid.recordings.live.text import text_blocks
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
-from clutchid.recordings.source import Raster
-from clutchid.recordings.table import Table
+from clutchid.recordings.source import Raster, Table
 
 NEEDED = ("time", "position", "duty_supply", "duty_exhaust")
 RASTERS = (

@@ -10,8 +10,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.recordings.live import bus as module
-from clutchid.recordings.live.bus import BusName, from_bus, opened_bus, sender
-from clutchid.recordings.live.bus_recording import bus_blocks
+from clutchid.recordings.live.bus import BusName, bus_blocks, from_bus, opened_bus, sender
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from fixtures.bus import CLUTCH, DBC, VALVES, frames_of, message, sending
 

@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
-from clutchid.recordings.live.order import JUMP, LOST, WINDOW, LeftOut, final, none_waiting, sorted_in, unconfirmed
-from clutchid.recordings.live.streams import Arrived
+from clutchid.recordings.live.order import (
+    JUMP,
+    LOST,
+    WINDOW,
+    Arrived,
+    LeftOut,
+    final,
+    none_waiting,
+    sorted_in,
+    unconfirmed,
+)
 
 
 def fed(stamps, cuts, streams=None):

@@ -6,7 +6,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.estimation.assess.missing_excitation import missing
 from clutchid.estimation.simulation_error.problem import build_problem, linearise
-from clutchid.inference.uncertainty.information import Information
+from clutchid.inference.uncertainty.gaussian import Information
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import Linearisation

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.recordings.strokes.bins import raw_bins, relative_to_rest, samples_in_bin
-from clutchid.recordings.strokes.rest_level import RestLevel
+from clutchid.recordings.strokes.rest_level import RestLevel, raw_bins, relative_to_rest, samples_in_bin
 from clutchid.recordings.strokes.stream import Samples
 
 

@@ -11,9 +11,9 @@ from clutchid.log import Log
 from clutchid.reports.tables import to_csv
 from clutchid.study import PaperStudy, halves, paper_study
 from clutchid.study.paper import study as paper
-from clutchid.study.paper.deviations import DEVIATIONS
-from clutchid.study.paper.equation_21 import equation_21
 from clutchid.study.paper.figures import figure_5
+from clutchid.study.paper.page import DEVIATIONS
+from clutchid.study.paper.printed import equation_21
 from clutchid.study.paper.results import FIGURES, TABLES, StudyResults
 from fixtures.figures import legends_on_the_engaging_range
 

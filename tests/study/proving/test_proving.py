@@ -12,13 +12,12 @@ import pytest
 from clutchid import processes
 from clutchid.cli.prove import prove as command
 from clutchid.errors import ExportError, ParameterError
-from clutchid.estimation.assess.half_load import half_load
+from clutchid.estimation.assess.comparison import half_load
 from clutchid.fleets.cluster import Place
 from clutchid.reports.tables import to_text
-from clutchid.study.proving import answers, workflows
 from clutchid.study.proving import ground as proving
-from clutchid.study.proving.answers import Answer, score
-from clutchid.study.proving.standings import coverage, every_recording, standings
+from clutchid.study.proving import scores, workflows
+from clutchid.study.proving.scores import Answer, coverage, every_recording, score, standings
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import GRID
 
@@ -139,7 +138,7 @@ def test_a_workflow_that_fails_is_a_row_with_its_reason(tmp_path, monkeypatch):
 #: A workflow that computes nothing, so that runs at the same time meet in the folder and not at the processor.
 QUICK = """
 import numpy as np
-from clutchid.study.proving.answers import Answer
+from clutchid.study.proving.scores import Answer
 
 def run(calibration, worn):
     grid = np.linspace(0.0, 0.025, 501)
@@ -207,7 +206,7 @@ def test_the_table_has_medians_worst_cases_and_ratios():
     assert table.column("load_touch worst") == (12.0, 4.0)
     assert table.column("half_load worst") == (0.1, 0.1)
     assert table.column("ratio") == (1.0, 0.25)
-    assert answers.TOUCH == (5e-3, 8e-3)
+    assert scores.TOUCH == (5e-3, 8e-3)
 
 
 def test_the_printed_table_fits_in_80_columns():

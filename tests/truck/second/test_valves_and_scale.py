@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from clutchid.truck import TruckB, respond
 from clutchid.truck.law import SAMPLE, TICK, TICKS
+from clutchid.truck.second.arrays import coloured, measured_pressure, position_noise
 from clutchid.truck.second.law import poppet, port, scaled, solenoid, spool
-from clutchid.truck.second.sensors import coloured, measured_pressure, position_noise
 
 
 def moved(u: float, ticks: int, **kind: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A load compared with that of the calibration: new against worn."""
+"""A load compared with that of the calibration: new against worn, above all where the clutch engages."""
 
 from __future__ import annotations
 
@@ -6,12 +6,75 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.assess.evidence import reach
-from clutchid.estimation.assess.half_load import HalfLoad, half_load_band
-from clutchid.estimation.assess.once import once_a_fit
-from clutchid.estimation.outcome import calibrated_curve
-from clutchid.estimation.result import Fit, LoadCurve
-from clutchid.log import FloatArray
+from clutchid.estimation.assess.evidence import once_a_fit, reach
+from clutchid.estimation.result import Fit, LoadCurve, calibrated_curve
+from clutchid.log import FloatArray, Log
+from clutchid.numerics.interval import QUANTILE
+
+
+class HalfLoad(NamedTuple):
+    """Position where the rising load reaches half its peak, and its 95 % interval from the band, in m; or NaN."""
+
+    position: float
+    low: float
+    high: float
+
+
+def half_load(position: FloatArray, force: FloatArray) -> float:
+    """Position in m where the rising load first reaches half its peak, by linear interpolation; else NaN.
+
+    Examples
+    --------
+    >>> half_load(np.array([0.0, 1.0, 2.0, 3.0]), np.array([0.0, 2.0, 4.0, 1.0]))
+    1.0
+    """
+    return _passes(position, force, _half(force))
+
+
+def half_load_band(curve: LoadCurve, reach: float) -> HalfLoad:
+    """Position where the rising load first reaches half its peak within `reach` in m, and those of its band limits.
+
+    Parameters
+    ----------
+    curve : LoadCurve
+        Load curve with its band.
+    reach : m
+        Largest recorded position.
+
+    Returns
+    -------
+    half : HalfLoad
+        A limit is NaN if that limit of the band does not reach half the peak within the reach.
+
+    Notes
+    -----
+    Half the peak is treated as fixed, because errors shift the load curve more than they tilt it.
+
+    Examples
+    --------
+    >>> y = np.array([0.0, 1e-3, 2e-3, 3e-3])
+    >>> f = np.array([0.0, 2e3, 4e3, 1e3])
+    >>> [f"{at * 1e3:.2f}" for at in half_load_band(LoadCurve(y, f, f - 100.0, f + 100.0), 3e-3)]
+    ['1.00', '0.95', '1.05']
+    """
+    inside = curve.position <= reach
+    y, half = curve.position[inside], _half(curve.force[inside])
+    # the upper limit of the band reaches it first
+    return HalfLoad(*(_passes(y, force[inside], half) for force in (curve.force, curve.high, curve.low)))
+
+
+def _half(force: FloatArray) -> float:
+    """Half the peak; NaN if no force is known."""
+    return 0.5 * float(np.nanmax(force)) if np.isfinite(force).any() else float("nan")
+
+
+def _passes(position: FloatArray, force: FloatArray, level: float) -> float:
+    """First position where the force passes `level` from below, by linear interpolation; else NaN."""
+    above = int(np.argmax(force >= level)) if np.isfinite(level) else 0
+    if above == 0 or not np.isfinite(force[above - 1 : above + 1]).all():
+        return float("nan")
+    y0, y1, f0, f1 = position[above - 1], position[above], force[above - 1], force[above]
+    return float(y0 + (level - f0) / (f1 - f0) * (y1 - y0))
 
 
 class Difference(NamedTuple):
@@ -89,3 +152,59 @@ def _shift(before: HalfLoad, now: HalfLoad) -> HalfLoad:
     below = np.hypot(now.position - now.low, before.high - before.position)
     above = np.hypot(now.high - now.position, before.position - before.low)
     return HalfLoad(shift, shift - float(below), shift + float(above))
+
+
+#: Positions in m at which the clutch engages, where the load matters most, Section 3.1.
+ENGAGING = (5e-3, 8e-3)
+
+
+class Shares(NamedTuple):
+    """Shares of a reading's standard deviation: differing between recordings, common to all, due to 10 K."""
+
+    independent: float
+    common: float
+    by_temperature: float
+
+
+#: By channel. Five months of eight vehicles of both families: docs/derivations_online.md, "The wear of a clutch".
+SHARES = {"shift": Shares(0.2, 0.4, 0.15), "load": Shares(0.6, 1.0, 0.4)}
+
+#: Recordings that the prior of the noise is worth: what these shares are known from.
+WORTH = 10.0
+
+
+class Measurement(NamedTuple):
+    """Change since the calibration in one recording, with standard deviations as the band of the load has them.
+
+    `shift` of the half-load position in m, `load` is the relative change of the mean load over 5 to 8 mm, and
+    `temperature` that of the air in K, NaN where it was not recorded.
+    """
+
+    shift: float
+    shift_std: float
+    load: float
+    load_std: float
+    temperature: float
+
+
+def measured(fit: Fit, log: Log) -> Measurement | None:
+    """The measurement of a recording that was fitted from a calibration; None if its load does not determine one."""
+    compared = comparison(fit)
+    values = change_of(compared) if compared else None
+    if values is None:
+        return None
+    ambient = log.columns.get("temperature_ambient")
+    known = ambient is not None and bool(np.isfinite(ambient).any())
+    return Measurement(*values, float(np.nanmean(ambient)) if known and ambient is not None else float("nan"))
+
+
+def change_of(found: Comparison) -> tuple[float, float, float, float] | None:
+    """Shift and relative change of the load with their standard deviations; None if they are not determined."""
+    y, (first, last) = found.present.position, ENGAGING
+    inside = (y >= first) & (y <= last)
+    new = float(np.mean(found.calibrated.force[inside]))
+    load = float(np.mean(found.difference.force[inside])) / new
+    load_std = float(np.mean((found.present.high - found.present.low)[inside])) / (2 * QUANTILE * new)
+    shift_std = (found.half_now.high - found.half_now.low) / (2 * QUANTILE)
+    values = (found.shift.position, shift_std, load, load_std)
+    return values if np.all(np.isfinite(values)) and min(shift_std, load_std) > 0.0 else None

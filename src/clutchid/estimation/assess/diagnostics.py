@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
-from clutchid.log.measured import MEASURED
+from clutchid.log.states import MEASURED
 from clutchid.recordings.signals.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, region_of
 from clutchid.recordings.signals.residual_colour import FEWEST, LAGS, Colour, block_means, colour, effective_samples
 from clutchid.recordings.signals.sampled import velocity

@@ -1,23 +1,50 @@
-"""Evidence for the verdict on a fit: residuals through the sensor models, simulations over 1 s, missing excitation."""
+"""Evidence for the verdict on a fit: residuals through the sensors, simulations over 1 s, excitation."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import wraps
+from typing import NamedTuple, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from clutchid.estimation.assess.diagnostics import Diagnosis, diagnose, fit_percent
 from clutchid.estimation.assess.missing_excitation import missing
-from clutchid.estimation.assess.once import once_a_fit
 from clutchid.estimation.result import Fit, Recording
-from clutchid.inference.uncertainty.information import Information, natural_sizes
+from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
 from clutchid.log import Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.recordings.signals.excitation import excitation, joined
 from clutchid.simulation import Partition
 from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.simulation import simulate
+
+
+class Reason(NamedTuple):
+    """A sentence for the user; a grave one takes the trust. One that is `banded` only says how wide the interval is."""
+
+    text: str
+    grave: bool = False
+    banded: bool = False
+
+
+Value = TypeVar("Value")
+
+
+def once_a_fit(function: Callable[[Fit], Value]) -> Callable[[Fit], Value]:
+    """The function, which remembers what it found for a fit as long as there is the fit."""
+    known: WeakKeyDictionary[Fit, Value] = WeakKeyDictionary()
+
+    @wraps(function)
+    def remembered(fit: Fit) -> Value:
+        if fit not in known:
+            known[fit] = function(fit)
+        return known[fit]
+
+    return remembered
+
 
 #: Horizon in s of the simulations that a verdict uses, and greatest number of them from the start of a recording.
 HORIZON, MOST_HORIZONS = 1.0, 120

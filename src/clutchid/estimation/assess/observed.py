@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.assess.engaging import ENGAGING
-from clutchid.estimation.assess.reason import Reason
+from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.estimation.assess.evidence import Reason
 from clutchid.estimation.assess.reasons import WIDE
 from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict

@@ -1,21 +1,233 @@
-"""Reasons against a fit: what speaks against its parameters or its load."""
+"""Reasons against a fit: its parameters, load, bounds, departure, slow logs, residuals of the valves.
+
+The thresholds are those of the table in docs/derivations.md, chosen on both families of the virtual truck.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from clutchid.estimation.assess.bounds import bound_reasons
-from clutchid.estimation.assess.engaging import ENGAGING
-from clutchid.estimation.assess.evidence import HORIZON, Evidence, evidence, information, reach
-from clutchid.estimation.assess.once import once_a_fit
-from clutchid.estimation.assess.reading import reading_reasons
-from clutchid.estimation.assess.reason import Reason
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.estimation.assess.diagnostics import BEYOND, LEAST_CORRELATION, MOST_OUTSIDE, ColumnDiagnosis
+from clutchid.estimation.assess.evidence import HORIZON, Evidence, Reason, evidence, information, once_a_fit, reach
 from clutchid.estimation.assess.rest import rest_reasons
-from clutchid.estimation.assess.slow import slow_reasons
-from clutchid.estimation.assess.valve_residuals import valve_reasons
-from clutchid.estimation.result import Fit
+from clutchid.estimation.result import Departure, Fit, physical_limits
+from clutchid.inference.uncertainty.gaussian import spectrum
 from clutchid.inference.uncertainty.identifiability import collinear, listed
-from clutchid.inference.uncertainty.information import spectrum
+from clutchid.log import sample_interval
+from clutchid.names import base_of
+from clutchid.numerics.interval import QUANTILE
+from clutchid.recordings.signals.duty_cycle import is_slow
+
+
+def bound_reasons(fit: Fit) -> list[Reason]:
+    """Estimates at bounds that are chosen, not physical: the data favour a value beyond."""
+    at_bounds = [] if fit.departure is not None else _at_bounds(fit, physical=False)
+    if not at_bounds:
+        return []
+    their = "its bound" if len(at_bounds) == 1 else "their bounds"
+    text = f"{_lie(at_bounds)} at {their}: the data favour a value beyond, or the model is incomplete."
+    return [Reason(text)]
+
+
+def bound_notes(fit: Fit) -> list[str]:
+    """Estimates at bounds that say nothing of the error of the load: benchmarks/results/calibration.md."""
+    physical = _at_bounds(fit, physical=True)
+    if fit.departure is not None:
+        found = [*physical, *_at_bounds(fit, physical=False)]
+        at, why = "a bound" if len(found) == 1 else "bounds", "no reason against a load from position alone"
+    else:
+        found, at = physical, "a physical limit" if len(physical) == 1 else "physical limits"
+        why = "no reason against the load"
+    return [f"{_lie(found)} at {at}: {why}."] if found else []
+
+
+def _lie(names: list[str]) -> str:
+    return f"{listed(names)} {'lies' if len(names) == 1 else 'lie'}"
+
+
+def _at_bounds(fit: Fit, *, physical: bool) -> list[str]:
+    """Estimates at a finite bound that is, or is not, a physical limit, which only fits with priors have."""
+    found = []
+    for name, estimate in fit.parameters.items():
+        ends = zip(("lower", "upper"), fit.bounds.get(name, ()), strict=False)
+        limits = physical_limits(fit.actuator, base_of(name)) if fit.follows else ()
+        finite = [(word, end) for word, end in ends if np.isfinite(end) and (end in limits) == physical]
+        found += [f"{name} ({word})" for word, end in finite if abs(estimate.value - end) <= 1e-9 * abs(end)]
+    return found
+
+
+def slow_reasons(fit: Fit) -> list[Reason]:
+    """That recordings are slower than the changes of their duty cycles; none if none of them is."""
+    logs = {name: one.measured for name, one in fit.recordings.items()}
+    slow = [name for name, log in logs.items() if is_slow(log)]
+    if not slow:
+        return []
+    slowest = min(1.0 / sample_interval(logs[name].time) for name in slow)
+    text = f"{listed(slow)}: at {slowest:.3g} Hz the valves open and close between the samples, at times that are not "
+    text += "recorded. "
+    if fit.baseline is not None and "pressure_a" not in fit.scales:
+        text += "The interval is widened for that, but by what it costs on virtual trucks only; "
+    else:
+        text += "The load may have errors that its interval does not include; "
+    return [Reason(f"{text}record position and duty cycles at 1 kHz.")]
+
+
+#: Expected error of the load, rms over the stroke in % of the peak: up to the first it is good, beyond the second none.
+GOOD_ERROR, POOR_ERROR = 1.8, 3.3
+
+#: Distance from the calibration beyond the number of parameters, in standard deviations of chi-square: beyond the first
+#: no change alone explains it, beyond the second the calibration is of another truck.
+FAR, ANOTHER = 2.0, 4.0
+
+#: Cost for each second in motion over that of the calibration: beyond the first the model misses part of the recording.
+MISFIT, POOR_MISFIT = 1.5, 2.2
+
+#: Position in m from which the error counts: before, the load is small.
+FROM = 5e-4
+
+
+def reading_reasons(fit: Fit) -> list[Reason]:
+    """Reasons against a load from position alone; none for another fit."""
+    if fit.departure is None or fit.baseline is None:
+        return []
+    origin = fit.baseline.origin
+    name = origin.name if origin and origin.name else "of this fit"
+    return [*_another_truck(fit.departure, name), *_poor_fit(fit.departure.misfit), *_expected_error(fit)]
+
+
+def expected_error(fit: Fit) -> float:
+    """Expected error of the load by its band, rms over the recorded stroke in % of the peak; NaN without a band."""
+    curve, furthest = fit.load_curve, reach(fit)
+    inside = (curve.position >= FROM) & (curve.position <= furthest)
+    std = (curve.high - curve.low)[inside] / (2 * QUANTILE)
+    peak = float(curve.force[curve.peak(furthest)])
+    return 100.0 * float(np.sqrt(np.mean(std**2))) / peak if std.size and peak > 0.0 else float("nan")
+
+
+def departs(fit: Fit) -> bool:
+    """Whether the truck is farther from its calibration, or the recording costs more, than any change explains."""
+    found = fit.departure
+    return found is not None and (_beyond(found) > ANOTHER or found.misfit > POOR_MISFIT)
+
+
+def _beyond(departure: Departure) -> float:
+    """Distance from the calibration beyond the number of parameters, in standard deviations of chi-square."""
+    return (departure.distance - departure.parameters) / float(np.sqrt(2.0 * departure.parameters))
+
+
+def _another_truck(departure: Departure, name: str) -> list[Reason]:
+    """Parameters farther from the calibration than a change explains."""
+    distance, count, _ = departure
+    beyond = _beyond(departure)
+    measure = f"(squared distance {distance:.0f} over {count} parameters)"
+    if beyond > ANOTHER:
+        text = f"the calibration {name} seems to be of another truck: what may change is farther from it than a change "
+        return [Reason(f"{text}explains {measure}; take the calibration of this truck, or make one.", True)]
+    if beyond > FAR:
+        text = f"what may change is far from the calibration {name} {measure}: "
+        return [Reason(f"{text}inputs that are late or a sensor that is off do that; check them.")]
+    return []
+
+
+def _poor_fit(ratio: float) -> list[Reason]:
+    """A cost that the calibration recordings did not have."""
+    if not ratio > MISFIT:
+        return []
+    text = f"the recording costs {ratio:.1f} times as much for each second in motion as those of the calibration: the "
+    text += "model misses something that has changed, and the load may have errors that its interval does not include."
+    return [Reason(text, ratio > POOR_MISFIT)]
+
+
+def _expected_error(fit: Fit) -> list[Reason]:
+    """A band as wide as errors that matter."""
+    error = expected_error(fit)
+    if error <= GOOD_ERROR:
+        return []
+    text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has changed "
+    text += "is not certain enough. Record longer, or give what is known of it with --prior."
+    return [Reason(text, error > POOR_ERROR, banded=True)]
+
+
+class _Residual(NamedTuple):
+    """A residual and the load in N that it corresponds to, 0 if it is white or the position follows the measurement."""
+
+    recording: str
+    column: str
+    load: float
+
+
+def valve_reasons(fit: Fit, found: Evidence) -> list[Reason]:
+    """Residuals that correspond to a load larger than the width of the interval."""
+    width = _width(fit)
+    return [
+        Reason(
+            f"{one.recording}: the residual of {one.column} is autocorrelated, correlates with a valve and corresponds "
+            f"to a load of {one.load:.0f} N, more than the width of the interval, {width:.0f} N: the interval is too "
+            "narrow."
+        )
+        for one in _residuals(fit, found, 0.0)
+        if one.load > width
+    ]
+
+
+def valve_notes(fit: Fit, found: Evidence) -> list[str]:
+    """The others that `clutchid.estimation.assess.diagnostics.remarks` names: the load does not suffer."""
+    width, notes = _width(fit), []
+    for one in _residuals(fit, found, LEAST_CORRELATION):
+        what = f"{one.recording}: the residual of {one.column} correlates with a valve"
+        if one.column == "position" and fit.follows:
+            notes.append(f"{what}: no reason against the load, because the position follows the measurement.")
+        elif one.load <= width:
+            notes.append(
+                f"{what} and corresponds to a load of {one.load:.0f} N, within the width of the interval, "
+                f"{width:.0f} N: no reason against the load."
+            )
+    return notes
+
+
+def _inside(fit: Fit) -> NDArray[np.bool_]:
+    """Points of a fitted load with an interval, within the reach."""
+    curve = fit.load_curve
+    inside: NDArray[np.bool_] = np.isfinite(curve.high - curve.low) & (curve.position <= reach(fit))
+    return inside & fit.load_is_fitted
+
+
+def _width(fit: Fit) -> float:
+    """Median width of the interval of the load in N; NaN without one."""
+    width = (fit.load_curve.high - fit.load_curve.low)[_inside(fit)]
+    return float(np.median(width)) if width.size > 1 else float("nan")
+
+
+def _residuals(fit: Fit, found: Evidence, least: float) -> list[_Residual]:
+    """Residuals with a certain correlation of at least `least` with a valve; none without a load with an interval."""
+    curve, inside = fit.load_curve, _inside(fit)
+    if inside.sum() < 2:
+        return []
+    slope = float(np.median(np.abs(np.gradient(curve.force, curve.position)[inside])))
+    force = {"position": 0.0 if fit.follows else slope, "pressure_a": fit.actuator.parameters.A_A}
+    return [
+        _Residual(name, column, force[column] * _autocorrelated(residual))
+        for name, diagnosis in found.diagnoses.items()
+        for column, residual in diagnosis.columns.items()
+        if _correlates_with_valve(residual, least)
+    ]
+
+
+def _autocorrelated(residual: ColumnDiagnosis) -> float:
+    """Rms of the autocorrelated part of a residual in SI; 0 if it looks white."""
+    share = max(np.nan_to_num(rate.share_outside) for rate in (residual.fast, residual.slow))
+    first = max(np.nan_to_num(residual.fast.first), 0.0) if share > MOST_OUTSIDE else 0.0
+    return residual.rms * float(np.sqrt(first))
+
+
+def _correlates_with_valve(residual: ColumnDiagnosis, least: float) -> bool:
+    correlations = [c for rate in (residual.fast, residual.slow) for c in rate.inputs.values()]
+    return any(abs(c.strongest) > max(BEYOND * c.strongest_bound, least) for c in correlations)
+
 
 #: Fits in %: below the first a tenth of the motion is not reproduced, below the second half of it.
 GOOD_FIT, POOR_FIT = 90.0, 50.0

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from clutchid.estimation.assess.comparison import Comparison, comparison
-from clutchid.estimation.assess.reason import Reason
+from clutchid.estimation.assess.evidence import Reason
 from clutchid.estimation.result import Fit
 from clutchid.names import ParameterName
 from clutchid.numerics.interval import QUANTILE

@@ -1,18 +1,155 @@
-"""Verdict on a fit: whether its parameters and load can be trusted, with reasons."""
+"""Verdict on a fit: trust in its parameters and load, reasons, and states of wear of its recordings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from itertools import combinations
+from typing import Literal, NamedTuple
 
-from clutchid.estimation.assess.bounds import bound_notes
-from clutchid.estimation.assess.evidence import HORIZON, evidence
-from clutchid.estimation.assess.once import once_a_fit
-from clutchid.estimation.assess.reasons import reasons
-from clutchid.estimation.assess.states import states_reasons
-from clutchid.estimation.assess.valve_residuals import valve_notes
+import numpy as np
+
+from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measurement, measured
+from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit
+from clutchid.estimation.assess.reasons import bound_notes, reasons, valve_notes
 from clutchid.estimation.result import Fit
+from clutchid.inference.uncertainty.identifiability import listed
+
+#: Probability that recordings of one state of wear are taken for several, as of a 95 % interval.
+FALSE_ALARM = 0.05
+
+#: Difference of the air's temperature between two recordings in K where it was not recorded, rms. A guess.
+UNKNOWN_DIFFERENCE = 10.0
+
+_NUMBERS = {2: "two", 3: "three", 4: "four", 5: "five"}
+
+
+class ReadingDifference(NamedTuple):
+    """Difference of two readings, the second less the first, and how much of it their errors allow.
+
+    `load` is the relative change of the mean load over 5 to 8 mm, `shift` that of the half-load position in m.
+    """
+
+    first: str
+    second: str
+    load: float
+    load_allowed: float
+    shift: float
+    shift_allowed: float
+
+    @property
+    def excess(self) -> float:
+        """The larger difference over what is allowed: beyond 1 the readings are of two states of wear."""
+        return max(abs(self.load) / self.load_allowed, abs(self.shift) / self.shift_allowed)
+
+
+class States(NamedTuple):
+    """Recordings by state of wear, and the two of them that differ most."""
+
+    groups: tuple[tuple[str, ...], ...]
+    most: ReadingDifference
+
+
+def states_of_wear(fit: Fit) -> States | None:
+    """The states of wear of the recordings of a fit, by its readings one by one; None if they do not differ.
+
+    Notes
+    -----
+    What the calibration lacks changes all readings alike, so that only the independent part of their bands counts, and
+    what a difference in temperature adds, `clutchid.estimation.assess.comparison.SHARES`. These shares are known as if
+    from `WORTH` recordings, hence Student's t; with both measures of every pair of recordings the probability of a
+    false alarm is at most `FALSE_ALARM` (Bonferroni). A recording joins the first group with none from which it
+    differs.
+
+    References
+    ----------
+    docs/derivations.md, "Two states of wear".
+    """
+    known = {name: _measurement(one) for name, one in fit.readings.items()}
+    values = {name: value for name, value in known.items() if value is not None}
+    pairs = {(a, b): _difference(a, b, values, _quantile(len(values))) for a, b in combinations(values, 2)}
+    most = max(pairs.values(), key=lambda pair: pair.excess, default=None)
+    if most is None or most.excess <= 1.0:
+        return None
+    groups: list[list[str]] = []
+    for name in values:
+        fits = (group for group in groups if all(pairs[other, name].excess <= 1.0 for other in group))
+        own = next(fits, None)
+        if own is None:
+            groups.append([name])
+        else:
+            own.append(name)
+    return States(tuple(map(tuple, groups)), most)
+
+
+def _measurement(reading: Fit) -> Measurement | None:
+    """Measurement of the wear by a recording; None if its reading is not to be used."""
+    (recording,) = reading.recordings.values()
+    return None if any(reason.grave for reason in reasons(reading)) else measured(reading, recording.measured)
+
+
+def _quantile(recordings: int) -> float:
+    """Two-sided quantile of Student's t for the largest of two measures of every pair of recordings."""
+    from scipy.special import stdtrit
+
+    comparisons = max(1, recordings * (recordings - 1))  # two measures of half as many pairs
+    return float(stdtrit(WORTH, 1.0 - FALSE_ALARM / (2 * comparisons)))
+
+
+def _difference(a: str, b: str, values: Mapping[str, Measurement], quantile: float) -> ReadingDifference:
+    one, two = values[a], values[b]
+    warmer = two.temperature - one.temperature
+    warmer = (warmer if np.isfinite(warmer) else UNKNOWN_DIFFERENCE) / 10.0
+
+    def allowed(channel: str, first: float, second: float) -> float:
+        """By the errors of two readings with these standard deviations."""
+        shares = SHARES[channel]
+        share = np.hypot(shares.independent, shares.by_temperature * warmer / np.sqrt(2.0))
+        return quantile * float(share * np.hypot(first, second))
+
+    return ReadingDifference(
+        a, b, two.load - one.load, allowed("load", one.load_std, two.load_std),
+        two.shift - one.shift, allowed("shift", one.shift_std, two.shift_std),
+    )  # fmt: skip
+
+
+def states_reasons(fit: Fit) -> list[Reason]:
+    """That the recordings of a fit are of several states of wear, by how much they differ, and what to do."""
+    found = states_of_wear(fit)
+    if found is None:
+        return []
+    count, most = len(found.groups), found.most
+    text = f"these are {_NUMBERS.get(count, str(count))} states of wear"
+    if len(fit.readings) > 2:
+        text += f" ({'; '.join(listed(list(group)) for group in found.groups)})"
+    text += f": from {most.first} to {most.second} {' and '.join(_how_far(most))}. One load for all of them describes "
+    return [Reason(f"{text}none: use the readings one by one, or follow the wear with {track_command(fit)}")]
+
+
+def _how_far(most: ReadingDifference) -> list[str]:
+    begin, end = (f"{y * 1e3:.0f}" for y in ENGAGING)
+    parts = []
+    if abs(most.load) > most.load_allowed:
+        verb, by, allowed = "rises" if most.load > 0.0 else "falls", 100 * abs(most.load), 100 * most.load_allowed
+        parts.append(
+            f"the load over {begin} to {end} mm {verb} by {by:.1f} % of the calibrated one (their bands allow "
+            f"{allowed:.1f} %)"
+        )
+    if abs(most.shift) > most.shift_allowed:
+        by, allowed = most.shift * 1e3, most.shift_allowed * 1e3
+        parts.append(f"the half-load position moves by {by:+.2f} mm (their bands allow ±{allowed:.2f} mm)")
+    return parts
+
+
+def track_command(fit: Fit) -> str:
+    """The command that follows the wear over the recordings of a fit, with the names of its files."""
+    import shlex
+
+    logs = [r.measured.metadata.get("source", r.measured.name) for r in fit.recordings.values()]
+    origin = fit.baseline.origin if fit.baseline else None
+    start = origin.name if origin and origin.name else "CAL.toml"
+    return shlex.join(["clutchid", "track", *logs, "--start", start, "--out", "WEAR.parquet"])
+
 
 Trust = Literal["good", "with care", "none"]
 
@@ -63,7 +200,7 @@ def verdict(fit: Fit) -> Verdict:
     The interval is too narrow if residuals are autocorrelated, correlate with a valve, and correspond to a
     load larger than the width of the interval. If the position follows the measurement, as in multiple shooting, this
     is tested with the pressure only. A load from position alone is judged by how far the recording departs from the
-    calibration, `clutchid.estimation.assess.reading`: neither bounds nor simulated positions told its error.
+    calibration, `clutchid.estimation.assess.reasons`: neither bounds nor simulated positions told its error.
 
     Examples
     --------

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.phase import phase_finder
 from clutchid.estimation.prediction_error.innovations import noise_scales
 from clutchid.estimation.prediction_error.problem import FilterSolution, Prediction, predict_errors
 from clutchid.estimation.prediction_error.result import result
 from clutchid.estimation.problem import fit_problem, start_point
+from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.search_result import SearchMethod, SearchResult
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.inference.uncertainty.calibration import Calibration

@@ -9,7 +9,7 @@ import numpy as np
 from clutchid.estimation.prediction_error.problem import Prediction
 from clutchid.inference.smoother.problem import FitProblem
 from clutchid.log import FloatArray
-from clutchid.log.measured import MEASURED
+from clutchid.log.states import MEASURED
 from clutchid.simulation.noise import noise_scale
 
 #: Largest lag of the autocorrelation in samples.

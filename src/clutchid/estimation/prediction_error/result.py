@@ -6,17 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.estimation.outcome import Compared, compare, position_and_pressure
 from clutchid.estimation.posterior import posterior
 from clutchid.estimation.prediction_error.innovations import innovations
 from clutchid.estimation.prediction_error.problem import FilterSolution, predict_errors
-from clutchid.estimation.result import Fit
+from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
 from clutchid.estimation.search_result import SearchResult
 from clutchid.inference.smoother.problem import FitProblem
-from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.consider import DEVIATION_FACTOR, consider_parameters
+from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, consider_parameters
 from clutchid.log import FloatArray
-from clutchid.log.measured import MEASURED
+from clutchid.log.states import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import triangular

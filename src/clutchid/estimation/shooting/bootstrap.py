@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.inference.smoother.elimination import eliminate
 from clutchid.inference.smoother.problem import FitProblem, LinearisedProblem
+from clutchid.inference.smoother.rows import eliminate
 from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log import FloatArray
 from clutchid.numerics.least_squares import triangular

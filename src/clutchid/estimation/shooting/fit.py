@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.estimation.departure import misfit
-from clutchid.estimation.free import FreeParameters
 from clutchid.estimation.phase import phase_finder
 from clutchid.estimation.problem import fit_problem, start_point
+from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult
 from clutchid.estimation.shooting.checks import checked
 from clutchid.estimation.shooting.result import result
@@ -26,7 +26,7 @@ from clutchid.inference.smoother.search import (
     search,
     settled,
 )
-from clutchid.inference.smoother.settling import States
+from clutchid.inference.smoother.trial import States
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from clutchid.estimation.outcome import Compared, compare, position_and_pressure
 from clutchid.estimation.posterior import posterior
-from clutchid.estimation.result import Fit
+from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
 from clutchid.estimation.search_result import SearchResult
 from clutchid.estimation.shooting.uncertainty import ParameterUncertainty, parameter_uncertainty, pressure_deviations
 from clutchid.inference.smoother.problem import FitProblem

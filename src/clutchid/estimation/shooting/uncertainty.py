@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.inference.smoother.elimination import Eliminated, recover
 from clutchid.inference.smoother.problem import FitProblem, condense, data_factor, linearise
 from clutchid.inference.smoother.residuals import dispersion
+from clutchid.inference.smoother.rows import Eliminated, recover
 from clutchid.inference.smoother.search import ShootingSolution
-from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.consider import consider_parameters
+from clutchid.inference.uncertainty.calibration import Calibration, consider_parameters
 from clutchid.inference.uncertainty.gaussian import gaussian_posterior, square_root
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.estimation.free import bounds_of, free_names
-from clutchid.estimation.outcome import failed_fit, plan_warnings
-from clutchid.estimation.request import FitRequest
-from clutchid.estimation.result import Fit
+from clutchid.estimation.request import FitRequest, bounds_of, free_names
+from clutchid.estimation.result import Fit, failed_fit, plan_warnings
 from clutchid.estimation.simulation_error.problem import Problem, build_problem
 from clutchid.estimation.simulation_error.result import bounds_in_si, result
 from clutchid.estimation.simulation_error.search import two_stages

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
-from clutchid.inference.uncertainty.information import natural_sizes
+from clutchid.inference.uncertainty.gaussian import natural_sizes
 from clutchid.log import FloatArray
-from clutchid.log.measured import MEASURED
+from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, compress, triangular

@@ -7,11 +7,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.estimation.outcome import Compared, compare, load_curve, plan_warnings
-from clutchid.estimation.result import Estimate, Fit, Recording, errors_over
-from clutchid.estimation.search_state import ended
+from clutchid.estimation.request import ended
+from clutchid.estimation.result import (
+    Compared,
+    Estimate,
+    Fit,
+    Recording,
+    compare,
+    errors_over,
+    load_curve,
+    plan_warnings,
+)
 from clutchid.estimation.simulation_error.problem import Problem, residuals, simulated_states
-from clutchid.inference.uncertainty.covariance import Covariance, sandwich
+from clutchid.inference.uncertainty.gaussian import Covariance, sandwich
 from clutchid.inference.uncertainty.identifiability import identifiability_warnings, identifiable, listed
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator

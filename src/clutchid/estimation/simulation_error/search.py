@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.estimation.simulation_error.problem import Problem, linearise, residuals
 from clutchid.log import FloatArray
-from clutchid.log.measured import MEASURED
+from clutchid.log.states import MEASURED
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise
 

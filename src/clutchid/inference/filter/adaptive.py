@@ -13,7 +13,9 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.arrays import (
+from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
+from clutchid.inference.filter.recursion import OUTPUT, STATE, move
+from clutchid.inference.filter.setup import (
     Derived,
     FreeArrays,
     IntArray,
@@ -23,8 +25,6 @@ from clutchid.inference.filter.arrays import (
     ModelArrays,
     StateArrays,
 )
-from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
-from clutchid.inference.filter.recursion import OUTPUT, STATE, move
 from clutchid.log import FloatArray
 from clutchid.simulation.stiffness import Pace
 

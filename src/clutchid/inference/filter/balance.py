@@ -15,7 +15,9 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.arrays import (
+from clutchid.inference.filter.joint import drift, project_parameters, stroke_ends, update_parameters
+from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
+from clutchid.inference.filter.setup import (
     Derived,
     FreeArrays,
     IntArray,
@@ -25,8 +27,6 @@ from clutchid.inference.filter.arrays import (
     ModelArrays,
     StateArrays,
 )
-from clutchid.inference.filter.joint import drift, project_parameters, stroke_ends, update_parameters
-from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.log import FloatArray
 from clutchid.simulation.stiffness import Pace
 

@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.inference.filter.arrays import FilterOutput, IntArray, Intervals, Measurements, ModelArrays, Scratch
 from clutchid.inference.filter.setup import (
+    FilterOutput,
     FilterState,
+    IntArray,
+    Intervals,
+    Measurements,
+    ModelArrays,
+    Scratch,
     first_state,
     intervals,
     measurements,
@@ -21,14 +26,13 @@ from clutchid.inference.filter.setup import (
     sensor_rows,
 )
 from clutchid.log import FloatArray
-from clutchid.log.measured import MEASURED
+from clutchid.log.states import MEASURED
 from clutchid.model.compiled import step
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.divergence import failure_message
-from clutchid.simulation.noise import Noise
+from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap
-from clutchid.simulation.process_noise import start_deviations
 from clutchid.simulation.run import columns, inputs_of
 from clutchid.simulation.windows import Track
 

@@ -17,7 +17,9 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.arrays import (
+from clutchid.inference.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
+from clutchid.inference.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, triangularise, update_root
+from clutchid.inference.filter.setup import (
     Derived,
     FreeArrays,
     IntArray,
@@ -28,8 +30,6 @@ from clutchid.inference.filter.arrays import (
     SettingsArrays,
     StateArrays,
 )
-from clutchid.inference.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
-from clutchid.inference.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, triangularise, update_root
 from clutchid.log import FloatArray
 from clutchid.simulation.comparison import lag_coefficients
 from clutchid.simulation.stiffness import Pace

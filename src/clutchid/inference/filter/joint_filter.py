@@ -10,7 +10,8 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError
-from clutchid.inference.filter.arrays import (
+from clutchid.inference.filter.rules import KALMAN, CorrectionRule
+from clutchid.inference.filter.setup import (
     Derived,
     FreeArrays,
     IntArray,
@@ -18,19 +19,22 @@ from clutchid.inference.filter.arrays import (
     JointScratch,
     ModelArrays,
     SettingsArrays,
+    first_state,
+    intervals,
+    measurements,
+    model_arrays,
+    scratch,
+    sensor_rows,
 )
-from clutchid.inference.filter.rules import KALMAN, CorrectionRule
-from clutchid.inference.filter.setup import first_state, intervals, measurements, model_arrays, scratch, sensor_rows
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
-from clutchid.log.measured import SENSORS
+from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import prepare, step
 from clutchid.numerics.failure import Failure
-from clutchid.simulation.noise import Noise
+from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap, parameter_map
 from clutchid.simulation.plan import Segment
-from clutchid.simulation.process_noise import start_deviations
 from clutchid.simulation.run import Columns, columns, inputs_of
 from clutchid.simulation.stiffness import AS_PLANNED, Pace
 from clutchid.simulation.windows import Track

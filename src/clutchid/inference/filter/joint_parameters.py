@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.arrays import (
+from clutchid.inference.filter.setup import (
     HIGH,
     LAG_OF,
     LEAST,

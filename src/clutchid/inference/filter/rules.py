@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray
-from clutchid.log.measured import MEASURED
+from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
 from clutchid.simulation.stiffness import STROKE_TIME, TOP_SPEED

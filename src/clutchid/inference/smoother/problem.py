@@ -10,9 +10,10 @@ from functools import cached_property, lru_cache, partial
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.inference.smoother.elimination import Eliminated, eliminate
 from clutchid.inference.smoother.rows import (
+    Eliminated,
     LinearisedWindows,
+    eliminate,
     first_rows,
     link_costs,
     link_rows,

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from clutchid.inference.smoother.elimination import eliminate
 from clutchid.inference.smoother.problem import Chain, FitProblem, LinearisedProblem
+from clutchid.inference.smoother.rows import eliminate
 from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log import FloatArray
 from clutchid.numerics.least_squares import triangular

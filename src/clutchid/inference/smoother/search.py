@@ -15,15 +15,20 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from clutchid.inference.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
-from clutchid.inference.smoother.settling import (
+from clutchid.inference.smoother.trial import (
+    NO_GAIN,
     Damping,
     States,
+    Trial,
+    accept,
+    evaluate_step,
     initial_damping,
     minimise_states,
     shifted_states,
     stepped_states,
+    with_theta_fixed,
+    with_theta_free,
 )
-from clutchid.inference.smoother.trial import NO_GAIN, Trial, accept, evaluate_step, with_theta_fixed, with_theta_free
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Progress

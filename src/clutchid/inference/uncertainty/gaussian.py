@@ -1,12 +1,16 @@
-"""Linear least squares as Bayesian inference: posterior and evidence of Gaussian rows."""
+"""Gaussian posteriors: evidence, information in square-root form, covariance of correlated residuals."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.log import FloatArray
+from clutchid.model.actuator import Actuator
 from clutchid.numerics.least_squares import triangular
 
 
@@ -54,3 +58,207 @@ def square_root(covariance: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(covariance)
     result: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
     return result
+
+
+#: Natural size of a load weight by its unit.
+WEIGHT_SIZES = {"N/m": 1e5, "N": 1e3}
+
+
+def natural_sizes(actuator: Actuator, names: Sequence[str]) -> FloatArray:
+    """Sizes in SI that make parameters of order one: those of load weights, and the values of all others."""
+    weight = WEIGHT_SIZES[actuator.load.unit]
+    return np.array([weight if n in actuator.load.names else abs(actuator.value(n)) or 1.0 for n in names])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Information:
+    r"""Information matrix :math:`R^T R` of the parameters `names`, as its square root.
+
+    Parameters
+    ----------
+    names : names
+        Of the columns of R.
+    R : (m, k)
+        Each row is the derivative of a residual of standard deviation 1 with respect to the parameters in their natural
+        sizes. A column of zeros: there is no information about that parameter.
+    """
+
+    names: tuple[str, ...]
+    R: FloatArray
+
+    @classmethod
+    def of_covariance(cls, names: Sequence[str], covariance: FloatArray, sizes: FloatArray) -> Information:
+        """The inverse of a covariance in SI, shape (k, k); there is no information where a variance is infinite.
+
+        Directions whose variance is below rounding get the information of rounding.
+        """
+        known = np.flatnonzero((np.diag(covariance) > 0.0) & (np.diag(covariance) < np.inf))
+        R = np.zeros((len(names), len(names)))
+        if known.size:
+            at = np.ix_(known, known)
+            std, values, vectors = spectrum(covariance[at])
+            floor = np.finfo(float).eps * known.size * values[-1]
+            R[at] = (vectors / np.sqrt(np.maximum(values, floor))).T / std * sizes[known]
+        return cls(tuple(names), R)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Parameters about which there is any information."""
+        return tuple(name for name, column in zip(self.names, self.R.T, strict=True) if np.any(column != 0.0))
+
+    def columns(self, names: Sequence[str]) -> FloatArray:
+        """Columns of R."""
+        return self.R[:, [self.names.index(name) for name in names]]
+
+    def marginal(self, names: Sequence[str]) -> Information:
+        """Information about `names` if all others are unknown.
+
+        What remains of the columns of `names` is orthogonal to all columns of the others, also if those are dependent.
+        """
+        columns, others = self.columns(names), self.columns([name for name in self.names if name not in names])
+        U, s, _ = np.linalg.svd(others, full_matrices=False)
+        Q = U[:, s > max(others.shape) * np.finfo(float).eps * s.max(initial=0.0)]
+        return Information(tuple(names), triangular(columns - Q @ (Q.T @ columns)))
+
+    def plus(self, rows: FloatArray) -> Information:
+        """With the information of further residuals, `rows` (m, k)."""
+        return Information(self.names, triangular(np.vstack([self.R, rows])))
+
+    def standard_errors(self) -> FloatArray:
+        """Standard errors in natural sizes, shape (k,).
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If a parameter is not determined.
+        """
+        inverse = np.linalg.inv(triangular(self.R))
+        result: FloatArray = np.sqrt(np.sum(inverse**2, axis=1))
+        return result
+
+    def nats(self) -> float:
+        """Half the logarithm of the determinant."""
+        return float(np.sum(np.log(np.abs(np.diag(triangular(self.R))))))
+
+
+def spectrum(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Standard errors, and eigenvalues (ascending) and eigenvectors of the correlation matrix."""
+    std = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(std, std))
+    return std, values, vectors
+
+
+#: Scores are summed in blocks, so that at most this many enter the lag sums.
+MAX_BLOCKS = 4096
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Covariance:
+    """Covariance matrix of the estimate, shape (k, k), and its degrees of freedom.
+
+    A parameter that the data do not determine has infinite variance and zero covariances.
+    """
+
+    matrix: FloatArray
+    degrees_of_freedom: float
+
+    def quantile(self) -> float:
+        """Half width of a 95 % interval in standard deviations (Student's t)."""
+        from scipy.special import stdtrit
+
+        return float(stdtrit(max(1.0, self.degrees_of_freedom), 0.975))
+
+
+def sandwich(
+    R: FloatArray, scores: Sequence[FloatArray], known: NDArray[np.bool_] | None = None, shared: int | None = None
+) -> Covariance:
+    r"""Covariance of a least-squares estimate with autocorrelated residuals.
+
+    .. math:: P = H^{-1} \Big( \sum_{|l| \le b} (1 - |l| / (b + 1)) \sum_t s_t s_{t+l}^T \Big) H^{-1}, \quad H = R^T R
+
+    Parameters
+    ----------
+    R : (k, k)
+        Triangular factor of the Jacobian of the scaled residuals.
+    scores : (n_i, k) per segment
+        ``J_t r_t``, sample by sample; segments are taken as independent.
+    known : (k,), optional
+        Parameters that the data say something about; by default those with a Jacobian column above rounding.
+    shared : int, optional
+        The first `shared` parameters belong to all segments, the others to one each: only the first cost degrees of
+        freedom of the whole, and only their scores choose the bandwidth. By default all.
+
+    Notes
+    -----
+    Bartlett weights (Newey and West 1987), bandwidth b by Andrews (1991) with a first-order autoregression for each
+    parameter's score. Simulation errors stay correlated for seconds: the usual formula for white residuals would give
+    intervals many times too narrow.
+    """
+    k = R.shape[0]
+    common = k if shared is None or shared == 0 else shared
+    norms = np.sqrt(np.sum(R**2, axis=0))
+    identifiable = norms > 1e-9 * max(float(norms.max(initial=0.0)), 1e-300)
+    known = identifiable if known is None else identifiable & known
+    matrix = np.full((k, k), 0.0)
+    matrix[~known, ~known] = np.inf
+    total = sum(s.shape[0] for s in scores)
+    if not known.any() or total <= k:
+        np.fill_diagonal(matrix, np.inf)
+        return Covariance(matrix, 1.0)
+    inverse = _pseudo_inverse(R[:, known] / norms[known])
+    size = max(1, -(-total // MAX_BLOCKS))
+    blocks = [_block_sums(s[:, known] / norms[known], size) for s in scores]
+    influence = np.concatenate(blocks) @ inverse
+    leading = influence[:, : max(1, int(known[:common].sum()))]
+    bandwidth = _bandwidth(leading)
+    middle = sum((_lag_sum(block, bandwidth) for block in blocks), np.zeros((known.sum(), known.sum())))
+    count = sum(block.shape[0] for block in blocks)
+    root = (inverse / norms[known]).T @ _square_root(middle)
+    inner = root @ root.T
+    matrix[np.ix_(known, known)] = inner * count / max(1.0, count - common)
+    return Covariance(matrix, max(1.0, 1.5 * count / (bandwidth + 1) - common))
+
+
+def _square_root(matrix: FloatArray) -> FloatArray:
+    """L with ``L L^T = matrix``, so that rounding cannot make a variance negative."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    result: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return result
+
+
+def _pseudo_inverse(R: FloatArray) -> FloatArray:
+    """Inverse of R^T R by singular values, with a floor that keeps the variance of unidentifiable directions finite."""
+    _, s, Vt = np.linalg.svd(R)
+    s = np.maximum(s, 1e-12 * s[0])
+    result: FloatArray = (Vt.T / s**2) @ Vt
+    return result
+
+
+def _block_sums(scores: FloatArray, size: int) -> FloatArray:
+    if size == 1:
+        return scores
+    starts = np.arange(0, scores.shape[0], size)
+    result: FloatArray = np.add.reduceat(scores, starts, axis=0)
+    return result
+
+
+def _bandwidth(scores: FloatArray) -> int:
+    """Andrews' bandwidth for Bartlett weights, from a first-order autoregression of every column."""
+    n = scores.shape[0]
+    before, after = scores[:-1], scores[1:]
+    power = np.maximum(np.sum(before**2, axis=0), 1e-300)
+    rho = np.clip(np.sum(before * after, axis=0) / power, -0.97, 0.97)
+    sigma2 = np.mean((after - rho * before) ** 2, axis=0)
+    weight = 1 / np.maximum(np.mean(scores**2, axis=0), 1e-300) ** 2
+    top = np.sum(weight * 4 * rho**2 * sigma2**2 / ((1 - rho) ** 6 * (1 + rho) ** 2))
+    bottom = np.sum(weight * sigma2**2 / (1 - rho) ** 4)
+    alpha = top / max(bottom, 1e-300)
+    return int(min(n // 4, 1.1447 * (alpha * n) ** (1 / 3)))
+
+
+def _lag_sum(scores: FloatArray, bandwidth: int) -> FloatArray:
+    total: FloatArray = scores.T @ scores
+    for lag in range(1, min(bandwidth, scores.shape[0] - 1) + 1):
+        shifted = scores[:-lag].T @ scores[lag:]
+        total = total + (1 - lag / (bandwidth + 1)) * (shifted + shifted.T)
+    return total

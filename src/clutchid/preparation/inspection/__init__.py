@@ -8,7 +8,7 @@
 '100 Hz'
 """
 
-from clutchid.preparation.inspection.check import Check, Grade, Inspection
+from clutchid.preparation.inspection.reading import Check, Grade, Inspection
 from clutchid.preparation.inspection.recording import inspect
 
 __all__ = ["Check", "Grade", "Inspection", "inspect"]

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.preparation.inspection.check import Check, Grade
-from clutchid.preparation.inspection.reading import InspectedRecording, shown, spread_over
+from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, shown, spread_over
 from clutchid.recordings.signals.sampled import LEFT_OUT, Runs
 
 #: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
-from clutchid.preparation.inspection.check import Check, Grade
-from clutchid.preparation.inspection.reading import InspectedRecording, shown, spread_over
+from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, shown, spread_over
 from clutchid.recordings.strokes.vented_rest import Rested
 from clutchid.simulation.plan import outside_stroke
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.preparation.inspection.air import conditions, missing_conditions, pressure_unit, supply_pressure
-from clutchid.preparation.inspection.check import Check, Inspection
 from clutchid.preparation.inspection.columns import quantisation, saturation, stuck
 from clutchid.preparation.inspection.position import direction, motion, position_range, rest_check
-from clutchid.preparation.inspection.reading import InspectedRecording
+from clutchid.preparation.inspection.reading import Check, InspectedRecording, Inspection
 from clutchid.preparation.inspection.timing import sample_rate, time_shift
 from clutchid.recordings.strokes.vented_rest import VentedRest, from_rest
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.log import HOLE, FloatArray
-from clutchid.preparation.inspection.check import Check, Grade
-from clutchid.preparation.inspection.reading import InspectedRecording, spread_over
+from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
 from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP, duty_grid, on_off
 from clutchid.recordings.signals.sampled import IntArray, run_ends
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED

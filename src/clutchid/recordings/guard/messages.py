@@ -17,8 +17,7 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.processes.frames import Parts
 from clutchid.recordings.columns import Heading
-from clutchid.recordings.source import Raster, Source, Tables
-from clutchid.recordings.table import Places, Rows, Table
+from clutchid.recordings.source import Places, Raster, Rows, Source, Table, Tables
 
 Message = dict[str, Any]
 Arrays = Mapping[str, FloatArray | Rows]

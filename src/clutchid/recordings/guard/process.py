@@ -1,14 +1,79 @@
-"""`ReaderProcess`: the worker process that opens foreign files, and what is said when it ends on one."""
+"""The guarded reader process seen from clutchid: files opened in it, its limits, its end on a file."""
 
 from __future__ import annotations
 
+import os
+import re
+import weakref
 from collections import deque
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from clutchid.errors import DataError, MissingExtra
+from clutchid.errors import DataError, MissingExtra, ParameterError
 from clutchid.processes import Ended, Limits, Worker
-from clutchid.recordings.guard.limits import memory, seconds, too_large, too_long
-from clutchid.recordings.guard.messages import Arrays, Message, decoded, encoded
+from clutchid.recordings.columns import Heading
+from clutchid.recordings.guard.messages import Arrays, Message, decoded, encoded, source_of, unpacked
+from clutchid.recordings.source import BLOCK, Source, Table, joined_samples
+
+MEMORY_VARIABLE, SECONDS_VARIABLE = "CLUTCHID_READER_MEMORY", "CLUTCHID_READER_SECONDS"
+
+_MEMORY = 1_250_000_000
+_SECONDS = 60.0
+
+#: Bytes of a file for which the reader has a further second, as a large sound file takes long.
+_BYTES_PER_SECOND = 1e6
+
+_SIZE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(GB|MB)\s*", re.IGNORECASE)
+
+
+def memory() -> int:
+    """Bytes that the reader process may have in memory: 1.25 GB, or as the user has set it.
+
+    Raises
+    ------
+    ParameterError
+        If the environment variable is not a size.
+    """
+    text = os.environ.get(MEMORY_VARIABLE)
+    if text is None:
+        return _MEMORY
+    match = _SIZE.fullmatch(text)
+    if match is None:
+        raise ParameterError(f"{MEMORY_VARIABLE} = '{text}': a size in MB or GB is needed, for example 4GB.")
+    return int(float(match[1]) * (1e9 if match[2].upper() == "GB" else 1e6))
+
+
+def seconds(size: int) -> float:
+    """Time in s that one answer about a file of `size` bytes may take.
+
+    Raises
+    ------
+    ParameterError
+        If the environment variable is not a time.
+    """
+    text = os.environ.get(SECONDS_VARIABLE)
+    try:
+        least = _SECONDS if text is None else float(text)
+    except ValueError:
+        raise ParameterError(f"{SECONDS_VARIABLE} = '{text}': a time in s is needed, for example 300.") from None
+    return least + size / _BYTES_PER_SECOND
+
+
+def too_large() -> str:
+    """End of the sentence about a file that needs more memory than the reader process may have."""
+    return (
+        f"needs more than {memory() / 1e9:.3g} GB to be read; save only the channels that are needed, convert it to "
+        f"Parquet, or allow more with the environment variable {MEMORY_VARIABLE}=4GB."
+    )
+
+
+def too_long(limit: float) -> str:
+    """End of the sentence about a file that takes longer than `limit` in s."""
+    return (
+        f"was not read within {limit:.0f} s, so it is damaged or very slow to read; copy it again, or allow more with "
+        f"the environment variable {SECONDS_VARIABLE}=600."
+    )
+
 
 Answer = tuple[Message, Arrays]
 
@@ -91,3 +156,62 @@ def reader(path: Path) -> ReaderProcess:
             reason = error.strerror or type(error).__name__
             raise DataError(f"{path}: no process to read it in could be started ({reason}).") from error
     return _current[0]
+
+
+def guarded_source(path: Path, dbc: Sequence[Path], kind: str = "") -> Source:
+    """Open a file of any known format in the reader process; `dbc` files decode the frames of a bus log.
+
+    `kind` is its format where that is known already.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or takes more memory or time than the reader process has.
+    MissingExtra
+        If the format needs a library that is not installed.
+    """
+    process = reader(path)
+    files = {"path": str(path.absolute()), "dbc": [str(name.absolute()) for name in dbc]}
+    question = {"do": "open", **files, "kind": kind}
+    message, _ = process.ask(question, path)
+    tables = _RemoteTables(process, path, message)
+    weakref.finalize(tables, process.forgotten.append, message["source"])
+    source = source_of(message, path, tables)
+    tables.headings = tuple(raster.headings for raster in source.rasters)
+    return source
+
+
+class _RemoteTables:
+    """Reads channels of one time grid through the reader process, see `Tables`."""
+
+    def __init__(self, process: ReaderProcess, path: Path, opened: Message) -> None:
+        self._process, self._path, self._number = process, path, opened["source"]
+        self._by_text = opened["format"] == "CSV"
+        self.headings: tuple[tuple[Heading, ...], ...] = ()
+
+    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Consecutive tables of at most `rows` samples; what is asked for as a whole still comes in blocks."""
+        if rows is not None or self._by_text:
+            yield from self._blocks(raster, columns, rows)
+        else:
+            blocks = list(self._blocks(raster, columns, BLOCK))
+            if blocks:
+                yield _joined(blocks)
+
+    def _blocks(self, raster: int, columns: Sequence[int], rows: int | None) -> Iterator[Table]:
+        question = {"do": "tables", "source": self._number, "raster": raster, "columns": list(columns), "rows": rows}
+        stream = {"stream": self._process.ask(question, self._path)[0]["stream"]}
+        try:
+            while "end" not in (found := self._process.ask({"do": "next", **stream}, self._path))[0]:
+                yield unpacked(*found, self.headings[raster])
+        finally:
+            self._process.forgotten.append(stream["stream"])
+
+
+def _joined(tables: list[Table]) -> Table:
+    """Blocks as one table."""
+    if len(tables) == 1:
+        return tables[0]
+    numbers, size, places, unread = joined_samples(tables)
+    problems = tuple(dict.fromkeys(problem for table in tables for problem in table.problems))
+    return Table(tables[0].headings, numbers, size, places, problems, unread, tables[0].metadata)

@@ -12,8 +12,7 @@ from clutchid.processes.serving import Service
 from clutchid.recordings.columns import shortened
 from clutchid.recordings.formats.opening import opened_here
 from clutchid.recordings.guard.messages import Arrays, Message, decoded, described, encoded, packed
-from clutchid.recordings.source import Source
-from clutchid.recordings.table import Table
+from clutchid.recordings.source import Source, Table
 
 Answer = tuple[Message, Arrays]
 

@@ -14,6 +14,7 @@ from clutchid.log import HOLE, FloatArray, Log
 from clutchid.recordings.alignment import align
 from clutchid.recordings.checks import usual_interval
 from clutchid.recordings.live.order import (
+    Arrived,
     LeftOut,
     Ordered,
     final,
@@ -23,7 +24,6 @@ from clutchid.recordings.live.order import (
     sorted_in,
     unconfirmed,
 )
-from clutchid.recordings.live.streams import Arrived
 from clutchid.recordings.map.channel_map import Pick
 
 #: Samples of the first block at least: as many give the time from one sample to the next.

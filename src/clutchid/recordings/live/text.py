@@ -1,22 +1,112 @@
-"""Rows of CSV or JSON lines from pieces of text of any length; what cannot be read is left out and counted."""
+"""A recording that arrives as CSV or JSON lines: rows from pieces of text, to blocks in SI."""
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
+from clutchid.log import FloatArray
 from clutchid.recordings.columns import Heading, headings
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
-from clutchid.recordings.formats.csv.fast import by_numpy, by_polars, is_plain
 from clutchid.recordings.formats.csv.lines import Block
-from clutchid.recordings.formats.csv.text import Part, joined, read_text
-from clutchid.recordings.live.json_lines import keys_of, read_objects
-from clutchid.recordings.source import Raster
-from clutchid.recordings.table import EXAMPLE, Table
+from clutchid.recordings.formats.csv.rows import Part, by_numpy, by_polars, is_plain, joined, read_text
+from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
+from clutchid.recordings.live.order import arrived, indices, picked_streams
+from clutchid.recordings.map.channel_map import Pick
+from clutchid.recordings.source import EXAMPLE, Raster, Table
+
+if TYPE_CHECKING:
+    from clutchid.recordings.map.channel_map import ChannelMap
+
+#: Types of a number in JSON, and of null; neither a string nor true is one.
+_NUMBERS = {int, float, type(None)}
+
+
+def keys_of(text: bytes, name: str) -> list[str]:
+    """The keys of the objects of some lines, in the order in which they first occur.
+
+    Raises
+    ------
+    DataError
+        If no line is an object.
+    """
+    keys = list(dict.fromkeys(key for one in map(_object, text.split(b"\n")) if one for key in one))
+    if not keys:
+        raise DataError(
+            f'{name}: no line is a JSON object; send an object a line, such as {{"time [s]": 0.0, "position [m]": 0.0, '
+            '"duty_supply [1]": 0.0, "duty_exhaust [1]": 0.0}.'
+        )
+    return keys
+
+
+def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], NDArray[np.bool_], int]:
+    """A column for each key; which objects have a value that is no number; the number of lines left out.
+
+    A key that an object lacks is NaN. A line that is no object is left out; a value that is no number is missing.
+
+    Examples
+    --------
+    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "0.5"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
+    >>> columns, spoiled.tolist(), left_out
+    ([array([1. , 2.5]), array([nan, nan])], [True, False], 1)
+    """
+    lines = [line for line in text.split(b"\n") if line.strip()]
+    objects = _together(lines)
+    if objects is None:
+        objects = [one for one in map(_object, lines) if one is not None]
+    spoiled = np.zeros(len(objects), dtype=bool)
+    columns = _all_numbers([[one.get(key) for one in objects] for key in keys])
+    if columns is None:
+        rows = [[_number(one.get(key)) for key in keys] for one in objects]
+        spoiled |= [None in row for row in rows]
+        columns = [np.array([math.nan if row[i] is None else row[i] for row in rows]) for i in range(len(keys))]
+    return columns, spoiled, len(lines) - len(objects)
+
+
+def _together(lines: Sequence[bytes]) -> list[dict[str, Any]] | None:
+    """The objects of some lines; None unless every line is one."""
+    try:
+        found = json.loads(b"[" + b",".join(lines) + b"]")
+    except (ValueError, RecursionError):
+        return None
+    whole = len(found) == len(lines) and all(type(one) is dict for one in found)
+    return found if whole else None
+
+
+def _all_numbers(columns: Sequence[Sequence[Any]]) -> list[FloatArray] | None:
+    """The columns as arrays; None unless every value is a number or null."""
+    if not all(set(map(type, values)) <= _NUMBERS for values in columns):
+        return None
+    try:
+        return [np.array(values, dtype=np.float64) for values in columns]
+    except OverflowError:
+        return None
+
+
+def _object(line: bytes) -> dict[str, Any] | None:
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def _number(value: Any) -> float | None:
+    """A value as a number, NaN for null; None if it is none."""
+    if value is None:
+        return math.nan
+    try:
+        return float(value) if type(value) in _NUMBERS else None
+    except OverflowError:
+        return None
+
 
 Mask = NDArray[np.bool_]
 
@@ -183,3 +273,45 @@ def _fast(block: Block, found: Dialect, selected: Sequence[Heading]) -> Part | N
         return None
     read = by_polars if block.lines >= _MANY else by_numpy
     return read(block, found, selected)
+
+
+def text_blocks(
+    pieces: Iterator[bytes], name: str, channels: ChannelMap | None, ambient: float, required: Sequence[str]
+) -> Iterator[LiveBlock]:
+    """Blocks of a recording from pieces of text of any length, see `clutchid.recordings.live.arrival.live_blocks`.
+
+    Parameters
+    ----------
+    name
+        Of the recording.
+    channels
+        The channel map; without it the columns must have standard names.
+    ambient : Pa
+        Absolute pressure that is added to gauge pressures.
+    required
+        Quantities that the recording must have.
+
+    Raises
+    ------
+    DataError
+        If it is no text, its columns do not fit, it has no sample, or its time goes back for good.
+    """
+    feed = text_feed(pieces, name)
+    if channels is None and feed.unnamed:
+        raise DataError(f"{name}: {feed.unnamed}")
+    picks = picked_streams(name, [feed.raster], channels, required)
+    metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
+    yield from live_blocks(_pieces(feed, picks, ambient), picks, name, metadata)
+
+
+def _pieces(feed: TextFeed, picks: Sequence[Pick], ambient: float) -> Iterator[Piece]:
+    """The picked channels of the rows, in SI."""
+    done = 0
+    chosen = sorted({index for each in picks for index in indices(each)})
+    for rows in feed.rows(chosen):
+        place, spoiled = np.arange(rows.table.size), rows.spoiled.copy()
+        each = [arrived(i, one, rows.table, ambient, place, done) for i, one in enumerate(picks)]
+        for one in each:
+            spoiled |= ~np.isin(place, one.place)  # without a time
+        yield Piece(each, rows.left_out + int(spoiled.sum()))
+        done += rows.table.size

@@ -14,7 +14,7 @@ from clutchid.log.units import UNITS, known_units
 from clutchid.names import unknown_name
 from clutchid.recordings.columns import QUANTITIES, Heading, unit_spelled
 from clutchid.recordings.files import write_text
-from clutchid.recordings.toml_file import read_toml
+from clutchid.recordings.records import read_toml
 
 _ABOVE_ZERO = {
     "raster": "an interval above 0 in s is needed, for example 0.001",

@@ -13,9 +13,9 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, sample_interval
 from clutchid.recordings.signals.sampled import difference_velocity
-from clutchid.recordings.strokes.bins import raw_bins, samples_in_bin
 from clutchid.recordings.strokes.borders import LEAD
 from clutchid.recordings.strokes.cutting import SPEED_BINS
+from clutchid.recordings.strokes.rest_level import raw_bins, samples_in_bin
 from clutchid.recordings.strokes.section import Section
 from clutchid.recordings.strokes.stream import Samples
 

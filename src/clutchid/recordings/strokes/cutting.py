@@ -9,10 +9,19 @@ import numpy as np
 
 from clutchid.log import Log, sample_interval
 from clutchid.recordings.signals.sampled import difference_velocity
-from clutchid.recordings.strokes.bins import CLOSED, Bins, RawBins, raw_bins, relative_to_rest, samples_in_bin
-from clutchid.recordings.strokes.borders import Completed, Pending, completed
-from clutchid.recordings.strokes.manoeuvre import rest_label, stroke_label
-from clutchid.recordings.strokes.rest_level import RestLevel, quantum_of, updated, windows_of
+from clutchid.recordings.strokes.borders import Completed, Pending, completed, rest_label, stroke_label
+from clutchid.recordings.strokes.rest_level import (
+    CLOSED,
+    Bins,
+    RawBins,
+    RestLevel,
+    quantum_of,
+    raw_bins,
+    relative_to_rest,
+    samples_in_bin,
+    updated,
+    windows_of,
+)
 from clutchid.recordings.strokes.section import Section, SectionSummary
 from clutchid.recordings.strokes.stream import Samples, Stretch, blocks, last_known, pieces_of, stretches
 

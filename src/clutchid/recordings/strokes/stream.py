@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
-from clutchid.recordings.strokes.edges import Edges, edges_of_part, edges_within, joined_edges
+from clutchid.recordings.strokes.section import Edges, edges_of_part, edges_within, joined_edges
 
 #: Samples per block. All estimates are updated per block, so the sections do not depend on the lengths of the pieces.
 BLOCK = 2**16

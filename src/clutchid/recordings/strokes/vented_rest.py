@@ -12,15 +12,18 @@ from clutchid.log import Log, sample_interval
 from clutchid.numerics.interval import QUANTILE
 from clutchid.recordings.signals.excitation import VENTED_POSITION
 from clutchid.recordings.signals.sampled import runs
-from clutchid.recordings.strokes.bins import CLOSED, RawBins, raw_bins, samples_in_bin
 from clutchid.recordings.strokes.rest_level import (
     CALM,
+    CLOSED,
     CREEP,
     LOW_END,
     STILL,
     BoolArray,
+    RawBins,
     quantum_of,
     ranges,
+    raw_bins,
+    samples_in_bin,
     windows_of,
 )
 from clutchid.recordings.strokes.stream import Samples

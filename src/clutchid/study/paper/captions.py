@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.reports.style import MM
-from clutchid.study.paper.figures import SLOW
+from clutchid.study.paper.figures import CLOSE, SLOW
 from clutchid.study.paper.fits import PaperMethod, best_possible, load_error
 from clutchid.study.paper.results import StudyResults, bars, millimetres
-from clutchid.study.paper.state_figures import CLOSE
 
 _BALLISTIC, _PARTS_32 = PaperMethod("ballistic"), PaperMethod("parts", 32)
 

@@ -10,10 +10,10 @@ from clutchid.log import Log
 from clutchid.reports.figures import png
 from clutchid.reports.style import BAR, MM
 from clutchid.reports.tables import ReportTable
-from clutchid.study.paper import figures, state_figures, tables
-from clutchid.study.paper.equation_21 import equation_21
+from clutchid.study.paper import figures, tables
 from clutchid.study.paper.fits import Case, PaperMethod, Progress, all_cases
 from clutchid.study.paper.pressure import Pressures, pressures
+from clutchid.study.paper.printed import equation_21
 from clutchid.study.paper.recording import TrueLoad, true_load
 
 if TYPE_CHECKING:
@@ -88,9 +88,9 @@ def _figures(
         3: lambda: figures.figure_3(cases),
         4: lambda: figures.figure_4(cases),
         5: lambda: figures.figure_5(cases, log, true_load(log)),
-        6: lambda: state_figures.states_figure(cases[0]),
-        7: lambda: state_figures.states_figure(thirty_two),
-        8: lambda: state_figures.figure_8(pair, [second[case.method] for case in pair]),
+        6: lambda: figures.states_figure(cases[0]),
+        7: lambda: figures.states_figure(thirty_two),
+        8: lambda: figures.figure_8(pair, [second[case.method] for case in pair]),
     }
     drawn = {}
     for number, make in makers.items():

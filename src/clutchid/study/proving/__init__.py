@@ -1,7 +1,6 @@
 """The proving ground: evaluate workflows on a seeded fleet of virtual trucks."""
 
-from clutchid.study.proving.answers import Answer, Score, Workflow, score
 from clutchid.study.proving.ground import Proof, kept, proof, prove
-from clutchid.study.proving.standings import standings
+from clutchid.study.proving.scores import Answer, Score, Workflow, score, standings
 
 __all__ = ["Answer", "Proof", "Score", "Workflow", "kept", "proof", "prove", "score", "standings"]

@@ -14,11 +14,11 @@ import numpy as np
 
 from clutchid.errors import ExportError
 from clutchid.fleets.cluster import HERE, Place, results
-from clutchid.fleets.version import version_and_source
+from clutchid.fleets.jobs import version_and_source
 from clutchid.log import Log
 from clutchid.processes import Lost, check_workers
 from clutchid.recordings.files import write_text
-from clutchid.study.proving.answers import Answer, Workflow, score
+from clutchid.study.proving.scores import Answer, Workflow, score
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, changed, drive, truck
 

@@ -16,7 +16,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import unknown_name
 from clutchid.reports.changes import notes_of
 from clutchid.simulation import Partition, simulate
-from clutchid.study.proving.answers import Answer, Workflow
+from clutchid.study.proving.scores import Answer, Workflow
 
 
 def paper_method(partition: Partition | None, calibration: Log, worn: Sequence[Log]) -> list[Answer]:

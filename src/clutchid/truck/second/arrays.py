@@ -16,11 +16,35 @@ from clutchid.truck.changes import changes_of
 from clutchid.truck.compiled import Loop, compiled
 from clutchid.truck.family import Family
 from clutchid.truck.first import period_in_ticks
+from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.second import sensors
 from clutchid.truck.second.clutch import load_curve, worn
 from clutchid.truck.second.order import PARAMETERS, SETTINGS, STATES
 from clutchid.truck.second.parameters import TruckB
+
+
+def coloured(n: int, tau: float, rng: np.random.Generator) -> FloatArray:
+    """Noise of standard deviation 1 whose correlation decays within `tau` in s (first-order Gauss-Markov)."""
+    from scipy.signal import lfilter
+
+    kept = float(np.exp(-SAMPLE / tau))
+    first = rng.standard_normal()
+    noise: FloatArray = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.standard_normal(n), zi=[kept * first])[0]
+    return noise
+
+
+def position_noise(truck: TruckB, n: int, rng: np.random.Generator) -> FloatArray:
+    """White and coloured noise of the position sensor in m."""
+    noise: FloatArray = truck.s_y * rng.standard_normal(n) + truck.s_c_y * coloured(n, truck.tau_c, rng)
+    return noise
+
+
+def measured_pressure(truck: TruckB, pressure: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Measured pressure in Pa from the lagged one: gain (about ambient), offset, coloured noise and quantisation."""
+    true = truck.P_0 + (1 + truck.e_gain) * (pressure - truck.P_0)
+    noisy: FloatArray = true + truck.e_p + truck.s_p * coloured(pressure.size, truck.tau_c, rng)
+    return truck.q_p * np.round(noisy / truck.q_p) if truck.q_p > 0 else noisy
+
 
 #: Steps of the duty cycle that a proportional valve resolves.
 STEPS = 1000
@@ -144,8 +168,8 @@ SECOND = Family(
     plant_parameters=plant_parameters,
     settings=settings,
     start=start,
-    position_noise=sensors.position_noise,
-    measured_pressure=sensors.measured_pressure,
+    position_noise=position_noise,
+    measured_pressure=measured_pressure,
     true_states=true_states,
     changes=changes_of(
         viscosity,

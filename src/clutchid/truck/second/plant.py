@@ -8,7 +8,7 @@ import sympy as sp
 
 from clutchid.codegen.system import Expr, System, TabulatedFunction
 from clutchid.truck import flow, motion
-from clutchid.truck.definitions import Definitions
+from clutchid.truck.motion import Definitions
 from clutchid.truck.order import LEDGER
 from clutchid.truck.second import friction, gas
 from clutchid.truck.second.order import INPUTS, PARAMETERS, STATES

@@ -16,15 +16,12 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.recordings.columns import Heading
-from clutchid.recordings.formats.can import warnings as can_warnings
-from clutchid.recordings.formats.can.dbc import read_dbc
+from clutchid.recordings.formats.can.dbc import decode, read_dbc
 from clutchid.recordings.formats.can.frames import FrameLog, payloads
-from clutchid.recordings.formats.can.scan import Piece, pieces, scan
-from clutchid.recordings.formats.can.signals import decode
+from clutchid.recordings.formats.can.scan import Piece, decoding_problem, pieces, raster_names, scan, scan_warnings
 from clutchid.recordings.formats.can.streams import Book, Stream, book, channels_of, in_order
-from clutchid.recordings.formats.kinds import head_of, kind_of
-from clutchid.recordings.source import Raster, Source, refused
-from clutchid.recordings.table import Places, Table
+from clutchid.recordings.formats.opening import head_of, kind_of
+from clutchid.recordings.source import Places, Raster, Source, Table, refused
 
 
 def frame_log(path: Path, kind: str = "") -> FrameLog:
@@ -84,17 +81,17 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "") -> Source:
         return refused(path, "CAN log", str(error))
     known = book(messages)
     seen = scan(log, known)
-    problem = can_warnings.problem(seen, dbc)
+    problem = decoding_problem(seen, dbc)
     metadata = _metadata(log, seen.origin, dbc)
     if problem:
         return replace(refused(path, log.format, problem, *log.warnings), metadata=metadata)
     streams = in_order(seen.sizes, messages)
-    names = can_warnings.names(streams)
+    names = raster_names(streams)
     rasters = tuple(
         Raster(channels_of(stream), seen.sizes[stream], name, 0) for stream, name in zip(streams, names, strict=True)
     )
     tables = _Reading(log, known, tuple(streams), tuple(raster.headings for raster in rasters), seen.origin, seen.kept)
-    warnings = (*log.warnings, *can_warnings.warnings(seen, streams))
+    warnings = (*log.warnings, *scan_warnings(seen, streams))
     return Source(path, log.format, rasters, tables, (), warnings, metadata)
 
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.recordings.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames, merged
+from clutchid.recordings.formats.mdf.file import blocks
 from clutchid.recordings.formats.mdf.numbers import converted
 from clutchid.recordings.formats.mdf.opening import Spoiled, opened
-from clutchid.recordings.formats.mdf.raw import blocks
 
 #: How a file begins: MDF 4, finished or (a logger that lost its supply) not.
 MAGIC = (b"MDF     4", b"UnFinMF 4")

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.recordings.columns import Heading, channel
-from clutchid.recordings.formats.can.dbc import Message
+from clutchid.recordings.formats.can.dbc import Message, Page, Signal, present
 from clutchid.recordings.formats.can.frames import CLASSIC, Frames, Rows
 from clutchid.recordings.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number, parameter_at
-from clutchid.recordings.formats.can.signals import Page, Signal, present
 
 #: What frames are that belong to no stream.
 UNKNOWN, PIECE = "unknown", "piece"

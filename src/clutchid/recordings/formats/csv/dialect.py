@@ -8,8 +8,15 @@ from dataclasses import dataclass, field, replace
 
 from clutchid.recordings.columns import Heading, distinct, headings, shortened
 from clutchid.recordings.formats.csv.cells import Form, decimal_mark, form, missing, nanoseconds, numberlike, written
-from clutchid.recordings.formats.csv.header import heading, is_comment, split, split_header, uncommented, units_in
-from clutchid.recordings.formats.csv.lines import records
+from clutchid.recordings.formats.csv.lines import (
+    heading,
+    is_comment,
+    records,
+    split,
+    split_header,
+    uncommented,
+    units_in,
+)
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 

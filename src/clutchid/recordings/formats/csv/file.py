@@ -15,11 +15,9 @@ from clutchid.log import Log
 from clutchid.recordings.columns import Heading
 from clutchid.recordings.files import CHUNK
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
-from clutchid.recordings.formats.csv.fast import by_numpy, by_polars, is_plain
 from clutchid.recordings.formats.csv.lines import SAMPLE, Block, Lines, blocks, lines_of, sample, whole_records
-from clutchid.recordings.formats.csv.text import Part, joined, read_text, table
-from clutchid.recordings.source import BLOCK, Raster, Source, refused
-from clutchid.recordings.table import EXAMPLE, Table, to_frame
+from clutchid.recordings.formats.csv.rows import Part, by_numpy, by_polars, is_plain, joined, read_text, table
+from clutchid.recordings.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
 
 #: Bytes up to which NumPy reads a file sooner than polars, which is faster but takes 80 ms to import.
 _SMALL = 8e6

@@ -18,11 +18,10 @@ from clutchid.log import FloatArray, Log, name_and_unit
 from clutchid.names import printable
 from clutchid.recordings.columns import shortened
 from clutchid.recordings.formats.mat import hdf5, loaded
+from clutchid.recordings.formats.mat.loaded import BrokenMat, ReadSamples, Struct, Text
 from clutchid.recordings.formats.mat.objects import with_objects
 from clutchid.recordings.formats.mat.rasters import Found, Signal, rasters_of, signals_of
-from clutchid.recordings.formats.mat.tree import BrokenMat, ReadSamples, Struct, Text
-from clutchid.recordings.source import BLOCK, Raster, Source, own_metadata, refused
-from clutchid.recordings.table import Places, Table, and_more
+from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, and_more, own_metadata, refused
 
 #: Bytes of the start of a file that tell its format.
 HEAD = 1024

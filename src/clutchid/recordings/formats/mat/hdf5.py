@@ -18,8 +18,7 @@ import numpy as np
 
 from clutchid.errors import missing
 from clutchid.log import FloatArray
-from clutchid.recordings.formats.mat.arrays import samples
-from clutchid.recordings.formats.mat.tree import (
+from clutchid.recordings.formats.mat.loaded import (
     BEST_RATIO,
     COMPLEX,
     NO_NUMBERS,
@@ -33,6 +32,7 @@ from clutchid.recordings.formats.mat.tree import (
     Struct,
     Text,
     class_object,
+    samples,
     sound,
 )
 

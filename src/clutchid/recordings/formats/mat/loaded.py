@@ -1,4 +1,4 @@
-"""MATLAB 4 to 7 files, loaded by SciPy."""
+"""MATLAB files as trees of structs, cells and arrays; versions 4 to 7, loaded by SciPy."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import mmap
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +15,177 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.errors import MissingExtra
 from clutchid.log import FloatArray
 from clutchid.names import printable
 from clutchid.recordings.columns import shortened
-from clutchid.recordings.formats.mat.arrays import node, samples
-from clutchid.recordings.formats.mat.tree import BEST_RATIO, BrokenMat, Node, Numbers, ReadSamples, Struct, sound
+
+#: What deflate makes of a byte at most, so a file that claims more is damaged.
+BEST_RATIO = 1032
+
+
+class BrokenMat(ValueError):
+    """The bytes are no whole MATLAB file; the text is a sentence for the user."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Numbers:
+    """An array of real numbers of this shape, as in MATLAB, and its unit if the array itself has one.
+
+    `place` is the loaded array, or where its reader finds it in the file.
+    """
+
+    shape: tuple[int, ...]
+    place: object = None
+    unit: str | None = None
+
+    @property
+    def size(self) -> int:
+        """Count of its numbers."""
+        return math.prod(self.shape)
+
+    @property
+    def sides(self) -> tuple[int, ...]:
+        """The dimensions that are longer than 1."""
+        return tuple(length for length in self.shape if length > 1)
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether at most one dimension is longer than 1."""
+        return self.size == 0 or len(self.sides) <= 1
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether it is a matrix whose rows are longer than its columns, so that each row is a channel."""
+        return not self.is_vector and self.sides[0] < self.sides[1]
+
+    @property
+    def samples(self) -> int:
+        """Samples of a channel: the length of a vector, of the columns of a tall matrix, of the rows of a wide one."""
+        return self.size if self.is_vector else max(self.shape)
+
+    @property
+    def channels(self) -> int:
+        """Channels side by side: 1 of a vector, else the shorter side of the matrix."""
+        return 1 if self.is_vector else min(self.sides)
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A row of characters."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Struct:
+    """One struct, or the file itself: nodes by name."""
+
+    fields: Mapping[str, Node]
+
+
+@dataclass(frozen=True, slots=True)
+class Items:
+    """A struct array, or a cell array (`cell`): its nodes in MATLAB's order."""
+
+    items: tuple[Node, ...]
+    cell: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """Something that is no channel: `what` it is, in the plural; of an object the name of its class."""
+
+    what: str
+    class_name: str = ""
+
+
+Node = Numbers | Text | Struct | Items | Left
+
+#: Reads samples `start` to `stop` of channel `channel` of an array.
+ReadSamples = Callable[[Numbers, int, int, int], FloatArray]
+
+COMPLEX = Left("complex numbers")
+SPARSE = Left("sparse matrices")
+FUNCTION = Left("functions")
+NO_NUMBERS = Left("arrays of an unknown kind")
+
+
+def class_object(name: str) -> Left:
+    """An object of a MATLAB class, which only MATLAB can read."""
+    return {"function_handle": FUNCTION, "string": Left("texts")}.get(name) or Left("objects", name or "no class")
+
+
+@contextmanager
+def sound(form: str) -> Iterator[None]:
+    """Whatever a library raises for damaged bytes of a file of the format `form`, as one sentence.
+
+    Raises
+    ------
+    BrokenMat
+        With the reason of the library.
+    """
+    try:
+        yield
+    except (BrokenMat, MissingExtra, MemoryError):
+        raise
+    except Exception as error:
+        reason = shortened(str(error).strip("'\"") or type(error).__name__, 120)
+        raise BrokenMat(f"is no whole {form} file ({reason}); copy or save it again.") from error
+
+
+def node(value: Any, decoded: Callable[[Any], Node | None] = lambda _: None) -> Node:
+    """What an array is: numbers, a text, a struct, a list of structs or cells, or nothing that is a channel.
+
+    `decoded` gives the node of an object that it knows, None of anything else.
+    """
+    if known := decoded(value) or _no_array(value):
+        return known
+    kind = value.dtype.kind
+    if kind in "OV":  # column by column, as in MATLAB
+        items, fields = list(value.ravel(order="F")), value.dtype.names or ()
+        if kind == "O":
+            return Items(tuple(node(item, decoded) for item in items), cell=True)
+        structs = [Struct({name: node(item[name], decoded) for name in fields}) for item in items]
+        return structs[0] if len(structs) == 1 else Items(tuple(structs))
+    if kind in "fiub":
+        return Numbers(value.shape, value)
+    if kind == "U":
+        return Text(str(value.item()) if value.size == 1 else "")
+    return COMPLEX if kind == "c" else NO_NUMBERS
+
+
+def _no_array(value: Any) -> Node | None:
+    from scipy.io.matlab import MatlabFunction, MatlabOpaque
+    from scipy.sparse import issparse
+
+    if value is None:  # a struct without fields
+        return Struct({})
+    if issparse(value):
+        return SPARSE
+    if isinstance(value, MatlabFunction):
+        return FUNCTION
+    if isinstance(value, MatlabOpaque):
+        return class_object(_class_name(value))
+    return None if isinstance(value, np.ndarray) else NO_NUMBERS
+
+
+def samples(array: NDArray[Any], numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
+    """Samples `start` to `stop` of a channel of an array."""
+    if numbers.is_vector:
+        part = array.ravel()[start:stop]
+    else:
+        sides = array.squeeze()
+        part = sides[channel, start:stop] if numbers.is_wide else sides[start:stop, channel]
+    return np.array(part, dtype=np.float64)
+
+
+def _class_name(value: NDArray[Any]) -> str:
+    """Name of the class of an object that SciPy does not decode; the field has this name from SciPy 1.18 on."""
+    field = "_Class" if "_Class" in (value.dtype.names or ()) else "s2"
+    name = value[field].ravel()[0] if value.size else b""
+    return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
+
 
 #: Bytes of a variable, and of a file, up to which they are loaded, and bytes of a file that are kept in memory.
 LARGEST = 1 << 30

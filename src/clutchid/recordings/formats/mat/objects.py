@@ -15,9 +15,18 @@ from typing import Any
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.recordings.formats.mat.arrays import node
-from clutchid.recordings.formats.mat.tree import NO_NUMBERS, Items, Left, Node, Numbers, Struct, Text, class_object
-from clutchid.recordings.formats.mat.units import means_time
+from clutchid.recordings.formats.mat.loaded import (
+    NO_NUMBERS,
+    Items,
+    Left,
+    Node,
+    Numbers,
+    Struct,
+    Text,
+    class_object,
+    node,
+)
+from clutchid.recordings.formats.mat.rasters import means_time
 
 
 def with_objects(path: Path, root: Struct) -> Struct:

@@ -18,10 +18,9 @@ import numpy as np
 from clutchid.errors import install_command
 from clutchid.log import INPUTS, FloatArray, Log, Samples
 from clutchid.recordings.columns import Heading, headings, shortened
-from clutchid.recordings.formats.parquet.pages import EncryptedParquet, damage
+from clutchid.recordings.formats.parquet.footer import EncryptedParquet, damage
 from clutchid.recordings.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
-from clutchid.recordings.source import Raster, Source, own_metadata, refused
-from clutchid.recordings.table import EXAMPLE, Places, Table, and_more, to_frame
+from clutchid.recordings.source import EXAMPLE, Places, Raster, Source, Table, and_more, own_metadata, refused, to_frame
 
 if TYPE_CHECKING:
     import polars as pl
