@@ -23,8 +23,8 @@ from widening import LATE, calibrated, worn_clutch
 from clutchid.estimation.departure import relative_misfit
 from clutchid.estimation.hypotheses import BAND, IntervalSettings, Mixture, explained, mixture
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.shooting.fit import SHOOTING
-from clutchid.inference.smoother.problem import FitProblem
+from clutchid.estimation.shooting import SHOOTING
+from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -78,17 +78,17 @@ def one_truck(number: int, family: str) -> dict[str, list[Reading]]:
 
 def reader(
     logs: Sequence[Log], actuator: Actuator, calibration: Calibration
-) -> tuple[Callable[[IntervalSettings, bool], Mixture], FitProblem]:
+) -> tuple[Callable[[IntervalSettings, bool], Mixture], Problem]:
     """A reading that takes the settings of its band and whether its misfit counts, and its problem."""
-    hypotheses = SHOOTING.hypotheses
-    assert hypotheses is not None
+    functions = SHOOTING.changes
+    assert functions is not None
     free = FreeParameters(actuator.load.names, ("position",))
-    known = explained(SHOOTING.search(logs, actuator, free, calibration, None), hypotheses, calibration)
-    misfit = relative_misfit(min(hypotheses.cost(one.solution) for one in known.values()), logs, calibration)
+    known = explained(SHOOTING.search(logs, actuator, free, calibration, None), functions, calibration)
+    misfit = relative_misfit(min(one.solution.at.cost for one in known.values()), logs, calibration)
     return lambda band, counts: mixture(known, calibration, misfit if counts else 1.0, band), known[()].result.problem
 
 
-def reading(case: str, problem: FitProblem, found: Mixture, truth: FloatArray) -> Reading:
+def reading(case: str, problem: Problem, found: Mixture, truth: FloatArray) -> Reading:
     """The load of a mixture against the truth."""
     load = problem.actuator_of(found.x, problem.stems[0]).load
     slopes = np.zeros((len(load.names), found.x.size))

@@ -29,7 +29,7 @@ import numpy as np
 from foreign_peers import Channels, bus_database, peer_channels
 
 from clutchid.errors import ClutchidError
-from clutchid.recordings.formats.opening import ENOUGH, kind_of, refusal
+from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
 from clutchid.recordings.look.look import look
 from clutchid.recordings.opening import open_source
 from clutchid.recordings.source import Source, Table

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import fit
-from clutchid.estimation.result import LoadCurve
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.truck import Drive, drive, truck

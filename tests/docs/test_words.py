@@ -68,17 +68,10 @@ def test_every_message_that_the_pages_quote_is_one_of_the_program():
 
 
 def test_every_reason_that_a_verdict_can_give_is_explained():
-    trees = [
-        ast.parse((SOURCE / "estimation" / "assess" / name).read_text(encoding="utf-8"))
-        for name in ("reasons.py", "reading.py")
-    ]
+    tree = ast.parse((SOURCE / "estimation" / "assess" / "reasons.py").read_text(encoding="utf-8"))
     explained = {piece for message in messages(section(PAGES["result"], "Reasons")) for piece in pieces(message)}
     reasons = [
-        reason
-        for tree in trees
-        for function in tree.body
-        if isinstance(function, ast.FunctionDef)
-        for reason in made_by(function)
+        reason for function in tree.body if isinstance(function, ast.FunctionDef) for reason in made_by(function)
     ]
     assert len(reasons) >= 13
     assert [reason for reason in reasons if not any(piece in reason for piece in explained)] == []

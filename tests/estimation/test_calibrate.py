@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.calibrate import calibration_of, fit_with_priors
+from clutchid.estimation import shooting as module
+from clutchid.estimation.calibrate import calibration_of, fit_with
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.shooting import fit as module
-from clutchid.estimation.shooting.fit import SHOOTING
+from clutchid.estimation.shooting import SHOOTING
 from clutchid.inference.uncertainty.calibration import drift
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -60,9 +60,9 @@ def test_the_covariance_of_the_load_is_in_the_order_of_its_weights_whatever_was_
 
 def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log):
     request = FitRequest(("position",), ("load",), calibration=calibrated.calibration)
-    once = fit_with_priors(SHOOTING, [worn_log], calibrated.actuator, request)
+    once = fit_with(SHOOTING, [worn_log], calibrated.actuator, request)
     assert once.calibration is calibrated.calibration
-    again = fit_with_priors(SHOOTING, [worn_log], once.actuator, replace(request, calibration=once.calibration))
+    again = fit_with(SHOOTING, [worn_log], once.actuator, replace(request, calibration=once.calibration))
     y = np.linspace(0.5e-3, 20e-3, 40)
     first, second = once.actuator.load.force(y), again.actuator.load.force(y)
     # its load is now what the curvature is compared with
@@ -82,7 +82,7 @@ def test_a_worn_load_is_read_from_position_alone(adapted, worn):
 
 def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated, worn_log):
     request = FitRequest(("position",), ("P_S",), calibration=calibrated.calibration)
-    fit = fit_with_priors(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
+    fit = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
     variance = calibrated.parameters["P_S"].std ** 2 + drift(calibrated.actuator, "P_S") ** 2
     own = FitRequest(
         ("position",), ("P_S",), priors={"P_S": Prior(calibrated.actuator.value("P_S"), np.sqrt(variance))},
@@ -90,7 +90,7 @@ def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated,
     )  # fmt: skip
     one, other = (
         fit.parameters["P_S"],
-        fit_with_priors(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own).parameters["P_S"],
+        fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, own).parameters["P_S"],
     )
     assert (one.value, one.std) == pytest.approx((other.value, other.std), rel=1e-6)
 
@@ -98,25 +98,25 @@ def test_a_parameter_that_is_freed_again_starts_from_its_calibration(calibrated,
 def test_an_anchor_of_the_user_wins_over_the_calibration(calibrated, worn_log):
     anchor = {"P_S": Prior(8.7e5, 10.0)}
     request = FitRequest(("position",), ("P_S",), priors=anchor, calibration=calibrated.calibration)
-    fit = fit_with_priors(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
+    fit = fit_with(SHOOTING, [worn_log.slice(0, 1500)], calibrated.actuator, request)
     assert fit.parameters["P_S"].value == pytest.approx(8.7e5, abs=100.0)
 
 
 def test_auto_and_more_are_freed_together_and_each_once(plant, short):
-    fit = fit_with_priors(SHOOTING, [short], plant, FitRequest(BOTH, ("auto", "e_y", "C_vs")))
+    fit = fit_with(SHOOTING, [short], plant, FitRequest(BOTH, ("auto", "e_y", "C_vs")))
     assert "e_y" in fit.parameters
     assert list(fit.parameters).count("C_vs") == 1
 
 
 def test_an_own_number_of_every_recording_takes_the_place_of_the_shared_one(plant, short):
     logs = [short, replace(short, name="again")]
-    fit = fit_with_priors(SHOOTING, logs, plant, FitRequest(BOTH, ("C_vs", "P_S", "P_S@EACH")))
+    fit = fit_with(SHOOTING, logs, plant, FitRequest(BOTH, ("C_vs", "P_S", "P_S@EACH")))
     assert list(fit.parameters) == ["C_vs", "P_S@log", "P_S@again"]
     assert fit.calibration is None, "the load was not free"
 
 
 def test_own_numbers_are_not_left_to_other_recordings(plant, short):
-    fit = fit_with_priors(SHOOTING, [short], plant, FitRequest(BOTH, ("load", "C_vs", "P_S@EACH")))
+    fit = fit_with(SHOOTING, [short], plant, FitRequest(BOTH, ("load", "C_vs", "P_S@EACH")))
     assert fit.calibration.names == ("C_vs",)
 
 
@@ -124,33 +124,33 @@ def test_auto_without_pressure_in_use_is_one_sentence(plant, short):
     with pytest.raises(
         DataError, match=r"^'auto' needs a recording with pressure, and --measure position,pressure_a\."
     ):
-        fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ("auto",)))
+        fit_with(SHOOTING, [short], plant, FitRequest(("position",), ("auto",)))
 
 
 def test_a_prior_for_what_is_not_free_is_one_sentence_with_what_is(plant, short):
     request = FitRequest(("position",), ("load",), priors={"P_S": Prior(9e5, 1e3)})
     with pytest.raises(ParameterError, match=r"^prior for P_S, which is not free; free are theta_1, theta_2"):
-        fit_with_priors(SHOOTING, [short], plant, request)
+        fit_with(SHOOTING, [short], plant, request)
 
 
 def test_crossed_bounds_are_one_sentence(plant, short):
     request = FitRequest(("position",), ("C_vs",), bounds={"C_vs": (2e-8, 1e-8)})
     with pytest.raises(ParameterError, match=r"^C_vs: lower bound 2e-08 is not below upper bound 1e-08\.$"):
-        fit_with_priors(SHOOTING, [short], plant, request)
+        fit_with(SHOOTING, [short], plant, request)
 
 
 def test_too_many_numbers_for_a_short_recording_are_refused_with_both_counts(plant, short):
     with pytest.raises(DataError, match=r"^log: 100 measured samples for 22 free parameters; at least ten for each"):
-        fit_with_priors(SHOOTING, [short.slice(0, 100)], plant, FitRequest(("position",), ("load",)))
+        fit_with(SHOOTING, [short.slice(0, 100)], plant, FitRequest(("position",), ("load",)))
 
 
 def test_nothing_free_is_refused(plant, short):
     with pytest.raises(ParameterError, match=r"^no parameter is free"):
-        fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ()))
+        fit_with(SHOOTING, [short], plant, FitRequest(("position",), ()))
 
 
 def test_a_start_that_cannot_be_simulated_is_a_result_that_says_so(plant, short, monkeypatch):
     monkeypatch.setattr(module, "initial_states", lambda *_: Failure("v is not finite at 0.2 s."))
-    result = fit_with_priors(SHOOTING, [short], plant, FitRequest(("position",), ("load",)))
+    result = fit_with(SHOOTING, [short], plant, FitRequest(("position",), ("load",)))
     assert result.status == "failed"
     assert result.message == "the start values cannot be simulated. v is not finite at 0.2 s."

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.departure import departure, misfit
-from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import change_covariance, change_priors
 from clutchid.inference.uncertainty.coordinates import coordinates
@@ -23,10 +23,9 @@ NAMES = ("P_S", "T_0", "D_v")
 def problem():
     priors = {f"{name}@w": prior for name, prior in change_priors(PLANT).items() if name in NAMES}
     free = ("theta_1", *priors)
-    return FitProblem(
+    return Problem(
         actuator=PLANT,
         coordinates=coordinates(PLANT, free, {}, priors),
-        tracks=(),
         stems=("w",),
         measure=("position",),
         noise=Noise(states={}),

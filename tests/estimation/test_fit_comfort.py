@@ -15,7 +15,7 @@ import clutchid
 from clutchid.errors import DataError, SolveError
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.result import Estimate
+from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.equipment import Equipment

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.hypotheses import explained, mixture, softmax
-from clutchid.estimation.problem import fit_problem, with_hypothesis
+from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FitRequest, FreeParameters
-from clutchid.estimation.shooting.fit import SHOOTING, shoot
+from clutchid.estimation.shooting import SHOOTING, shoot
+from clutchid.inference.problem import with_hypothesis
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, change_covariance, changeable
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.failure import Failure
@@ -50,7 +51,7 @@ def known_of(calibrated, logs):
     def of(name):
         if name not in cache:
             free = FreeParameters(actuator.load.names, ("position",))
-            cache[name] = explained(shoot([logs[name]], actuator, free, kept), SHOOTING.hypotheses, kept)
+            cache[name] = explained(shoot([logs[name]], actuator, free, kept), SHOOTING.changes, kept)
         return cache[name]
 
     return of
@@ -60,7 +61,7 @@ def known_of(calibrated, logs):
 def reread(calibrated):
     def of(*logs, free=("load",), **options):
         request = FitRequest(("position",), free, calibration=calibrated.calibration, **options)
-        return fit_with_priors(SHOOTING, logs, calibrated.actuator, request)
+        return fit_with(SHOOTING, logs, calibrated.actuator, request)
 
     return of
 
@@ -150,16 +151,16 @@ def test_of_two_recordings_each_has_parameters_of_its_own(reread, logs, calibrat
 
 def test_a_calibration_of_an_earlier_version_weighs_hypotheses_as_well(reread, calibrated, logs, trucks):
     request = FitRequest(("position",), ("load",), calibration=replace(calibrated.calibration, position_only=None))
-    fit = fit_with_priors(SHOOTING, [logs["cold"]], calibrated.actuator, request)
+    fit = fit_with(SHOOTING, [logs["cold"]], calibrated.actuator, request)
     true = trucks["cold"].load.force(Y)
     assert rms(fit.actuator.load.force(Y) - true) < 0.015 * true.max()
     assert {change.group for change in fit.changes} >= {"temperature and grease"}
 
 
 def test_a_method_without_hypotheses_reads_as_if_nothing_had_changed(calibrated, logs):
-    plain = replace(SHOOTING, hypotheses=None)
+    plain = replace(SHOOTING, changes=None)
     request = FitRequest(("position",), ("load",), calibration=calibrated.calibration)
-    fit = fit_with_priors(plain, [logs["supply"]], calibrated.actuator, request)
+    fit = fit_with(plain, [logs["supply"]], calibrated.actuator, request)
     assert fit.changes == ()
 
 
@@ -171,7 +172,7 @@ def test_a_hypothesis_whose_search_fails_is_left_out(calibrated, logs):
         tried.append(problem)
         return replace(result, solution=Failure("no"))
 
-    known = explained(found, replace(SHOOTING.hypotheses, refine=refine), kept)
+    known = explained(found, replace(SHOOTING.changes, refine=refine), kept)
     assert list(known) == [()]
     assert 1 <= len(tried) <= len(HYPOTHESES) - 1, "none is tried twice"
 
@@ -179,7 +180,7 @@ def test_a_hypothesis_whose_search_fails_is_left_out(calibrated, logs):
 def test_the_prior_of_a_problem_is_that_of_its_hypothesis(calibrated, logs):
     actuator = calibrated.actuator
     free = FreeParameters(actuator.load.names, ("position",))
-    problem, _ = fit_problem([logs["same"], logs["cold"]], actuator, free, calibrated.calibration)
+    problem = fit_problem([logs["same"], logs["cold"]], actuator, free, calibrated.calibration)
     names = changeable(actuator)
     at = {stem: [problem.names.index(f"{name}@{stem}") for name in names] for stem in problem.stems}
     rest = sorted({*range(len(problem.names))} - {i for places in at.values() for i in places})
@@ -199,7 +200,7 @@ def test_the_prior_of_a_problem_is_that_of_its_hypothesis(calibrated, logs):
 
 def test_a_problem_with_pressure_has_no_prior_of_changes(calibrated, drive_log):
     free = FreeParameters(calibrated.actuator.load.names, ("position", "pressure_a"))
-    problem, _ = fit_problem([drive_log], calibrated.actuator, free, calibrated.calibration)
+    problem = fit_problem([drive_log], calibrated.actuator, free, calibrated.calibration)
     assert problem.changing == ()
     assert with_hypothesis(problem, ("valves",)) is problem
 

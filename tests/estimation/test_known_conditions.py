@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.hypotheses import explained, log_root, mixture
-from clutchid.estimation.problem import fit_problem, with_hypothesis
+from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FitRequest, FreeParameters
-from clutchid.estimation.shooting.fit import SHOOTING, shoot
-from clutchid.inference.smoother.problem import prior_rows
+from clutchid.estimation.shooting import SHOOTING, shoot
+from clutchid.inference.problem import prior_rows, with_hypothesis
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -42,7 +42,7 @@ def kept(calibrated):
 def problem_of_log(calibrated, kept):
     def of(log, **options):
         free = FreeParameters(calibrated.actuator.load.names, ("position",), **options)
-        return fit_problem([log], calibrated.actuator, free, kept)[0]
+        return fit_problem([log], calibrated.actuator, free, kept)
 
     return of
 
@@ -91,7 +91,7 @@ def test_a_known_change_of_nothing_costs_an_unchanged_truck_at_most_a_thousandth
     free = FreeParameters(calibrated.actuator.load.names, ("position",))
     loads, probabilities = [], []
     for log in (worn_log, measured(293.0, 9.5e5)):
-        known = explained(shoot([log], calibrated.actuator, free, kept), SHOOTING.hypotheses, kept)
+        known = explained(shoot([log], calibrated.actuator, free, kept), SHOOTING.changes, kept)
         found = mixture(known, kept)
         loads.append(known[()].result.problem.actuator_of(found.x, "worn").load.force(Y))
         probabilities.append(found)
@@ -101,7 +101,7 @@ def test_a_known_change_of_nothing_costs_an_unchanged_truck_at_most_a_thousandth
 
 def test_a_temperature_that_fell_by_30_k_is_a_change_of_temperature(measured, calibrated, kept):
     request = FitRequest(("position",), ("load",), calibration=kept)
-    fit = fit_with_priors(SHOOTING, [measured(263.0, 9.5e5)], calibrated.actuator, request)
+    fit = fit_with(SHOOTING, [measured(263.0, 9.5e5)], calibrated.actuator, request)
     changed = {change.name: change for change in fit.changes if change.group == COLD[0]}
     assert changed["T_0"].probability > 0.9
     assert changed["T_0"].after == pytest.approx(calibrated.actuator.value("T_0") - 30.0, abs=3 * 2.0 * np.sqrt(2.0))
@@ -115,7 +115,7 @@ def test_a_value_of_the_user_is_the_same_measurement_as_a_column(problem_of_log,
 
 def test_a_user_may_give_a_condition_without_freeing_it_only_where_a_load_is_read(worn_log, calibrated, kept):
     priors = {"T_0": Prior(293.0, 2.0)}
-    fit = fit_with_priors(
+    fit = fit_with(
         SHOOTING, [worn_log], calibrated.actuator, FitRequest(("position",), ("load",), priors=priors, calibration=kept)
     )
     assert "T_0" not in fit.parameters
@@ -125,14 +125,12 @@ def test_a_user_may_give_a_condition_without_freeing_it_only_where_a_load_is_rea
         FitRequest(("position",), ("load",), priors={"V_S": Prior(1e-2, 1e-3)}, calibration=kept),
     ):
         with pytest.raises(ParameterError, match="which is not free"):
-            fit_with_priors(SHOOTING, [worn_log], calibrated.actuator, request)
+            fit_with(SHOOTING, [worn_log], calibrated.actuator, request)
 
 
 def test_a_calibration_without_conditions_reads_and_says_what_it_lacks(measured, worn_log, calibrated):
     request = FitRequest(("position",), ("load",), calibration=calibrated.calibration)
-    plain, fit = (
-        fit_with_priors(SHOOTING, [log], calibrated.actuator, request) for log in (worn_log, measured(263.0, 9e5))
-    )
+    plain, fit = (fit_with(SHOOTING, [log], calibrated.actuator, request) for log in (worn_log, measured(263.0, 9e5)))
     assert fit.actuator.load.theta == plain.actuator.load.theta
     assert len(fit.warnings) == len(plain.warnings) + 2
     assert "temperature_ambient is not used, because the calibration does not have it" in " ".join(fit.warnings)
@@ -141,4 +139,4 @@ def test_a_calibration_without_conditions_reads_and_says_what_it_lacks(measured,
 def test_a_bad_column_is_refused_before_any_search(measured, calibrated, kept):
     request = FitRequest(("position",), ("load",), calibration=kept)
     with pytest.raises(DataError, match="worn: temperature_ambient is -253"):
-        fit_with_priors(SHOOTING, [measured(20.0, 9e5)], calibrated.actuator, request)
+        fit_with(SHOOTING, [measured(20.0, 9e5)], calibrated.actuator, request)

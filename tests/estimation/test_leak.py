@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from clutchid.estimation import shooting as module
 from clutchid.estimation.assess.reasons import departs
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest, FreeParameters
-from clutchid.estimation.shooting import fit as module
-from clutchid.estimation.shooting.fit import SHOOTING, shoot
+from clutchid.estimation.shooting import SHOOTING, shoot
 from clutchid.inference.smoother.search import UNLIMITED
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.model import Actuator, Load
@@ -27,7 +27,7 @@ def leaking_log(worn, recorded_by):
 
 def read(log, calibrated):
     request = FitRequest(("position",), ("load",), calibration=calibrated.calibration)
-    return fit_with_priors(SHOOTING, [log], calibrated.actuator, request)
+    return fit_with(SHOOTING, [log], calibrated.actuator, request)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_a_search_that_gets_nowhere_ends_after_its_patience(leaking_log, calibra
     free = FreeParameters(calibrated.actuator.load.names, ("position",))
     found = shoot([leaking_log], calibrated.actuator, free, calibrated.calibration)
     assert found.solution.status == "limit"
-    again = SHOOTING.hypotheses.refine(found, found.problem, found.solution.x)
+    again = SHOOTING.changes.refine(found, found.problem, found.solution.x)
     assert again.solution.status == "converged", "with a change the search goes on"
     assert again.solution.at.cost < found.solution.at.cost
 

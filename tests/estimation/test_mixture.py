@@ -17,9 +17,8 @@ from clutchid.estimation.hypotheses import (
     mixture,
     probabilities,
 )
-from clutchid.estimation.problem import with_hypothesis
-from clutchid.estimation.search_result import SearchResult
-from clutchid.inference.smoother.problem import FitProblem
+from clutchid.estimation.method import SearchResult
+from clutchid.inference.problem import Problem, with_hypothesis
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES as ALL
 from clutchid.inference.uncertainty.change_prior import change_priors, log_odds, prior_probability
@@ -42,10 +41,9 @@ DATA = np.array([
 def problem():
     actuator = Actuator()
     priors = {f"{name}@w": change_priors(actuator)[name] for name in ("P_S", "C_vs", "D_v")}
-    return FitProblem(
+    return Problem(
         actuator=actuator,
         coordinates=coordinates(actuator, NAMES, {}, priors),
-        tracks=(),
         stems=("w",),
         measure=("position",),
         noise=Noise(),
@@ -60,7 +58,7 @@ def explanations(problem, x=(0.0, 0.0, 0.0, 0.0), scatter=1.0):
     data = DATA.copy()
     data[:, -1] += DATA[:, :-1] @ x
     solution = SimpleNamespace(x=x, status="converged", evaluations=1)
-    one = Explanation(SearchResult("shooting", problem, (), solution), solution, data, scatter)
+    one = Explanation(SearchResult(problem, solution), solution, data, scatter)
     return dict.fromkeys(HYPOTHESES, one)
 
 

@@ -2,7 +2,6 @@
 
 import sys
 from dataclasses import replace
-from typing import NamedTuple
 
 import pytest
 
@@ -31,17 +30,17 @@ def read(monkeypatch):
     def run(logs, result, **asked):
         requests = {}
 
-        class Method(NamedTuple):
-            def fit(self, recordings, start, request, progress):
-                names = tuple(log.name for log in recordings)
-                requests[names] = request
-                if names == ("short",):
-                    raise DataError("short: 90 measured samples for 24 free parameters.")
-                (one,) = result.recordings.values()
-                found = replace(result, recordings=dict.fromkeys(names, one))
-                return replace(found, status="failed") if names == ("lost",) else found
+        def fit_with(method, recordings, start, request, progress):
+            names = tuple(log.name for log in recordings)
+            requests[names] = request
+            if names == ("short",):
+                raise DataError("short: 90 measured samples for 24 free parameters.")
+            (one,) = result.recordings.values()
+            found = replace(result, recordings=dict.fromkeys(names, one))
+            return replace(found, status="failed") if names == ("lost",) else found
 
-        monkeypatch.setattr(sys.modules["clutchid.estimation.fit"], "method_of", lambda *asked: Method())
+        monkeypatch.setattr(sys.modules["clutchid.estimation.fit"], "method_of", lambda *asked: None)
+        monkeypatch.setattr(sys.modules["clutchid.estimation.fit"], "fit_with", fit_with)
         return fit_request(logs, None, FitRequest(**asked)), requests
 
     return run

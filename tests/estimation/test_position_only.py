@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.hypotheses import explanation, mixture
 from clutchid.estimation.position_only import position_only_errors
+from clutchid.estimation.posterior import parameter_uncertainty
 from clutchid.estimation.request import FitRequest, FreeParameters
-from clutchid.estimation.shooting.fit import SHOOTING, shoot
-from clutchid.estimation.shooting.uncertainty import parameter_uncertainty
+from clutchid.estimation.shooting import SHOOTING, shoot
 from clutchid.inference.uncertainty.calibration import PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, changeable
 from clutchid.numerics.failure import Failure
@@ -32,7 +32,7 @@ def blind(calibrated, drive_log):
 
 def reread(calibrated, log, calibration):
     request = FitRequest(("position",), ("load",), calibration=calibration)
-    return fit_with_priors(SHOOTING, [log.without("pressure_a")], calibrated.actuator, request)
+    return fit_with(SHOOTING, [log.without("pressure_a")], calibrated.actuator, request)
 
 
 def test_they_are_of_the_load_and_of_what_may_change_under_every_hypothesis(errors, calibrated):
@@ -62,7 +62,7 @@ def test_a_model_without_an_error_errs_by_noise_only(errors, blind, calibrated):
 
 
 def test_they_are_what_the_search_finds_beside_the_calibration(errors, blind, calibrated):
-    one = explanation(blind, SHOOTING.hypotheses, errors.dispersion)
+    one = explanation(blind, SHOOTING.changes, errors.dispersion)
     found = blind.problem
     for hypothesis in (HYPOTHESES[0], HYPOTHESES[2]):
         x = one.solution.x + one.under(hypothesis).step
@@ -91,7 +91,7 @@ def test_known_errors_shift_a_load_by_exactly_as_much(calibrated, worn_log):
     kept = calibrated.calibration
     free = FreeParameters(names, ("position",))
     found = shoot([worn_log], calibrated.actuator, free, kept)
-    one = {(): explanation(found, SHOOTING.hypotheses, 1.0)}
+    one = {(): explanation(found, SHOOTING.changes, 1.0)}
     plain, shifted = (mixture(one, replace(kept, position_only=errors)).x for errors in (None, known))
     si = found.problem.si(plain) - found.problem.si(shifted)
     assert si[: len(names)] == pytest.approx(shifts[:-1], abs=1e-9)
@@ -123,7 +123,7 @@ def test_of_several_recordings_they_are_the_mean_and_one_whose_search_fails_is_l
 
 def test_a_method_without_hypotheses_has_the_errors_of_no_change(calibrated, drive_log, blind):
     kept, actuator = replace(calibrated.calibration, position_only=None), calibrated.actuator
-    errors = position_only_errors(replace(SHOOTING, hypotheses=None), [drive_log], actuator, kept)
+    errors = position_only_errors(replace(SHOOTING, changes=None), [drive_log], actuator, kept)
     assert errors.hypotheses == ((),)
     expected = np.array(blind.problem.actuator_of(blind.solution.x, "log").load.theta) - actuator.load.theta
     np.testing.assert_allclose(errors.shift((), actuator.load.names), expected, atol=1e-6)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.automatic import AUTOMATIC, automatic
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.shooting.fit import SHOOTING
+from clutchid.estimation.shooting import SHOOTING
 
 EXPONENT, LAGS = 1.3, {"tau_vs": 4e-3, "tau_ve": 1.5e-3}
 
@@ -27,7 +27,7 @@ def log(proportional, recorded_by):
 def found(proportional, log):
     """A calibration that starts from lines and the usual lag, as without knowledge of the valves."""
     start = proportional.replace({"n_vs": 1.0, "n_ve": 1.0, "tau_vs": 2e-3, "tau_ve": 2e-3})
-    return fit_with_priors(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
+    return fit_with(SHOOTING, [log], start, FitRequest(("position", "pressure_a"), ("auto",)))
 
 
 def test_exponents_and_lags_are_free_in_its_calibration(proportional, log):

@@ -7,9 +7,9 @@ import pytest
 
 import clutchid
 from clutchid.errors import DataError
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.shooting.fit import SHOOTING
+from clutchid.estimation.shooting import SHOOTING
 from clutchid.estimation.verification import on_samples
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.preparation.carrier import centred
@@ -70,7 +70,7 @@ def test_the_phase_of_a_slow_recording_is_found(switched, bus):
 
 def test_a_load_is_read_from_100_hz(switched, bus):
     known = Calibration((), np.zeros((0, 0)))
-    fit = fit_with_priors(SHOOTING, [bus], switched, FitRequest(("position",), ("load",), calibration=known))
+    fit = fit_with(SHOOTING, [bus], switched, FitRequest(("position",), ("load",), calibration=known))
     y = np.linspace(0.5e-3, 20e-3, 40)
     true = 1.08 * switched.load.force(y)
     assert np.sqrt(np.mean((fit.actuator.load.force(y) - true) ** 2)) < 0.01 * true.max()

@@ -10,7 +10,7 @@ import zipfile
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.recordings.formats.opening import ENOUGH, kind_of, refusal
+from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
 from clutchid.recordings.look.look import look
 from clutchid.recordings.opening import open_source
 

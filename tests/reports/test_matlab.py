@@ -15,7 +15,8 @@ from sympy import symbols
 from clutchid.errors import ExportError, ParameterError
 from clutchid.estimation import Fit
 from clutchid.estimation.parameter_file import read_parameters
-from clutchid.estimation.result import Change, Estimate
+from clutchid.estimation.result import Change
+from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.model import Actuator, Load, OwnModel, OwnParameter
 from clutchid.model.equipment import Equipment
 from clutchid.reports.matlab import check_name, write_matlab

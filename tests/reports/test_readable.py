@@ -8,6 +8,7 @@ import pytest
 
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.observer import observer
 from clutchid.observer.recording import observe_recording
 from clutchid.reports import observe_page, wear_page
@@ -19,7 +20,7 @@ from clutchid.reports.fit_page import page_of
 from clutchid.reports.html import render
 from clutchid.reports.observe_text import loads
 from clutchid.wear.history import Measurement, WearReading, arranged
-from clutchid.wear.life import Curve, wear_of
+from clutchid.wear.life import wear_of
 from fixtures.baselines import with_baseline
 from fixtures.figures import legends_on_the_engaging_range, smallest_text
 
@@ -49,7 +50,9 @@ def life():
 def curves():
     y = np.linspace(0.0, 0.025, 51)
     force = 4000.0 * np.sin(y / 0.012)
-    return [(f"a_recording_with_a_long_name_{k}", Curve(y, force + k, force - 50.0, force + 50.0)) for k in range(6)]
+    return [
+        (f"a_recording_with_a_long_name_{k}", LoadCurve(y, force + k, force - 50.0, force + 50.0)) for k in range(6)
+    ]
 
 
 @pytest.fixture(scope="module")

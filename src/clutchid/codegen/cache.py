@@ -1,4 +1,4 @@
-"""Generated modules and machine code on disk: a warm process neither derives, prints nor compiles.
+"""Generated modules on disk, so that a warm process neither derives, prints nor compiles.
 
 Two keys lead to machine code. The sources of a text, without comments and docstrings, find the text; the text finds the
 folder that it lies in with its machine code. So an edit that leaves the text as it is compiles nothing.
@@ -11,7 +11,6 @@ import atexit
 import hashlib
 import importlib.util
 import os
-import pickle
 import platform
 import shutil
 import stat
@@ -23,9 +22,6 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
-from typing import Any
-
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator
 
 _LIBRARIES = ("numba", "llvmlite", "sympy", "numpy")
 
@@ -243,82 +239,3 @@ def _write(path: Path, content: bytes) -> None:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
-
-
-# mypy: disallow-untyped-calls=False
-
-
-_SIZE = hashlib.sha256().digest_size
-
-
-class _Beside(InTreeCacheLocator):
-    """The folder beside the module, whatever NUMBA_CACHE_DIR is, for what lies there is run; also a read-only one."""
-
-    @classmethod
-    def from_function(cls, function: Any, file: str) -> Any:
-        return cls(function, file)
-
-
-class _KeptBeside(CompileResultCacheImpl):
-    def __init__(self, function: Any) -> None:
-        self._locator_classes = [_Beside]
-        super().__init__(function)
-
-
-class MachineCode(FunctionCache):
-    """The kept machine code of one kernel; a disk that is full keeps nothing, and is named once."""
-
-    _impl_class = _KeptBeside
-
-    def __init__(self, function: Any) -> None:
-        super().__init__(function)
-        self._cache_file = _Sealed(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
-
-    def load_overload(self, signature: Any, context: Any) -> Any:
-        """Machine code of a signature, or None: then Numba compiles it next."""
-        found = super().load_overload(signature, context)
-        if found is None:
-            announce()
-        return found
-
-    def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep what was compiled."""
-        try:
-            super().save_overload(signature, compiled)
-        except OSError as problem:
-            warnings.warn(f"{self._cache_path} cannot keep machine code: {problem}.", RuntimeWarning, stacklevel=2)
-            self.disable()
-
-
-class _Sealed(IndexDataCacheFile):
-    """The files of a kernel, each with the SHA-256 of its content in front."""
-
-    def _load_index(self) -> Any:
-        try:
-            version, stamp, overloads = self._opened(self._index_path)
-        except OSError:
-            return {}
-        return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
-
-    def _save_index(self, overloads: Any) -> None:
-        self._keep(self._index_path, (self._version, self._source_stamp, overloads))
-
-    def _load_data(self, name: str) -> Any:
-        return self._opened(self._data_path(name))
-
-    def _save_data(self, name: str, data: Any) -> None:
-        self._keep(self._data_path(name), data)
-
-    def _opened(self, path: str) -> Any:
-        content = Path(path).read_bytes()
-        if hashlib.sha256(content[_SIZE:]).digest() != content[:_SIZE]:
-            raise OSError(f"{path} is damaged.")
-        try:
-            return pickle.loads(content[_SIZE:])
-        except (AttributeError, ImportError, pickle.UnpicklingError) as problem:  # types of another process or version
-            raise OSError(f"{path} cannot be read: {problem}.") from problem
-
-    def _keep(self, path: str, value: Any) -> None:
-        content = self._dump(value)
-        with self._open_for_write(path) as file:
-            file.write(hashlib.sha256(content).digest() + content)

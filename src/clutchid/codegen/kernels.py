@@ -43,7 +43,7 @@ def inlined(function: _Function) -> _Function:
 def _compiled(function: _Function, **options: Any) -> _Function:
     import numba  # slow to import, which a process that runs no kernel need not wait for
 
-    from clutchid.codegen.cache import MachineCode
+    from clutchid.codegen.machine_code import MachineCode
 
     made: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
     if Path(function.__code__.co_filename).is_file():

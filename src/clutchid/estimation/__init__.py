@@ -1,6 +1,7 @@
 """Estimation of parameters and load from recordings, with uncertainties."""
 
 from clutchid.estimation.fit import fit
-from clutchid.estimation.result import Estimate, Fit, LoadCurve
+from clutchid.estimation.result import Fit
+from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 
 __all__ = ["Estimate", "Fit", "LoadCurve", "fit"]

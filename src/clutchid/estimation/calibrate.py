@@ -11,12 +11,12 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.automatic import automatic
 from clutchid.estimation.departure import departure, relative_misfit
 from clutchid.estimation.hypotheses import changes, explained, mixture
+from clutchid.estimation.method import Method, SearchResult, fit_at
 from clutchid.estimation.position_only import position_only_errors
 from clutchid.estimation.request import Continuation, FitRequest, FreeParameters, SearchStart, bounds_of, free_names
-from clutchid.estimation.result import Change, Departure, Fit, failed_fit
-from clutchid.estimation.search_result import SearchMethod, SearchResult, SolutionT
+from clutchid.estimation.result import Change, Departure, Fit
 from clutchid.estimation.verification import on_samples, with_slow_logs
-from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration, calibrated_deviation
 from clutchid.inference.uncertainty.conditions import (
     CONDITIONS,
@@ -36,14 +36,14 @@ from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.recordings.strokes.vented_rest import merged, vented_rest
 
 
-def fit_with_priors(
-    method: SearchMethod[SolutionT],
+def fit_with(
+    method: Method,
     logs: Sequence[Log],
     actuator: Actuator,
     request: FitRequest,
     progress: Progress | None = None,
 ) -> Fit:
-    """Fit as requested by `method`; with pressure in use and a free load the result is also a calibration.
+    """Fit as requested by `method`; with priors, pressure in use and a free load the result is also a calibration.
 
     Status "failed" if the search cannot start.
 
@@ -53,6 +53,8 @@ def fit_with_priors(
         As `clutchid.fit`.
     """
     actuator, free = free_parameters(logs, actuator, request)
+    if not method.priors:
+        return fit_at(method, method.search(logs, actuator, free, None, progress))
     if request.continues and request.continues.applies(free.names, free.measure, data_of(logs)):
         request, free = continued(request, request.continues, free)
     request = replace(request, profile=actuator.expanded(request.profile))
@@ -60,12 +62,9 @@ def fit_with_priors(
     _check_profiled(request, free)
     conditions = conditions_of(logs, actuator)
     search_result, found, departs = _searched(method, logs, actuator, free, request.calibration, progress)
-    result = method.result(search_result, request.calibration)
-    if isinstance(result, Failure):
-        bounds = {c.name: (c.low, c.high) for c in search_result.problem.coordinates}
-        return failed_fit(
-            search_result.problem.actuator, bounds, search_result.method, result.message, search_result.plans
-        )
+    result, problem = fit_at(method, search_result, request.calibration), search_result.problem
+    if result.status == "failed":
+        return result
     result = replace(
         result,
         baseline=request.calibration,
@@ -78,12 +77,12 @@ def fit_with_priors(
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
         kept = replace(result, calibration=request.calibration)
-        return _as_reading(kept, search_result.problem, logs, free)
+        return _as_reading(kept, problem, logs, free)
     return _with_calibration(method, result, logs, actuator, conditions, progress)
 
 
 def _with_calibration(
-    method: SearchMethod[SolutionT],
+    method: Method,
     result: Fit,
     logs: Sequence[Log],
     actuator: Actuator,
@@ -102,7 +101,7 @@ def _with_calibration(
     return replace(result, calibration=replace(kept, nis=usual_nis(result.actuator, kept, logs)))
 
 
-def _as_reading(result: Fit, problem: FitProblem, logs: Sequence[Log], free: FreeParameters) -> Fit:
+def _as_reading(result: Fit, problem: Problem, logs: Sequence[Log], free: FreeParameters) -> Fit:
     """`result`; where it is a load read with a calibration, with what slow recordings lack and what is assumed.
 
     It has warnings about recorded conditions that the calibration lacks.
@@ -117,24 +116,24 @@ def _as_reading(result: Fit, problem: FitProblem, logs: Sequence[Log], free: Fre
 
 
 def _searched(
-    method: SearchMethod[SolutionT],
+    method: Method,
     logs: Sequence[Log],
     actuator: Actuator,
     free: FreeParameters,
     calibration: Calibration | None,
     progress: Progress | None,
-) -> tuple[SearchResult[SolutionT], tuple[Change, ...], Departure | None]:
+) -> tuple[SearchResult, tuple[Change, ...], Departure | None]:
     """Search; for a load from position alone over all hypotheses, with the changes and the departure."""
     found = method.search(logs, actuator, free, calibration, progress)
-    if method.hypotheses is None or calibration is None or not found.problem.changing:
+    if method.changes is None or calibration is None or not found.problem.changing:
         return found, (), None
     if isinstance(found.solution, Failure):
         return found, (), None
-    known = explained(found, method.hypotheses, calibration)
-    cost = min(method.hypotheses.cost(one.solution) for one in known.values())
+    known = explained(found, method.changes, calibration)
+    cost = min(one.solution.at.cost for one in known.values())
     all_together = mixture(known, calibration, relative_misfit(cost, logs, calibration))
     best = known[max(all_together.probability, key=all_together.probability.__getitem__)]
-    settled = method.hypotheses.settle(best.result.problem, best.solution, all_together.x)
+    settled = method.changes.settle(best.result.problem, best.solution, all_together.x)
     solution = best.solution if isinstance(settled, Failure) else settled
     x = best.solution.x if isinstance(settled, Failure) else all_together.x
     result = replace(best.result, solution=solution, covariance=all_together.covariance)
@@ -172,7 +171,9 @@ def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest
     bounds = {name: all_bounds[name] for name in request.bounds}
     if request.calibration:
         priors = {**_calibrated(names, actuator, request.calibration), **priors}
-    return actuator, FreeParameters(names, request.measure, bounds, priors, conditions=conditions)
+    return actuator, FreeParameters(
+        names, request.measure, bounds, priors, conditions=conditions, partition=request.partition
+    )
 
 
 def _without_shared(names: Sequence[str]) -> tuple[str, ...]:

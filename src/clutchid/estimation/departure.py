@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clutchid.estimation.problem import with_hypothesis
 from clutchid.estimation.result import Departure
-from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.problem import Problem, with_hypothesis
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.parameters import GROUPS
@@ -16,14 +15,12 @@ from clutchid.recordings.signals.excitation import HOLD_SPEED, SLOW_WINDOW
 from clutchid.recordings.signals.sampled import velocity
 
 
-def departure(
-    problem: FitProblem, x: FloatArray, cost: float, logs: Sequence[Log], calibration: Calibration
-) -> Departure:
+def departure(problem: Problem, x: FloatArray, cost: float, logs: Sequence[Log], calibration: Calibration) -> Departure:
     """Departure of a reading with parameters x, shape (k,), and a cost.
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         With the parameters that may have changed.
     logs : several
         The recordings.

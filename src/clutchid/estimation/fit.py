@@ -6,26 +6,35 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
+from types import MappingProxyType
 from typing import Literal
 
-from clutchid.errors import DataError
+from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.automatic import AUTOMATIC
-from clutchid.estimation.methods import method_of
+from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.method import Method
+from clutchid.estimation.prediction_error import PREDICTION_ERROR
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
+from clutchid.estimation.shooting import SHOOTING
+from clutchid.estimation.simulation_error import SIMULATION
 from clutchid.estimation.verification import on_samples, verified, with_rests
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import listed_names
+from clutchid.names import listed_names, unknown_name
 from clutchid.numerics.least_squares import Progress
 from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.preparation.pulses import lacks_changes
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.simulation.inputs import with_inputs
 from clutchid.simulation.partition import Partition
 
 MethodName = Literal["simulation", "shooting", "prediction-error"]
+
+#: Methods by name.
+METHODS: Mapping[str, Method] = MappingProxyType({one.name: one for one in (SIMULATION, SHOOTING, PREDICTION_ERROR)})
 
 #: A recording, or the path of its file.
 LogOrPath = Log | str | PathLike[str]
@@ -187,7 +196,7 @@ def fit_request(
     recordings, others = [one.log for one in rested], [one.log for one in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start)
-    done = method.fit([with_inputs(log) for log in recordings], start, request, progress)
+    done = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)
     if done.status == "failed":
         return done
     known = done.baseline is not None and len(done.baseline.theta) > 0 and done.load_is_fitted
@@ -196,6 +205,36 @@ def fit_request(
     return with_rests(
         verified(replace(done, recordings=whole, readings=readings), others, request), [*rested, *checked]
     )
+
+
+def method_of(request: FitRequest, logs: Sequence[Log], actuator: Actuator) -> Method:
+    """The method of a request: the requested one, else that of its calibration, else the simplest that supports it.
+
+    With a calibration, recordings that lack changes of the duty cycles need 'prediction-error': there the process noise
+    of the flow acts in every interval, in 'shooting' only between windows.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such method, or it does not support the request.
+    """
+    needed = request.calibration.method if request.calibration else "shooting"
+    if request.calibration and not request.checks and any(lacks_changes(log, actuator) for log in logs):
+        needed = "prediction-error"
+    name = request.method or (needed if request.has_priors else "simulation")
+    if name not in METHODS:
+        raise ParameterError(unknown_name(name, METHODS, "method"))
+    method = METHODS[name]
+    if request.checks and not method.check:
+        raise ParameterError(f"profile and bootstrap need the method 'shooting', not '{name}'.")
+    if request.partition is not None and method.partition:
+        raise ParameterError(f"a partition needs the method 'simulation'; {method.partition}.")
+    if request.has_priors and not method.priors:
+        raise ParameterError(
+            "'auto', priors, parameters of single recordings and a calibration need the method 'shooting' or "
+            "'prediction-error'."
+        )
+    return method
 
 
 def _one_by_one(

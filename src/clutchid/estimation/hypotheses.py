@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.problem import with_hypothesis
+from clutchid.estimation.method import ChangeFunctions, SearchResult
 from clutchid.estimation.result import Change
-from clutchid.estimation.search_result import Hypotheses, SearchResult, SolutionT
-from clutchid.inference.smoother.problem import FitProblem, prior_rows
+from clutchid.inference.problem import Problem, prior_rows, with_hypothesis
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import (
     HYPOTHESES,
@@ -28,6 +27,7 @@ from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.inference.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Solution
 from clutchid.parameters import GROUPS, Row
 
 #: A hypothesis is searched if its probability may be above this.
@@ -35,7 +35,7 @@ LEAST_PROBABILITY = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Explanation(Generic[SolutionT]):
+class Explanation:
     """The recordings explained under a hypothesis: search, and factor ``[R | q]`` of the data at its solution.
 
     Where the dispersion of the data, see `clutchid.inference.smoother.residuals`, is above 1, their rows are divided by
@@ -43,8 +43,8 @@ class Explanation(Generic[SolutionT]):
     worse.
     """
 
-    result: SearchResult[SolutionT]
-    solution: SolutionT
+    result: SearchResult
+    solution: Solution[Any]
     data: FloatArray
     scatter: float
 
@@ -55,19 +55,17 @@ class Explanation(Generic[SolutionT]):
 
 
 #: Explanations by their hypothesis.
-Explanations = Mapping[Hypothesis, Explanation[SolutionT]]
+Explanations = Mapping[Hypothesis, Explanation]
 
 
-def explained(
-    found: SearchResult[SolutionT], method: Hypotheses[SolutionT], calibration: Calibration
-) -> dict[Hypothesis, Explanation[SolutionT]]:
+def explained(found: SearchResult, method: ChangeFunctions, calibration: Calibration) -> dict[Hypothesis, Explanation]:
     """Explanations under every hypothesis that may matter, from the search that assumed no change.
 
     Parameters
     ----------
     found : SearchResult
         With a solution, under the hypothesis of no change.
-    method : Hypotheses
+    method : ChangeFunctions
         How a search goes on under another hypothesis.
     calibration : Calibration
         Its errors from position alone are what a hypothesis explains without any change.
@@ -91,9 +89,7 @@ def explained(
             known[candidate] = explanation(again, method, dispersion)
 
 
-def explanation(
-    found: SearchResult[SolutionT], method: Hypotheses[SolutionT], dispersion: float
-) -> Explanation[SolutionT]:
+def explanation(found: SearchResult, method: ChangeFunctions, dispersion: float) -> Explanation:
     """The explanation of a search with a solution; `dispersion` is that of the data."""
     assert not isinstance(found.solution, Failure), "a failed search explains nothing"
     data = method.data_factor(found.problem, found.solution)
@@ -101,7 +97,7 @@ def explanation(
 
 
 def _candidate(
-    known: Explanations[SolutionT], best: Hypothesis, failed: set[Hypothesis], calibration: Calibration
+    known: Explanations, best: Hypothesis, failed: set[Hypothesis], calibration: Calibration
 ) -> Hypothesis | None:
     """The most probable hypothesis without a search, by the linearisation of the best; None if none may matter."""
     others = [h for h in HYPOTHESES if h not in known and h not in failed]
@@ -113,7 +109,7 @@ def _candidate(
     return others[int(np.argmax(probability))]
 
 
-def probabilities(known: Explanations[SolutionT], calibration: Calibration) -> FloatArray:
+def probabilities(known: Explanations, calibration: Calibration) -> FloatArray:
     """Probability of each hypothesis, in the order of `known`."""
     return softmax([score(one.under(h), h, calibration) for h, one in known.items()])
 
@@ -147,7 +143,7 @@ def softmax(scores: Sequence[float]) -> FloatArray:
     return result
 
 
-def log_root(problem: FitProblem) -> float:
+def log_root(problem: Problem) -> float:
     """Logarithm of the determinant of the root of the joint prior."""
     return 0.0 if problem.prior_root is None else float(np.linalg.slogdet(problem.prior_root)[1])
 
@@ -197,7 +193,7 @@ class Mixture:
 
 
 def mixture(
-    known: Explanations[SolutionT], calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
+    known: Explanations, calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
 ) -> Mixture:
     """Posterior over the hypotheses: mean over those `known`, covariance over all of them.
 
@@ -234,7 +230,7 @@ def mixture(
     return Mixture(x, np.asarray(covariance), probability)
 
 
-def _log_friction(problem: FitProblem, x: FloatArray) -> float:
+def _log_friction(problem: Problem, x: FloatArray) -> float:
     """Logarithm of the viscous friction over the calibrated one, rms over the recordings."""
     calibrated = problem.actuator.value("D_v")
     found = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
@@ -242,14 +238,14 @@ def _log_friction(problem: FitProblem, x: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.square(logarithms)))) if logarithms else 0.0
 
 
-def _scale_of_load(problem: FitProblem, x: FloatArray) -> FloatArray:
+def _scale_of_load(problem: Problem, x: FloatArray) -> FloatArray:
     """Direction in x, shape (k,), in which the load grows by its own size."""
     weights = problem.actuator.load.names
     of_each = zip(problem.coordinates, x.tolist(), strict=True)
     return np.array([c.si(value) / c.slope(value) if c.base in weights else 0.0 for c, value in of_each])
 
 
-def changes(problem: FitProblem, found: Mixture) -> tuple[Change, ...]:
+def changes(problem: Problem, found: Mixture) -> tuple[Change, ...]:
     """Changes, certain or suspected, by recording.
 
     A group is listed if the data at least double the odds of its change; of its parameters those that have
@@ -279,7 +275,7 @@ def _odds(probability: float) -> float:
     return probability / max(1.0 - probability, np.finfo(float).tiny)
 
 
-def _change(problem: FitProblem, found: Mixture, at: int, stem: str, group: str, std: float) -> Change:
+def _change(problem: Problem, found: Mixture, at: int, stem: str, group: str, std: float) -> Change:
     c, x = problem.coordinates[at], float(found.x[at])
     before, after = problem.actuator.value(c.base), c.si(x)
     return Change(

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.prediction_error.problem import predict_errors
+from clutchid.estimation.prediction import predict_errors
 from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FreeParameters
-from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
@@ -80,15 +80,15 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
     return centred((int(np.argmin(costs)) + _vertex(costs)) / PHASES)
 
 
-def _slow_phase(once: FitProblem, part: Log, actuator: Actuator) -> float:
+def _slow_phase(once: Problem, part: Log, actuator: Actuator) -> float:
     """`filtered_phase` of a slow recording, whose time grid depends on the phase."""
     rate = CALIBRATED_MARGIN * stiffness(actuator)
 
-    def on_grid(phase: float) -> FitProblem:
+    def on_grid(phase: float) -> Problem:
         grid = prepare(part, actuator, once.measure, lambda _log, _actuator: phase, rate)
         return replace(_at_phase(once, phase), tracks=tracks((grid,)))
 
-    def stepped(problems: Sequence[FitProblem], starts: Sequence[FloatArray]) -> list[Adapted]:
+    def stepped(problems: Sequence[Problem], starts: Sequence[FloatArray]) -> list[Adapted]:
         return map_pairs(partial(_adapted, steps=1), problems, starts, smallest=1)
 
     problems = [on_grid(centred(at / PHASES)) for at in range(PHASES)]
@@ -104,7 +104,7 @@ def _slow_phase(once: FitProblem, part: Log, actuator: Actuator) -> float:
     return near[int(np.argmin([one.cost for one in finer]))]
 
 
-def _start(problem: FitProblem) -> FloatArray:
+def _start(problem: Problem) -> FloatArray:
     return np.zeros(len(problem.coordinates))
 
 
@@ -115,14 +115,14 @@ def _vertex(costs: FloatArray) -> float:
     return 0.5 * float((before - after) / (before + after)) if 0.0 < before + after < np.inf else 0.0
 
 
-def _problem(part: Log, actuator: Actuator, calibration: Calibration) -> FitProblem:
+def _problem(part: Log, actuator: Actuator, calibration: Calibration) -> Problem:
     """The problem of load and viscous friction for a phase of 0."""
     free = FreeParameters((*actuator.load.names, "D_v"), ("position",))
-    problem, _ = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: 0.0)
+    problem = fit_problem([part], actuator, free, calibration, lambda _log, _actuator: 0.0)
     return replace(problem, tracks=tuple(map(with_window_steps, problem.tracks)))
 
 
-def _at_phase(problem: FitProblem, phase: float) -> FitProblem:
+def _at_phase(problem: Problem, phase: float) -> Problem:
     """`problem` with another phase of the carrier as prior mean."""
     coordinates = tuple(replace(c, mean=phase) if c.base == "s_pwm" else c for c in problem.coordinates)
     return replace(problem, actuator=problem.actuator.replace({"s_pwm": phase}), coordinates=coordinates)
@@ -135,7 +135,7 @@ class Adapted(NamedTuple):
     x: FloatArray
 
 
-def _adapted(problem: FitProblem, x: FloatArray, steps: int = STEPS) -> Adapted:
+def _adapted(problem: Problem, x: FloatArray, steps: int = STEPS) -> Adapted:
     """Gauss-Newton steps from x towards smaller prediction errors; the cost is infinite if the first pass fails."""
     low, high = problem.bounds()
     least = np.inf

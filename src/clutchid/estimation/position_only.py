@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from clutchid.estimation.departure import misfit
 from clutchid.estimation.hypotheses import explanation
+from clutchid.estimation.method import ChangeFunctions, Method, SearchResult
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult, SolutionT
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, Hypothesis
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress
+from clutchid.numerics.least_squares import Progress, Solution
 
 
 def position_only_errors(
-    method: SearchMethod[SolutionT],
+    method: Method,
     logs: Sequence[Log],
     actuator: Actuator,
     kept: Calibration,
@@ -39,7 +40,7 @@ def position_only_errors(
     for log in logs:
         found = method.search([log.without("pressure_a")], actuator, free, kept, progress)
         if not isinstance(found.solution, Failure):
-            each.append(_errors(found, found.solution, method.hypotheses, log))
+            each.append(_errors(found, found.solution, method.changes, log))
     if not each:
         return None
     names = tuple(name for name in each[0].names if all(name in one.names for one in each))
@@ -55,7 +56,7 @@ def position_only_errors(
 
 
 def _errors(
-    found: SearchResult[SolutionT], solution: SolutionT, method: Hypotheses[SolutionT] | None, log: Log
+    found: SearchResult, solution: Solution[Any], method: ChangeFunctions | None, log: Log
 ) -> PositionOnlyErrors:
     """Errors in one recording, all hypotheses by the linearisation at the solution without a change.
 
@@ -73,5 +74,5 @@ def _errors(
     posteriors = [one.under(hypothesis) for hypothesis in HYPOTHESES]
     shifts: FloatArray = np.array([(solution.x + posterior.step)[at] * widths for posterior in posteriors])
     evidence = np.array([posterior.log_evidence for posterior in posteriors])
-    usual = misfit(method.cost(solution), [log])
+    usual = misfit(solution.at.cost, [log])
     return PositionOnlyErrors(HYPOTHESES, names, shifts, evidence, dispersion, usual)

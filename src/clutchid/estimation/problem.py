@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.estimation.request import FreeParameters
-from clutchid.inference.smoother.problem import FitProblem
+from clutchid.inference.problem import Problem, with_hypothesis
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.change_prior import Hypothesis, change_covariance, change_priors
+from clutchid.inference.uncertainty.change_prior import change_priors
 from clutchid.inference.uncertainty.conditions import known_conditions
-from clutchid.inference.uncertainty.coordinates import CURVATURE, Prior, coordinates, far_stop
+from clutchid.inference.uncertainty.coordinates import Prior, coordinates, far_stop
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
@@ -28,8 +28,8 @@ def fit_problem(
     free: FreeParameters,
     calibration: Calibration | None = None,
     find: FindPhase = find_phase,
-) -> tuple[FitProblem, tuple[Plan, ...]]:
-    """The problem of a fit, and the plans of its recordings; `find` is that of `prepare`.
+) -> Problem:
+    """The problem of a fit with priors; `find` is that of `prepare`.
 
     Besides `free`, the phase of the carrier is free in each recording where it is unknown; for a load from position
     alone so is what changes between recordings, with the prior that nothing has changed.
@@ -44,36 +44,22 @@ def fit_problem(
     changing = _changing(free, logs, actuator, calibration)
     added = {**_phases(free, logs, plans), **_stops(free, logs, actuator, calibration), **changing}
     priors = {**added, **free.priors}
-    problem = FitProblem(
+    problem = Problem(
         actuator=first,
         coordinates=coordinates(first, (*free.names, *added), free.bounds, priors),
-        tracks=tracks_with_steps(plans, CALIBRATED_MARGIN if calibration else MARGIN),
         stems=tuple(log.name for log in logs),
         measure=free.measure,
         noise=_noise(first, free),
-        curvature=CURVATURE,
+        plans=plans,
+        tracks=tracks_with_steps(plans, CALIBRATED_MARGIN if calibration else MARGIN),
         reference=_reference(actuator, free) if calibration else (0.0,) * len(actuator.load.theta),
         changing=tuple(changing),
         known=_known(changing, free, logs, actuator, calibration),
     )
-    return with_hypothesis(problem, ()), plans
+    return with_hypothesis(problem, ())
 
 
-def with_hypothesis(problem: FitProblem, hypothesis: Hypothesis) -> FitProblem:
-    """`problem` with the prior of a hypothesis about what has changed since the calibration in every recording."""
-    if not problem.changing:
-        return problem
-    root = np.eye(len(problem.coordinates))
-    for stem in problem.stems:
-        at = [i for i, c in enumerate(problem.coordinates) if c.stem == stem and c.name in problem.changing]
-        own = [problem.coordinates[i] for i in at]
-        sizes = np.array([c.slope(0.0) for c in own])
-        covariance = change_covariance(problem.actuator, [c.base for c in own], hypothesis)
-        root[np.ix_(at, at)] = np.linalg.inv(np.linalg.cholesky(covariance / np.outer(sizes, sizes)))
-    return replace(problem, prior_root=root)
-
-
-def start_point(problem: FitProblem, free: FreeParameters) -> FloatArray:
+def start_point(problem: Problem, free: FreeParameters) -> FloatArray:
     """Start of a search in x, shape (k,): the means of the priors, or the end of an earlier search.
 
     Otherwise it is at the means: bounded steps cannot return from a start far outside a narrow prior.

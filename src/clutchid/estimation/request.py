@@ -34,7 +34,8 @@ class SearchStart:
 class FreeParameters:
     """Free parameters (NAME or NAME@STEM), measured columns in use, bounds and priors in SI, and start of the search.
 
-    By default a search starts at the means of the priors. `conditions` are values of T_0 and P_S that the user knows.
+    By default a search starts at the means of the priors. `conditions` are values of T_0 and P_S that the user knows;
+    `partition` is that of a simulation, ballistic by default.
     """
 
     names: tuple[str, ...]
@@ -43,6 +44,7 @@ class FreeParameters:
     priors: Mapping[str, Prior] = field(default_factory=dict)
     start: SearchStart | None = None
     conditions: Mapping[str, Prior] = field(default_factory=dict)
+    partition: Partition | None = None
 
     def reads_load(self, actuator: Actuator) -> bool:
         """Whether a load is estimated from position alone."""

@@ -11,8 +11,10 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.estimation.request import SearchState
+from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import Assumption
+from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import base_of
@@ -69,57 +71,6 @@ Status = Literal["ok", "warning", "failed"]
 
 #: Recordings and parameters that the text of a fit names; there may be hundreds.
 _NAMED, _SHOWN = 3, 6
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it.
-
-    Examples
-    --------
-    As text it has the 95 % interval, not the standard error:
-
-    >>> print(Estimate(8.9e5, "Pa", 1e3, 8.8804e5, 8.9196e5))
-    8.9e+05 ± 2e+03 Pa
-    """
-
-    value: float
-    unit: str
-    std: float
-    low: float
-    high: float
-
-    @property
-    def half(self) -> float:
-        """Half width of the 95 % interval; the wider side of one that ends at a bound."""
-        return max(self.high - self.value, self.value - self.low)
-
-    def __str__(self) -> str:
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{self.value:.4g} ± {self.half:.2g}{unit}" if np.isfinite(self.half) else "not determined"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadCurve:
-    """The load in N over the position in m with its pointwise 95 % interval, 101 points from 0 to the full stroke."""
-
-    position: FloatArray
-    force: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-    def __repr__(self) -> str:
-        at = self.peak(float(self.position[-1]))
-        return (
-            f"LoadCurve({self.position.size} points from {self.position[0] * 1e3:g} to {self.position[-1] * 1e3:g} mm, "
-            f"greatest {self.force[at] / 1e3:.3g} kN at {self.position[at] * 1e3:.3g} mm)"
-        )
-
-    def peak(self, furthest: float) -> int:
-        """Index of the greatest load up to position `furthest` in m, among points with an interval if any has one."""
-        inside = self.position <= max(furthest, float(self.position[0]))
-        known = inside & np.isfinite(self.high - self.low)
-        return int(np.argmax(np.where(known if known.any() else inside, self.force, -np.inf)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -378,15 +329,10 @@ def physical_limits(actuator: Actuator, name: str) -> tuple[float, ...]:
     return row.low, row.high
 
 
-def failed_fit(
-    actuator: Actuator,
-    bounds: Mapping[str, tuple[float, float]],
-    method: str,
-    message: str,
-    plans: Sequence[Plan],
-) -> Fit:
-    """The result of a search with start values that cannot be simulated; `bounds` of the free parameters in SI."""
-    nan = float("nan")
+def failed_fit(problem: Problem, method: str, message: str, warnings: Sequence[str]) -> Fit:
+    """The result of a search with start values that cannot be simulated."""
+    nan, actuator = float("nan"), problem.actuator
+    bounds = {c.name: (c.low, c.high) for c in problem.coordinates if c.base in actuator.names}
     unknown = np.full(POINTS, nan)
     y = np.linspace(0.0, actuator.parameters.y_max, POINTS)
     return Fit(
@@ -399,9 +345,9 @@ def failed_fit(
         recordings={},
         errors=errors_over([]),
         scales={},
-        bounds=dict(bounds),
+        bounds=bounds,
         evaluations=0,
-        warnings=tuple(plan_warnings(plans)),
+        warnings=tuple(warnings),
         method=method,
         converged=False,
     )

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimation.request import FitRequest
+from clutchid.estimation.method import fit_at
+from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.estimation.result import Fit, Recording, errors_over
-from clutchid.estimation.simulation_error.fit import fit_simulation_error
+from clutchid.estimation.simulation_error import SIMULATION
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import base_of
@@ -133,7 +134,8 @@ def starts_of(log: Log, actuator: Actuator, partition: Partition | None = None) 
 def _with_starts(log: Log, actuator: Actuator, partition: Partition | None, measure: tuple[str, ...]) -> Fit:
     """A recording simulated with only its unknown start values estimated."""
     check_recordings([log], (), measure, actuator.parameters.y_max)
-    return fit_simulation_error([log], actuator, FitRequest(measure, (), partition=partition))
+    free = FreeParameters((), measure, partition=partition)
+    return fit_at(SIMULATION, SIMULATION.search([log], actuator, free, None, None))
 
 
 def on_samples(one: Recording, log: Log) -> Recording:

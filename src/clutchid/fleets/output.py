@@ -18,13 +18,14 @@ from clutchid.fleets.jobs import Fleet, Job, version_and_source
 from clutchid.fleets.reading import RecordingResult, counted_as, without_file
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import Limits, Tracked, table_of
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.recordings.files import atomic_write, make_folder, write_frame
 from clutchid.reports.fleet_page import fleet_page
 from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page
 from clutchid.reports.wear_text import alarm_words
 from clutchid.wear.history import WearReading, arranged
-from clutchid.wear.life import Curve, wear_of
+from clutchid.wear.life import wear_of
 
 if TYPE_CHECKING:
     import polars as pl
@@ -128,7 +129,7 @@ def _result(row: RecordingRow) -> Mapping[str, object]:
     }  # fmt: skip
 
 
-def _peak(curve: Curve) -> tuple[float, float, float]:
+def _peak(curve: LoadCurve) -> tuple[float, float, float]:
     """Largest load in N, with the band there."""
     if not np.isfinite(curve.force).any():
         return (float("nan"),) * 3
@@ -140,7 +141,7 @@ def _curves(rows: Iterable[RecordingRow]) -> pl.DataFrame:
     import polars as pl
 
     known = [(row.job, row.read.curve) for row in rows if row.read.curve is not None]
-    values = np.concatenate([np.column_stack(curve) for _, curve in known]) if known else np.zeros((0, 4))
+    values = np.concatenate([curve.table() for _, curve in known]) if known else np.zeros((0, 4))
     named = {
         what: pl.Series(
             [getattr(job, what) for job, curve in known for _ in range(curve.position.size)], dtype=pl.String

@@ -14,13 +14,12 @@ from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_loa
 from clutchid.estimation.assess.reasons import departs
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.result import LoadCurve
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
 from clutchid.processes import Lost
 from clutchid.recordings.files import digest
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.history import WearReading, leak_of, measured, unmeasured
-from clutchid.wear.life import Curve
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -58,7 +57,7 @@ class RecordingResult(NamedTuple):
     reading: WearReading
     clock: str = ""
     sha256: str = ""
-    curve: Curve | None = None
+    curve: LoadCurve | None = None
     half_load: HalfLoad = UNKNOWN
     changes: tuple[str, ...] = ()
 
@@ -129,10 +128,9 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recordi
     reason = unmeasured(fit)
     measurement = None if reason else measured(fit, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
-    curves = Curve(curve.position, curve.force, curve.low, curve.high)
     rest = next((one.rest for one in fit.recordings.values()), None)
     reading = WearReading(status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason)
-    return RecordingResult(path, reading, curve=curves, half_load=half, changes=changes)
+    return RecordingResult(path, reading, curve=curve, half_load=half, changes=changes)
 
 
 def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
@@ -149,11 +147,11 @@ def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recor
     one = observer(content.actuator, "joint", spacing(checked), content.calibration, zero)
     run = observe_recording(one, checked)
     after = loads(run).after
-    half = half_load_band(LoadCurve(*after), float(np.nanmax(checked["position"])))
+    half = half_load_band(after, float(np.nanmax(checked["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"
     trust, shift = observed_verdict(indicators(run)).trust, from_rest(log, rest, zero).shift
     reading = WearReading(status, observe_sentence(run), trust, None, rest=shift, reason=_ONLY_ITS_END)
-    return RecordingResult(path, reading, curve=Curve(*after), half_load=half)
+    return RecordingResult(path, reading, curve=after, half_load=half)
 
 
 @lru_cache(maxsize=64)

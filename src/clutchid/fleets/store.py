@@ -17,10 +17,10 @@ import numpy as np
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import HalfLoad
 from clutchid.fleets.reading import RecordingResult
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.recordings.files import atomic_write, make_folder
 from clutchid.recordings.strokes.vented_rest import RestShift
 from clutchid.wear.history import Leak, Measurement, WearReading
-from clutchid.wear.life import Curve
 
 #: The file in the folder of a run.
 STORE = "run.sqlite"
@@ -317,9 +317,11 @@ def _read(
     return RecordingResult(Path(recording), reading, str(content["clock"]), sha256, _unpacked(curve), half, changes)
 
 
-def _packed(curve: Curve | None) -> bytes | None:
-    return None if curve is None else np.array(curve, dtype="<f8").tobytes()
+def _packed(curve: LoadCurve | None) -> bytes | None:
+    if curve is None:
+        return None
+    return np.ascontiguousarray(curve.table().T, dtype="<f8").tobytes()
 
 
-def _unpacked(content: bytes | None) -> Curve | None:
-    return None if content is None else Curve(*np.frombuffer(content, dtype="<f8").reshape(4, -1))
+def _unpacked(content: bytes | None) -> LoadCurve | None:
+    return None if content is None else LoadCurve(*np.frombuffer(content, dtype="<f8").reshape(4, -1))

@@ -13,11 +13,12 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.fleets.reading import How, RecordingResult, counted_as, read_recording, without_file, without_result
 from clutchid.fleets.store import STORE
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
 from clutchid.processes import Lost, check_workers, results
 from clutchid.recordings.files import write_frame
 from clutchid.wear.history import History, Listed, arranged
-from clutchid.wear.life import Curve, Wear, wear_of
+from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.trend import WearTable
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Tracked:
     reads: tuple[RecordingResult, ...]
 
     @property
-    def curves(self) -> list[tuple[str, Curve]]:
+    def curves(self) -> list[tuple[str, LoadCurve]]:
         """The loads of the recordings that count in the trend, by name."""
         reads = zip(self.reads, self.wear.counted, strict=True)
         return [(name_of(one.path), one.curve) for one, counts in reads if one.curve and counts]
@@ -247,7 +248,7 @@ def curves_of(tracked: Tracked) -> pl.DataFrame:
     import polars as pl
 
     read = [one for one in tracked.reads if one.curve is not None]
-    values = np.concatenate([np.column_stack(one.curve) for one in read if one.curve]) if read else np.zeros((0, 4))
+    values = np.concatenate([one.curve.table() for one in read if one.curve]) if read else np.zeros((0, 4))
     names = [name_of(one.path) for one in read for _ in range(one.curve.position.size if one.curve else 0)]
     heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
     return pl.DataFrame({"recording": names, **dict(zip(heads, values.T, strict=True))})

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -30,13 +30,19 @@ class Linearisation:
     count: int
 
 
+#: End of a search.
+SearchStatus = Literal["converged", "stalled", "limit"]
+
+PointT = TypeVar("PointT")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """Solution of a minimisation."""
+class Solution(Generic[PointT]):
+    """Solution of a search: free parameters x (k,), what the search evaluated there, its end, and its evaluations."""
 
     x: FloatArray
-    at: Linearisation
-    status: Literal["converged", "stalled", "limit"]
+    at: PointT
+    status: SearchStatus
     evaluations: int
 
 
@@ -74,7 +80,7 @@ def minimise(
     *,
     tolerance: float,
     max_evaluations: int = 100,
-) -> Solution:
+) -> Solution[Linearisation]:
     """Minimise half the sum of squared residuals with ``low <= x <= high``.
 
     Levenberg-Marquardt with Marquardt's scaling and Nielsen's damping. Each step solves the damped linear problem with

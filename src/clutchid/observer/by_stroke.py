@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.following import Observed, observe
@@ -18,31 +19,13 @@ from clutchid.observer.state import ObserverState, count_strokes
 STEP = 0.5e-3
 
 
-class ObservedLoad(NamedTuple):
-    """The load in N at positions in m with its pointwise 95 % band, each (positions,)."""
-
-    position: FloatArray
-    force: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
-class Known(NamedTuple):
-    """A value in SI that adapts, with its standard deviation and 95 % interval."""
-
-    value: float
-    std: float
-    low: float
-    high: float
-
-
 class StrokeRow(NamedTuple):
     """Estimates at the end of a stroke: time in s, number of the stroke, load, and every weight and parameter."""
 
     time: float
     number: int
-    curve: ObservedLoad
-    known: dict[str, Known]
+    curve: LoadCurve
+    known: dict[str, Estimate]
 
 
 def positions(observer: Observer) -> FloatArray:
@@ -51,24 +34,25 @@ def positions(observer: Observer) -> FloatArray:
     return grid
 
 
-def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> ObservedLoad:
+def curve(observer: Observer, state: ObserverState, position: Sequence[float] | FloatArray) -> LoadCurve:
     """The load as it is known in a state, at positions in m."""
     at = np.asarray(position, dtype=np.float64)
     force, half = observer.load(state).force(at), QUANTILE * observer.load_deviation(state, at)
-    return ObservedLoad(at, force, force - half, force + half)
+    return LoadCurve(at, force, force - half, force + half)
 
 
-def known(observer: Observer, state: ObserverState) -> dict[str, Known]:
+def known(observer: Observer, state: ObserverState) -> dict[str, Estimate]:
     """All load weights, then the parameters that adapt, as they are known in a state; what is fixed has no spread."""
     load, deviations = observer.load(state), np.linalg.norm(observer.prior.weights @ state.T, axis=1)
     found = {
-        name: Known(value, std, value - QUANTILE * std, value + QUANTILE * std)
+        name: Estimate(value, load.unit, std, value - QUANTILE * std, value + QUANTILE * std)
         for name, value, std in zip(load.names, load.theta, deviations.tolist(), strict=True)
     }
     spread = np.linalg.norm(state.T, axis=1)
     for c, x, s in zip(observer.joint.coordinates, state.theta.tolist(), spread.tolist(), strict=True):
         if c.base not in observer.prior.actuator.load.names:
-            found[c.base] = Known(c.si(x), s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))
+            unit = observer.actuator.unit(c.base)
+            found[c.base] = Estimate(c.si(x), unit, s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))
     return found
 
 

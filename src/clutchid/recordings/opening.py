@@ -10,7 +10,8 @@ from os import PathLike
 from pathlib import Path
 
 from clutchid.recordings.files import plain_file
-from clutchid.recordings.formats.opening import opened_here, readable_kind
+from clutchid.recordings.formats.kinds import readable_kind
+from clutchid.recordings.formats.opening import opened_here
 from clutchid.recordings.source import Source
 
 #: Bytes in memory up to which a Parquet file is read in this process.

@@ -10,8 +10,8 @@ import numpy as np
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad, comparison
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.result import LoadCurve
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.reports.changes import assumed_sentences, since_calibration
 from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, svg

@@ -11,8 +11,9 @@ from clutchid.estimation.assess.comparison import Comparison, comparison
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, remarks
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
-from clutchid.estimation.result import Change, Errors, LoadCurve
+from clutchid.estimation.result import Change, Errors
 from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.recordings.signals.residual_colour import CrossCorrelation
 from clutchid.reports.changes import notes_of, rests_json, supply_worth
 

@@ -9,13 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.estimation.result import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import StrokeRow, curve, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import LiveRun, due
-from clutchid.observer.observer import Observer
 from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.formats.can.dbc import Signal
 from clutchid.recordings.source import to_frame
@@ -41,7 +39,7 @@ def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, ever
     lines = _samples(part, rows)
     ends = np.searchsorted(part.log.time[rows], [row.time for row in part.strokes], side="right")
     for at, row in reversed(list(zip(ends.tolist(), part.strokes, strict=True))):
-        lines.insert(at, _line(_stroke(part.observer, row)))
+        lines.insert(at, _line(_stroke(row)))
     if any(part.health.values()):
         lines.append(_line({"time [s]": after.latest, "health": dict(after.health or {})}))
     return lines
@@ -60,12 +58,19 @@ def _known(values: FloatArray) -> list[float | None]:
     return found
 
 
-def _stroke(observer: Observer, row: StrokeRow) -> dict[str, Any]:
+#: Numbers of an estimate.
+_SIDES = ("value", "std", "low", "high")
+
+
+def _stroke(row: StrokeRow) -> dict[str, Any]:
     parameters = {
-        name: {**dict(zip(one._fields, _known(np.array(one)), strict=True)), "unit": observer.actuator.unit(name)}
+        name: {
+            **dict(zip(_SIDES, _known(np.array([getattr(one, side) for side in _SIDES])), strict=True)),
+            "unit": one.unit,
+        }
         for name, one in row.known.items()
     }
-    curve = curve_json(LoadCurve(*(np.asarray(values) for values in row.curve)))
+    curve = curve_json(row.curve)
     known = {name: _known(np.array(values)) for name, values in curve.items()}
     return {"time [s]": row.time, "stroke": row.number, "parameters": parameters, "load_curve": known}
 

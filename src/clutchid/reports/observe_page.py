@@ -11,9 +11,10 @@ import numpy as np
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import HOLE, FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import Known, ObservedLoad, curve, known, positions
+from clutchid.observer.by_stroke import curve, known, positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.files import write_text
@@ -78,12 +79,12 @@ def strokes_figure(run: ObservedRecording) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
     grid = positions(run.observer)
-    curves: list[ObservedLoad] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
+    curves: list[LoadCurve] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
     number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
     places = [int(np.argmin(np.abs(grid - position))) for position in FOLLOWED if position <= grid[-1]]
     figure, axes = new_figure([1.25] * len(places))
     for axis, at in zip(axes, places, strict=True):
-        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in ObservedLoad._fields[1:])
+        force, low, high = (np.array([getattr(one, side)[at] for one in curves]) for side in ("force", "low", "high"))
         fill(axis, number, low, high, Line(STYLE.blue, "95 % band", opacity=0.2))
         draw(axis, number, force, Line(STYLE.blue, "load", 1.6))
         axis.plot(number, force, "o", color=STYLE.blue, markersize=2.8)
@@ -280,7 +281,8 @@ def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) ->
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = [
         (
-            name, actuator.unit(name), _rounded(before[name]), *after[name],
+            name, actuator.unit(name), _rounded(before[name]),
+            after[name].value, after[name].std, after[name].low, after[name].high,
             *([actuator.row(name).meaning] if meant else []),
         )
         for name in names
@@ -288,7 +290,7 @@ def parameter_table(run: ObservedRecording, title: str, names: Sequence[str]) ->
     return ReportTable(title, columns, tuple(rows))
 
 
-def _rounded(one: Known) -> float:
+def _rounded(one: Estimate) -> float:
     """A value, 0 where it differs from that by rounding only."""
     return one.value if abs(one.value) > 1e-6 * one.std else 0.0
 

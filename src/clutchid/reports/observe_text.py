@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from clutchid.estimation.assess.observed import indicators, observed_verdict
-from clutchid.estimation.result import LoadCurve, errors_over
+from clutchid.estimation.result import errors_over
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.observer.by_stroke import ObservedLoad, curve, known
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.observer.by_stroke import curve, known
 from clutchid.observer.observer import start
 from clutchid.observer.recording import ObservedRecording
 from clutchid.reports.fit_json import curve_json, errors_json
@@ -26,9 +28,9 @@ class Loads(NamedTuple):
     Each at 101 points from 0 to the full stroke.
     """
 
-    calibrated: ObservedLoad
-    before: ObservedLoad
-    after: ObservedLoad
+    calibrated: LoadCurve
+    before: LoadCurve
+    after: LoadCurve
 
 
 def loads(run: ObservedRecording) -> Loads:
@@ -78,11 +80,9 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
     return {
         "status": "warning" if warnings or any(run.health.values()) else "ok",
         "message": observe_sentence(run),
-        "parameters": {
-            name: {**one._asdict(), "unit": run.observer.actuator.unit(name)} for name, one in values.items()
-        },
-        "load_curve": curve_json(LoadCurve(*after)),
-        "calibrated_load_curve": curve_json(LoadCurve(*calibrated)),
+        "parameters": {name: asdict(one) for name, one in values.items()},
+        "load_curve": curve_json(after),
+        "calibrated_load_curve": curve_json(calibrated),
         "errors": errors,
         "logs": {run.log.name: errors},
         "warnings": warnings,

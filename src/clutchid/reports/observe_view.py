@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import ObservedLoad, curve
+from clutchid.observer.by_stroke import curve
 from clutchid.observer.live import LiveRun
 from clutchid.observer.observer import start
 from clutchid.observer.recording import ObservedRecording
@@ -75,7 +76,7 @@ def _half(run: LiveRun) -> str:
     )
 
 
-def _picture(now: ObservedLoad, before: ObservedLoad, top: float) -> list[list[str]]:
+def _picture(now: LoadCurve, before: LoadCurve, top: float) -> list[list[str]]:
     """Characters by row, from the top, and column; the load covers what else is there."""
     picture = [[" "] * now.position.size for _ in range(ROWS)]
 

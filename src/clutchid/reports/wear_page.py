@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
 from clutchid.estimation.assess.comparison import ENGAGING
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.recordings.files import write_text
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
@@ -17,7 +18,7 @@ from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Tex
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, Link, ReportTable
 from clutchid.reports.wear_text import AXIS, alarm_words, change_words, left_words, recordings_words
-from clutchid.wear.life import Curve, Wear
+from clutchid.wear.life import Wear
 from clutchid.wear.trend import FALSE_ALARMS
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -
             axis.plot(s[chosen], values[chosen] / factor, mark, color=colour, markersize=4, label=words, zorder=1.5)
 
 
-def loads_figure(curves: Sequence[tuple[str, Curve]]) -> Figure:
+def loads_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
     """Loads of recordings evenly over the life, from dark (first) to light (last); the band is that of the last."""
     figure, (axis,) = new_figure([3.2])
     chosen = [curves[k] for k in np.unique(np.linspace(0, len(curves) - 1, LOADS).round().astype(int))]
@@ -124,7 +125,7 @@ _LOADS = (
 
 
 def wear_page(
-    wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, path: str | PathLike[str], home: str = ""
+    wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, path: str | PathLike[str], home: str = ""
 ) -> None:
     """Write the page of a clutch's wear as one self-contained HTML file.
 
@@ -145,7 +146,7 @@ def wear_page(
     write_text(render(page_of(wear, curves, command, home)), path)
 
 
-def page_of(wear: Wear, curves: Sequence[tuple[str, Curve]], command: str, home: str = "") -> Page:
+def page_of(wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, home: str = "") -> Page:
     """The page before it is rendered."""
     sections = [PageSection("Wear", _result(wear))]
     if curves:

@@ -11,11 +11,11 @@ import numpy as np
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.assess.diagnostics import fit_percent
 from clutchid.estimation.request import ended
-from clutchid.estimation.result import Estimate
+from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.inference.uncertainty.gaussian import Covariance, sandwich
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.names import unknown_name
-from clutchid.numerics.least_squares import Solution, minimise
+from clutchid.numerics.least_squares import Linearisation, Solution, minimise
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.residual_colour import effective_samples
 from clutchid.rig.free_run import NAMES, FreeRunSegment, free_run, segments
@@ -173,12 +173,12 @@ def fit_lugre(
     return _result(problem, best, _shift_by_noise(problem, best, window, inertia))
 
 
-def _searched(problem: LugreProblem, start: FloatArray) -> Solution:
+def _searched(problem: LugreProblem, start: FloatArray) -> Solution[Linearisation]:
     low, high = problem.low[problem.free], problem.high[problem.free]
     return minimise(lambda x: linearised(problem, x), (start, linearised(problem, start)), low, high, tolerance=1e-10)
 
 
-def _shift_by_noise(problem: LugreProblem, best: Solution, window: float, inertia: float) -> FloatArray:
+def _shift_by_noise(problem: LugreProblem, best: Solution[Linearisation], window: float, inertia: float) -> FloatArray:
     """Shift of the scaled free parameters if noise like that of the position is added to it.
 
     The noise moves the bristle, which makes it look softer. Its variance is doubled here, so that the shift is about
@@ -217,7 +217,7 @@ def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, f
     return dict(fixed)
 
 
-def _result(problem: LugreProblem, solution: Solution, shift: FloatArray) -> LugreFit:
+def _result(problem: LugreProblem, solution: Solution[Linearisation], shift: FloatArray) -> LugreFit:
     x = solution.x
     parameters = problem.all(x)
     values = {name: float(value) for name, value in zip(FREE, parameters[: len(FREE)], strict=True)}
@@ -256,7 +256,7 @@ def _result(problem: LugreProblem, solution: Solution, shift: FloatArray) -> Lug
     )
 
 
-def _bounded(problem: LugreProblem, solution: Solution, names: Sequence[str]) -> list[str]:
+def _bounded(problem: LugreProblem, solution: Solution[Linearisation], names: Sequence[str]) -> list[str]:
     """Parameters at a bound beyond which the cost decreases."""
     low, high = problem.low[problem.free], problem.high[problem.free]
     gradient = solution.at.R.T @ solution.at.q

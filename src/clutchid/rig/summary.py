@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from clutchid.estimation.result import Estimate
+from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.rig.coulomb import CoulombFriction, Level
 from clutchid.rig.lugre import LugreFit
 from clutchid.rig.weighted import Interval

@@ -82,7 +82,7 @@ def loop_source(parts: Loop, ledger: bool) -> str:
 
 #: Constants of `clutchid.truck.law` that every loop uses, and the sources that all loops share.
 CONSTANTS = ("TICK", "SAMPLE", "TICKS", "FILTER_Y", "FILTER_V", "SLOW", "ENGAGED", "VENTING")
-SHARED = ("flow.py", "motion.py", "law.py", "definitions.py", "compiled.py", "order.py", "templates/loop.py.j2")
+SHARED = ("flow.py", "motion.py", "law.py", "compiled.py", "order.py", "templates/loop.py.j2")
 
 
 def _plant(ledger: bool) -> System:

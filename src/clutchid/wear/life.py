@@ -75,15 +75,6 @@ _WAITS = "outlier: the trend does not expect it, and the next recording will say
 _ALONE = "outlier: the trend does not expect it, and the next recording fits the trend without it."
 
 
-class Curve(NamedTuple):
-    """Load in N over the position in m with its 95 % band, each (n,)."""
-
-    position: FloatArray
-    force: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Wear:
     """The wear of one clutch over its recordings, in order.

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation import prediction_error as module
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.position_only import position_only_errors
-from clutchid.estimation.prediction_error import fit as module
-from clutchid.estimation.prediction_error.fit import PREDICTION_ERROR, predict
+from clutchid.estimation.prediction_error import PREDICTION_ERROR, predict
 from clutchid.estimation.problem import fit_problem
 from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
@@ -38,14 +38,14 @@ def worn_log(worn, recorded_by):
 
 @pytest.fixture(scope="module")
 def adapted(plant, worn_log):
-    return fit_with_priors(PREDICTION_ERROR, [worn_log], plant, LOAD)
+    return fit_with(PREDICTION_ERROR, [worn_log], plant, LOAD)
 
 
 @pytest.fixture(scope="module")
 def calibrated(plant, recorded_by):
     start = plant.replace({"C_vs": 20e-9, "F_C": 210.0, "tau_y": 0.0, "tau_p": 0.0})
     free = ("load", "C_vs", "C_ve", "F_C", "V_0A", "tau_y", "tau_p")
-    return fit_with_priors(PREDICTION_ERROR, [recorded_by(plant)], start, FitRequest(("position", "pressure_a"), free))
+    return fit_with(PREDICTION_ERROR, [recorded_by(plant)], start, FitRequest(("position", "pressure_a"), free))
 
 
 def test_a_worn_load_is_found_from_position_alone(adapted, worn):
@@ -110,7 +110,7 @@ def test_the_bias_of_a_calibration_is_taken_off(plant, worn_log, adapted):
     off = np.full(len(plant.load.theta), 100.0)
     errors = PositionOnlyErrors(((),), plant.load.names, off[None], np.zeros(1))
     calibration = replace(EXACT, position_only=errors)
-    found = fit_with_priors(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
+    found = fit_with(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, calibration=calibration))
     lower = adapted.load_curve.force - found.load_curve.force
     assert lower == pytest.approx(plant.load.phi(found.load_curve.position) @ off, rel=1e-6)
 
@@ -126,7 +126,7 @@ def test_the_search_reports_its_stages_and_all_evaluations(plant, worn_log):
 
 
 def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, monkeypatch):
-    problem, _ = fit_problem([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
+    problem = fit_problem([worn_log.slice(0, 500)], plant, FreeParameters(("theta_5",), ("position",)), EXACT)
     evaluated = []
 
     def swinging(problem, x, here, evaluate):
@@ -144,7 +144,7 @@ def test_rounds_that_swing_make_only_a_share_of_their_moves(plant, worn_log, mon
 
 def test_a_start_that_cannot_be_filtered_is_a_failed_fit_with_a_reason(plant, worn_log, monkeypatch):
     monkeypatch.setattr(module, "predict_errors", lambda *_: Failure("y is not finite at 0.1 s."))
-    found = fit_with_priors(PREDICTION_ERROR, [worn_log], plant, LOAD)
+    found = fit_with(PREDICTION_ERROR, [worn_log], plant, LOAD)
     assert found.status == "failed"
     assert found.method == "prediction-error"
     assert "0.1 s" in found.message
@@ -157,9 +157,9 @@ def test_a_recording_whose_search_fails_says_nothing_of_position_alone(plant, wo
 
 def test_a_short_recording_and_nothing_free_are_refused(plant, worn_log):
     with pytest.raises(DataError, match="at least ten"):
-        fit_with_priors(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
+        fit_with(PREDICTION_ERROR, [worn_log.slice(0, 50)], plant, LOAD)
     with pytest.raises(ParameterError, match="no parameter is free"):
-        fit_with_priors(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))
+        fit_with(PREDICTION_ERROR, [worn_log], plant, replace(LOAD, free=()))
 
 
 def test_a_round_whose_first_steps_are_all_rejected_goes_on_with_shorter_ones():

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from clutchid.estimation.prediction_error.innovations import innovations, noise_scales
-from clutchid.estimation.prediction_error.problem import predict_errors
+from clutchid.estimation.prediction import innovations, noise_scales, predict_errors
 from clutchid.simulation.noise import Noise
 
 pytestmark = pytest.mark.slow

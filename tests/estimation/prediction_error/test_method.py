@@ -8,9 +8,9 @@ import pytest
 from clutchid import fit, parameter_file, read_parameters, write_parameters
 from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimation.calibrate import fit_with_priors
-from clutchid.estimation.prediction_error import fit as module
-from clutchid.estimation.prediction_error.fit import PREDICTION_ERROR
+from clutchid.estimation import prediction_error as module
+from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.prediction_error import PREDICTION_ERROR
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.verification import verification
 from clutchid.inference.filter import filtering
@@ -37,7 +37,7 @@ def calibrated(plant, recording):
 
 def test_a_fit_that_asks_for_it_is_by_prediction_error(plant, recording):
     found = fit(recording, plant, measure=BOTH, free=("C_vs", "P_S"), method=METHOD)
-    same = fit_with_priors(PREDICTION_ERROR, [recording], plant, FitRequest(BOTH, ("C_vs", "P_S")))
+    same = fit_with(PREDICTION_ERROR, [recording], plant, FitRequest(BOTH, ("C_vs", "P_S")))
     assert found.method == METHOD
     assert found.follows
     assert found.converged

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.prediction_error import problem as module
-from clutchid.estimation.prediction_error.problem import Prediction, predict_errors
+from clutchid.estimation import prediction as module
+from clutchid.estimation.prediction import Prediction, predict_errors
 from clutchid.numerics.failure import Failure
 
 NAMES = ("theta_4", "theta_9", "C_vs", "F_C")

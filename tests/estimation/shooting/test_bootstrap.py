@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.shooting.bootstrap import MIN_STROKES, bootstrap, gauss_newton_steps, scatter_ratio, strokes
+from clutchid.estimation.bootstrap import MIN_STROKES, bootstrap, gauss_newton_steps, scatter_ratio, strokes
 from clutchid.inference.smoother.problem import Chain, LinearisedProblem, SimulatedWindows, condense, linearise
 from clutchid.inference.smoother.rows import LinearisedWindows
-from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
+from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, search
 from clutchid.log import Log
-from clutchid.numerics.least_squares import triangular
+from clutchid.numerics.least_squares import Solution, triangular
 from clutchid.simulation.noise import Noise
 
 STATES = 10
@@ -39,7 +39,7 @@ def small(problem, solution):
     """Twelve windows from a rest on, four strokes of them, so that a dense matrix holds them."""
     track = replace(problem.tracks[0], windows=problem.tracks[0].windows[16:28])
     few = replace(problem, tracks=(track,))
-    return few, linearise(few, solution.x, (solution.X[0][16:28],)), (np.repeat([0, 1, 2, 3], [5, 1, 2, 4]),)
+    return few, linearise(few, solution.x, (solution.at.X[0][16:28],)), (np.repeat([0, 1, 2, 3], [5, 1, 2, 4]),)
 
 
 def resting(problem_of, plant, excursions, low=0.0, missing=(), name="log"):
@@ -110,8 +110,8 @@ def test_the_step_of_each_stroke_is_that_of_the_dense_problem(small):
 
 def test_the_draws_scatter_as_the_sandwich_of_the_dense_problem(small, solution, monkeypatch):
     problem, linear, numbers = small
-    monkeypatch.setattr("clutchid.estimation.shooting.bootstrap.strokes", lambda _: numbers)
-    x = bootstrap(problem, ShootingSolution(solution.x, (), linear, "converged", 1), draws=20000)
+    monkeypatch.setattr("clutchid.estimation.bootstrap.strokes", lambda _: numbers)
+    x = bootstrap(problem, Solution(solution.x, linear, "converged", 1), draws=20000)
     moves = dense_moves(linear, numbers)[0][:, 1:]
     # numbers of draws that add up to the number of strokes: less the part in which all strokes agree
     apart = moves - moves.mean(axis=1, keepdims=True)
@@ -237,6 +237,6 @@ def test_strokes_of_several_recordings_are_numbered_without_gaps(problem_of, pla
 def test_one_stroke_alone_does_not_say_how_it_scatters(small, solution, problem):
     few, linear, _ = small
     second = replace(few.tracks[0], segment=replace(problem.tracks[0].segment, dt=problem.tracks[0].segment.dt[:1200]))
-    x = bootstrap(replace(few, tracks=(second,)), ShootingSolution(solution.x, (), linear, "converged", 1), draws=3)
+    x = bootstrap(replace(few, tracks=(second,)), Solution(solution.x, linear, "converged", 1), draws=3)
     assert np.isnan(x).all()
     assert np.isnan(scatter_ratio(few, x, np.eye(22)))

@@ -7,12 +7,11 @@ import pytest
 
 from clutchid import fit
 from clutchid.errors import ParameterError
+from clutchid.estimation import checks as module
 from clutchid.estimation.calibrate import free_parameters
+from clutchid.estimation.checks import checked
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.shooting import checks as module
-from clutchid.estimation.shooting.checks import checked
-from clutchid.estimation.shooting.fit import shoot
-from clutchid.estimation.shooting.result import result
+from clutchid.estimation.shooting import result, shoot
 
 
 @pytest.fixture(scope="module")

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
+from clutchid.estimation import shooting as module
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.shooting import fit as module
-from clutchid.estimation.shooting.fit import MEMORY, shoot
-from clutchid.inference.smoother.search import UNLIMITED, ShootingSolution
+from clutchid.estimation.shooting import MEMORY, shoot
+from clutchid.inference.smoother.search import UNLIMITED
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import Log
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Solution
 from clutchid.preparation.prepare import prepare
 from clutchid.preparation.pulses import pulsed
 from clutchid.simulation.stiffness import stiffness
@@ -39,7 +40,7 @@ def test_noise_scales_are_those_of_the_recording(plant, recorded_by):
     rng = np.random.default_rng(1)
     rough = log.with_columns(position=log["position"] + 1.5e-4 * rng.standard_normal(len(log)))
     shot = shoot([rough], plant, FreeParameters(plant.load.names, ("position",)), EXACT)
-    assert isinstance(shot.solution, ShootingSolution)
+    assert isinstance(shot.solution, Solution)
     # 4000 samples tell a median to 2 %; the windows follow some of the noise
     assert shot.problem.noise.measured["position"] == pytest.approx(1.5e-4, rel=0.1)
     assert set(shot.problem.noise.measured) == {"position"}
@@ -66,7 +67,7 @@ def test_a_start_that_cannot_be_simulated_is_a_failure_with_a_sentence(plant, dr
     monkeypatch.setattr(module, "initial_states", lambda *_: failure)
     shot = shoot([drive_log.slice(0, 2000)], plant, FreeParameters(("theta_5",), ("position",)))
     assert shot.solution is failure
-    assert len(shot.plans) == 1
+    assert len(shot.problem.plans) == 1
 
 
 def test_a_recording_without_a_single_position_leaves_what_was_known(plant, drive_log):
@@ -153,7 +154,7 @@ def test_a_search_that_stalls_at_the_same_cost_from_new_states_has_converged(mon
     left = iter(costs)
     monkeypatch.setattr(module, "_states", lambda *_: ())
     monkeypatch.setattr(
-        module, "search", lambda *_: ShootingSolution(np.zeros(1), (), SimpleNamespace(cost=next(left)), "stalled", 7)
+        module, "search", lambda *_: Solution(np.zeros(1), SimpleNamespace(cost=next(left), X=()), "stalled", 7)
     )
     found = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), UNLIMITED, None)
     assert (found.at.cost, found.status) == (cost, status)

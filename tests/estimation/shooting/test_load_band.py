@@ -7,10 +7,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from clutchid.estimation.calibrate import fit_with_priors
+from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest, FreeParameters
-from clutchid.estimation.shooting.fit import SHOOTING, shoot
-from clutchid.estimation.shooting.result import result
+from clutchid.estimation.shooting import SHOOTING, result, shoot
 from clutchid.inference.smoother import search as fine_search
 from clutchid.inference.smoother.search import search
 from clutchid.inference.uncertainty import calibration
@@ -47,7 +46,7 @@ def test_the_band_counts_the_load_that_a_drift_of_the_area_makes(plant, worn_log
     area = plant.value("A_A")
     for share in (1.01, 0.99):
         off = replace(problem, actuator=problem.actuator.replace({"A_A": share * area}))
-        again = search(off, found.x, found.X, (1.0,))
+        again = search(off, found.x, found.at.X, (1.0,))
         loads.append(problem.actuator_of(again.x, "worn").load.force(y))
     by_share = np.abs(loads[0] - loads[1]) / 0.02
     # two searches each end within 0.01 of 45 N, where the loads differ by 56 N
@@ -65,7 +64,7 @@ def test_where_errors_last_as_long_as_assumed_the_band_of_the_load_is_as_wide_as
         # 50 µm whose neighbours correlate at 9/11, so that (1 + 9/11) / (1 - 9/11) = 10 samples, 10 ms, tell as one
         error = lfilter([np.sqrt(1.0 - (9 / 11) ** 2)], [1.0, -9 / 11], rng.standard_normal(len(clean)))
         log = clean.with_columns(position=clean["position"] + 5e-5 * error)
-        fit = fit_with_priors(SHOOTING, [log], plant, FitRequest(("position",), ("load",), calibration=EXACT))
+        fit = fit_with(SHOOTING, [log], plant, FitRequest(("position",), ("load",), calibration=EXACT))
         y = np.linspace(0.5e-3, 20e-3, 40)
         miss = fit.actuator.load.force(y) - true.load.force(y)
         spread += np.mean((QUANTILE * miss / half_width(fit, y)) ** 2) / recordings

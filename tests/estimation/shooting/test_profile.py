@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.estimation.result import QUANTILE
-from clutchid.estimation.shooting import profile as module
-from clutchid.estimation.shooting.profile import (
+from clutchid.estimation import checks as module
+from clutchid.estimation.checks import (
     MAX_EVALUATIONS,
     MAX_HALF_WIDTHS,
     NONQUADRATIC_SHARE,
@@ -16,7 +15,8 @@ from clutchid.estimation.shooting.profile import (
     is_nonquadratic,
     profile_interval,
 )
-from clutchid.estimation.shooting.uncertainty import parameter_uncertainty
+from clutchid.estimation.posterior import parameter_uncertainty
+from clutchid.estimation.result import QUANTILE
 from clutchid.inference.smoother.problem import condense
 from clutchid.inference.smoother.residuals import dispersion
 from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, project, search
@@ -157,7 +157,7 @@ def test_an_estimate_that_is_pressed_to_its_bound_ends_there_and_is_narrower_to_
 ):
     limits, priors = {"F_C": (210.0, 1e3)}, {"F_C": Prior(220.0, 88.0)}
     problem = problem_of([log], plant, NAMES, bounds=limits, priors=priors)
-    pressed = project(problem, np.clip(solution.x, *problem.bounds()), solution.X, lambda _: None)
+    pressed = project(problem, np.clip(solution.x, *problem.bounds()), solution.at.X, lambda _: None)
     assert problem.si(pressed.x)[0] == pytest.approx(210.0)
     uncertain = parameter_uncertainty(problem, pressed, None)
     low, high = profile_interval(problem, pressed, uncertain, "F_C")

@@ -8,8 +8,7 @@ import pytest
 from clutchid.estimation.posterior import QUANTILE, corrected
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import failed_fit
-from clutchid.estimation.shooting.fit import shoot
-from clutchid.estimation.shooting.result import result
+from clutchid.estimation.shooting import result, shoot
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, PositionOnlyErrors
 from clutchid.numerics.failure import Failure
 
@@ -171,8 +170,7 @@ def test_a_search_that_did_not_converge_is_a_warning(shot, known):
 def test_a_failed_search_is_a_result_without_values(shot):
     failure = Failure("y is not finite at 0.3 s.")
     assert result(replace(shot, solution=failure), None) is failure
-    bounds = dict.fromkeys(shot.problem.names, (0.0, 1.0))
-    failed = failed_fit(shot.problem.actuator, bounds, "shooting", failure.message, shot.plans)
+    failed = failed_fit(shot.problem, "shooting", failure.message, ())
     assert failed.status == "failed"
     assert failed.message == "the start values cannot be simulated. y is not finite at 0.3 s."
     assert list(failed.parameters) == list(shot.problem.names)

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.shooting import uncertainty as module
-from clutchid.estimation.shooting.uncertainty import parameter_uncertainty, pressure_deviations
+from clutchid.estimation import posterior as module
+from clutchid.estimation.posterior import parameter_uncertainty, pressure_deviations
 from clutchid.inference.smoother.problem import linearise
 from clutchid.inference.smoother.residuals import dispersion
-from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, ShootingSolution, search
+from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, search
 from clutchid.inference.uncertainty.calibration import Calibration, consider_parameters
 from clutchid.inference.uncertainty.change_prior import drift
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Solution
 from clutchid.parameters import Parameters, in_order
 
 NAMES = ("C_vs", "P_S", "F_C")
@@ -112,15 +113,15 @@ def dense_covariance(uncertain, x, X, scatter):
 def shortened(problem, solution):
     """Twelve windows of the problem, so that a dense matrix holds them, and the solution there."""
     few = replace(problem, tracks=(replace(problem.tracks[0], windows=problem.tracks[0].windows[6:18]),))
-    X = (solution.X[0][6:18],)
-    return few, ShootingSolution(solution.x, X, linearise(few, solution.x, X), "converged", 1)
+    X = (solution.at.X[0][6:18],)
+    return few, Solution(solution.x, linearise(few, solution.x, X), "converged", 1)
 
 
 @pytest.fixture(scope="module")
 def small(problem, solution):
     """The shortened problem with an unsure calibration, its states, and the dispersion of its data."""
     few, shot = shortened(problem, solution)
-    return parameter_uncertainty(few, shot, calibration(10.0)), shot.X, dispersion(few, shot.at)
+    return parameter_uncertainty(few, shot, calibration(10.0)), shot.at.X, dispersion(few, shot.at)
 
 
 def test_the_covariance_is_that_of_the_dense_problem(small, solution):
@@ -146,7 +147,7 @@ def test_the_estimate_moves_with_a_considered_number_as_the_covariance_says(prob
     # no calibration: the root is the identity, so a column is the shift for one deviation
     shift = uncertain.consider_shift @ uncertain.consider_root.T[:, place]
     off = replace(problem, actuator=plant.replace({name: plant.value(name) + drift(plant, name)}))
-    again = search(off, solution.x, solution.X, (1.0,))
+    again = search(off, solution.x, solution.at.X, (1.0,))
     y = np.linspace(1e-3, 20e-3, 30)
     phi = plant.load.phi(y) * problem.slopes(solution.x)
     predicted, happened = phi @ shift, phi @ (again.x - solution.x)
@@ -200,9 +201,9 @@ def test_a_measured_pressure_makes_its_band_narrow(plant, drive_log, problem_of,
 
 
 def test_states_that_cannot_be_simulated_are_a_failure(problem, solution):
-    X = (np.full_like(solution.X[0], np.nan),)
+    X = (np.full_like(solution.at.X[0], np.nan),)
     assert isinstance(
-        parameter_uncertainty(problem, ShootingSolution(solution.x, X, solution.at, "converged", 1), None), Failure
+        parameter_uncertainty(problem, Solution(solution.x, replace(solution.at, X=X), "converged", 1), None), Failure
     )
 
 
@@ -220,7 +221,7 @@ def test_correlations_of_a_calibration_move_the_estimate_as_they_move_that_of_th
     numbers = uncertain.problem.coordinates[k:]
     assert [c.base for c in numbers] == list(names)
     widths = np.array([c.width for c in numbers])
-    gain = dense_gain(uncertain, solution.x, shot.X)[-k:]
+    gain = dense_gain(uncertain, solution.x, shot.at.X)[-k:]
     expected = gain @ ((covariance + np.diag(width**2)) / np.outer(widths, widths)) @ gain.T
     scale = np.sqrt(np.diag(expected))
     added = uncertain.matrix - uncertain.noise_root @ uncertain.noise_root.T

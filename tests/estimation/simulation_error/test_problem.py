@@ -1,13 +1,16 @@
 """Residuals and Jacobian of a fit: exact derivatives through every kind of reset, and missing samples left out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from clutchid.estimation.simulation_error.problem import build_problem, linearise, residuals
+from clutchid.estimation.simulation_error import build_problem, linearise, residuals
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.simulation import Partition
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
 
 SCALES = {"position": 1e-4, "pressure_a": 1e4}
@@ -15,19 +18,20 @@ NAMES = ("theta_1", "theta_2", "theta_3", "A_A", "V_0A", "V_0B", "P_0", "P_S", "
 
 
 def problem_of(actuator: Actuator, logs: list[Log], partition: Partition | None, measure: tuple[str, ...]):
+    """The problem of a fit, and x at the values of the actuator."""
     plans = [plan(log, actuator, 2300.0, partition, "pressure_a" in measure) for log in logs]
-    return build_problem(actuator, plans, NAMES, measure, dict.fromkeys(NAMES, (-np.inf, np.inf)))
+    problem, x = build_problem(actuator, plans, NAMES, measure, dict.fromkeys(NAMES, (-np.inf, np.inf)))
+    return replace(problem, noise=Noise(measured=SCALES)), x
 
 
 def stacked(problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """All residuals and the full Jacobian to x, segment by segment."""
     r_all, J_all = [], []
-    for answer in residuals(problem, x, SCALES):
-        assert not isinstance(answer, Failure)
-        part, r, J, _ = answer
-        full = np.zeros((r.size, x.size))
-        full[:, [*range(len(problem.names)), *part.start]] = J
-        r_all.append(r)
+    for one in residuals(problem, x):
+        assert not isinstance(one, Failure)
+        full = np.zeros((one.r.size, x.size))
+        full[:, one.places] = one.J
+        r_all.append(one.r)
         J_all.append(full)
     return np.concatenate(r_all), np.vstack(J_all)
 
@@ -48,8 +52,7 @@ def cut(driven, with_noise) -> Log:
     ids=["ballistic", "every, p", "every, q", "parts, q"],
 )
 def test_the_jacobian_is_the_derivative_of_the_residuals_with_free_starts_and_resets(truth, cut, measure, partition):
-    problem = problem_of(truth, [cut], partition, measure)
-    x = problem.x0
+    problem, x = problem_of(truth, [cut], partition, measure)
     _, J = stacked(problem, x)
     assert x.size == len(NAMES) + (2 if "pressure_a" not in measure else 1)
     for i in range(x.size):
@@ -61,7 +64,7 @@ def test_the_jacobian_is_the_derivative_of_the_residuals_with_free_starts_and_re
             # as for the sensitivities: kinks, and the rounding of 3000 steps (15 mm / 0.1 mm and 5 bar / 0.1 bar)
             allowed = 1e-5 * np.abs(J[:, i]).max() + 1e-13 * 150 / h[i]
             errors.append(np.abs(difference - J[:, i]).max() / allowed)
-        assert min(errors) < 1, (problem.names + problem.segments[-1].start_names)[i]
+        assert min(errors) < 1, problem.names[i]
 
 
 def test_a_missing_measurement_is_as_if_its_row_had_been_deleted(truth, drive):
@@ -70,19 +73,19 @@ def test_a_missing_measurement_is_as_if_its_row_had_been_deleted(truth, drive):
     gone = {name: generator.random(len(drive)) < 0.3 for name in measure}
     gone["position"][:500] = gone["pressure_a"][:25] = False  # the start, from the first rest, is the same
     holed = drive.with_columns(**{name: np.where(gone[name], np.nan, drive[name]) for name in measure})
-    whole, part = problem_of(truth, [drive], None, measure), problem_of(truth, [holed], None, measure)
-    r, J = stacked(whole, whole.x0 * 1.01)
+    (whole, x), (part, x_part) = (problem_of(truth, [log], None, measure) for log in (drive, holed))
+    r, J = stacked(whole, x * 1.01)
     kept = ~np.concatenate([gone["position"], gone["pressure_a"]])
-    r_part, J_part = stacked(part, part.x0 * 1.01)
+    r_part, J_part = stacked(part, x_part * 1.01)
     assert np.array_equal(r_part, r[kept])
     assert np.array_equal(J_part, J[kept])
 
 
 def test_the_linearisation_is_the_compressed_stack_of_all_segments_and_recordings(truth, drive, cut):
-    problem = problem_of(truth, [drive, cut], None, ("position",))
-    x = problem.x0 * 1.02
+    problem, x = problem_of(truth, [drive, cut], None, ("position",))
+    x = x * 1.02
     r, J = stacked(problem, x)
-    there = linearise(problem, x, SCALES)
+    there = linearise(problem, x)
     assert there.count == r.size == 10000 + 2800
     assert there.cost == pytest.approx(0.5 * r @ r, rel=1e-12)
     # orthogonal transformations: n eps of the norms
@@ -91,29 +94,27 @@ def test_the_linearisation_is_the_compressed_stack_of_all_segments_and_recording
 
 
 def test_contradicting_parameters_are_an_answer_not_an_exception(truth, drive):
-    problem = problem_of(truth, [drive], None, ("position",))
-    x = problem.x0.copy()
+    problem, x = problem_of(truth, [drive], None, ("position",))
     x[NAMES.index("C_vs")] = -1.0
-    answer = linearise(problem, x, SCALES)
+    answer = linearise(problem, x)
     assert isinstance(answer, Failure)
     assert "a conductance is at least 0" in answer.message
 
 
 def test_a_simulation_that_blows_up_is_an_answer_not_an_exception(truth, drive):
-    problem = problem_of(truth, [drive], None, ("position",))
-    x = problem.x0.copy()
-    x[1] = -1e12 / problem.unit[1]
-    answer = linearise(problem, x, SCALES)
+    problem, x = problem_of(truth, [drive], None, ("position",))
+    x[1] = problem.coordinates[1].of(-1e12)
+    answer = linearise(problem, x)
     assert isinstance(answer, Failure)
     assert "diverged at" in answer.message
 
 
 def test_numbers_of_a_fit_are_of_order_one_and_go_back_to_si(truth, cut):
-    problem = problem_of(truth, [cut], None, ("position",))
-    assert np.all((np.abs(problem.x0) > 0.05) & (np.abs(problem.x0) < 50))
-    for name, value in zip(NAMES, problem.si(problem.x0), strict=False):
+    problem, x = problem_of(truth, [cut], None, ("position",))
+    assert np.all((np.abs(x) > 0.05) & (np.abs(x) < 50))
+    for name, value in zip(NAMES, problem.si(x), strict=False):
         assert value == pytest.approx(truth.value(name))
-    assert problem.actuator_at(problem.x0).value("C_vs") == pytest.approx(19e-9)
+    assert problem.actuator_of(x, cut.name).value("C_vs") == pytest.approx(19e-9)
 
 
 @pytest.mark.parametrize(
@@ -124,16 +125,16 @@ def test_numbers_of_a_fit_are_of_order_one_and_go_back_to_si(truth, cut):
 def test_a_free_start_is_within_2_mm_and_from_half_the_ambient_to_twice_the_highest_pressure(
     truth, cut, supply, highest
 ):
-    problem = problem_of(truth.replace({"P_S": supply}), [cut], None, ("position",))
-    part = problem.segments[-1]
-    low, high, start = (problem.si(values)[list(part.start)] for values in (problem.low, problem.high, problem.x0))
+    problem, x = problem_of(truth.replace({"P_S": supply}), [cut], None, ("position",))
+    low, high, start = (problem.si(values)[len(NAMES) :] for values in (*problem.bounds(), x))
     assert low == pytest.approx([start[0] - 2e-3, 54_750.0])
     assert high == pytest.approx([start[0] + 2e-3, highest])
     # where the recording says the piston is, to the noise of 0.05 mm
-    assert start[0] == pytest.approx(cut["position"][part.segment.start], abs=5 * 5e-5)
+    assert start[0] == pytest.approx(cut["position"][problem.plans[0].segments[-1].start], abs=5 * 5e-5)
 
 
 def test_a_start_at_rest_is_not_free_and_one_with_measured_pressure_only_in_position(truth, cut):
-    problem = problem_of(truth, [cut], None, ("position", "pressure_a"))
-    assert [len(part.start) for part in problem.segments] == [0, 1]
-    assert problem.x0.size == problem.low.size == problem.high.size == len(NAMES) + 1
+    problem, x = problem_of(truth, [cut], None, ("position", "pressure_a"))
+    assert [segment.vented for segment in problem.plans[0].segments] == [True, False]
+    assert problem.names[len(NAMES) :] == (f"y_start@{cut.name}, segment 1",)
+    assert x.size == len(NAMES) + 1

@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 
 from clutchid.inference.smoother.problem import linearise
 from clutchid.inference.smoother.residuals import LOAD_FACTOR, dispersion
-from clutchid.inference.smoother.search import ShootingSolution, settled
+from clutchid.inference.smoother.search import settled
+from clutchid.numerics.least_squares import Solution
 from clutchid.simulation.noise import Noise
 
 NAMES = ("C_vs", "C_ve", "tau_y")
@@ -36,7 +37,7 @@ def dispersion_of(clean, plant, problem_of, starts_of):
         states = {name: 0.01 * row.noise for name, row in plant.state_rows.items()}
         problem = replace(problem, noise=Noise(states=states, flow=2e-4, outlier=1e3))
         x, X = np.zeros(len(names)), tuple(starts_of(problem))
-        begin = ShootingSolution(x, X, linearise(problem, x, X), "converged", 1)
+        begin = Solution(x, linearise(problem, x, X), "converged", 1)
         return dispersion(problem, settled(problem, begin, x).at)
 
     return of

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.inference.smoother.problem import condense, data_factor, linearise, prior_rows
+from clutchid.inference.problem import prior_rows
+from clutchid.inference.smoother.problem import condense, data_factor, linearise
 from clutchid.inference.uncertainty.coordinates import coordinates
 
 NAMES = ("theta_9", "C_vs", "P_S", "F_C")

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.inference.smoother.problem import PRIOR_LIMIT, FitProblem, condense, linearise, prior_rows
+from clutchid.inference.problem import Problem, prior_rows
+from clutchid.inference.smoother.problem import condense, linearise
 from clutchid.inference.smoother.rows import recover
-from clutchid.inference.uncertainty.coordinates import Prior, coordinates
+from clutchid.inference.uncertainty.coordinates import PRIOR_LIMIT, Prior, coordinates
 from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
@@ -223,8 +224,8 @@ def test_numbers_that_contradict_each_other_are_a_failure(drive_log, plant):
     names = ("R_0vs", "R_1vs")
     plans = [prepare(drive_log.slice(0, 500), plant, ("position",))]
     priors = {"R_0vs": Prior(0.07, 0.5)}
-    problem = FitProblem(
-        plant, coordinates(plant, names, {}, priors), tracks(plans), ("log",), ("position",), Noise(), 3e8
+    problem = Problem(
+        plant, coordinates(plant, names, {}, priors), ("log",), ("position",), Noise(), tracks=tracks(plans)
     )
     x, X = np.array([1.8, 0.0]), [np.zeros((len(problem.tracks[0].windows), N))]
     answer = linearise(problem, x, X)

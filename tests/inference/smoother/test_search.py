@@ -9,9 +9,10 @@ import pytest
 from clutchid.inference.smoother import search as module
 from clutchid.inference.smoother import trial
 from clutchid.inference.smoother.problem import condense, linearise
-from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, ShootingSolution, search
+from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
 from clutchid.inference.smoother.trial import evaluate_step, shifted_states
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Solution
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def forces(problem, x, y):
 
 def deviations(problem, solution, y):
     """Standard deviation of the load at positions y as the curvature of the cost says."""
-    factor, _ = condense(problem, linearise(problem, solution.x, solution.X))
+    factor, _ = condense(problem, linearise(problem, solution.x, solution.at.X))
     root = np.linalg.inv(factor[:-1, :-1]) * problem.slopes(solution.x)[:, None]
     return np.linalg.norm(problem.actuator.load.phi(y) @ root, axis=1)
 
@@ -53,10 +54,10 @@ def test_a_load_8_percent_off_is_found_from_position_alone_within_what_noise_all
 
 
 def test_the_end_is_a_minimum_to_every_side(problem, solution, cost_at):
-    cost = cost_at(problem, solution.x, solution.X)
+    cost = cost_at(problem, solution.x, solution.at.X)
     # windows that have hardly moved since they were simulated are not simulated again
     assert cost == pytest.approx(solution.at.cost, abs=module.CONVERGED_GAIN)
-    current = linearise(problem, solution.x, solution.X)
+    current = linearise(problem, solution.x, solution.at.X)
     factor, chains = condense(problem, current)
     # what a whole undamped step could still gain is near what the search takes for nothing
     assert np.sum(factor[:-1, -1] ** 2) < 2 * module.CONVERGED_GAIN
@@ -64,7 +65,7 @@ def test_the_end_is_a_minimum_to_every_side(problem, solution, cost_at):
         for sign in (-1, 1):
             # far enough that the cost of a parabola would rise by 9
             step = sign * 3.0 / np.linalg.norm(factor[:-1, place]) * np.eye(solution.x.size)[place]
-            assert cost_at(problem, solution.x + step, shifted_states(problem, solution.X, chains, step)) > cost
+            assert cost_at(problem, solution.x + step, shifted_states(problem, solution.at.X, chains, step)) > cost
 
 
 def test_from_afar_and_from_near_the_search_ends_in_the_same_load(problem, start, solution):
@@ -94,7 +95,7 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, s
     monkeypatch.setattr("clutchid.inference.smoother.trial.evaluate_step", failing_attempt)
     monkeypatch.setattr(trial, "linearise_windows", failing_linearisation)
     answer = search(problem, *start, (1.0,))
-    assert isinstance(answer, ShootingSolution)
+    assert isinstance(answer, Solution)
     assert min(calls.values()) >= 4, "several of the trial points have failed"
     assert np.isfinite(answer.x).all()
     # where a step has failed a shorter one is taken
@@ -106,12 +107,12 @@ def test_a_trial_point_that_fails_neither_ends_nor_poisons_the_search(problem, s
 
 
 def test_a_search_whose_every_trial_fails_stays_where_it_was(problem, start, monkeypatch):
-    for name in ("search", "settling"):
+    for name in ("search", "trial"):
         monkeypatch.setattr(f"clutchid.inference.smoother.{name}.evaluate_step", lambda *_: Failure("no such state."))
     answer = search(problem, *start, (1.0,))
     assert answer.status == "stalled"
     assert np.array_equal(answer.x, start[0])
-    assert all(np.array_equal(one, other) for one, other in zip(answer.X, start[1], strict=True))
+    assert all(np.array_equal(one, other) for one, other in zip(answer.at.X, start[1], strict=True))
 
 
 @pytest.mark.parametrize(("predicted", "status", "starts"), [(375.0, "stalled", 2), (1.0, "converged", 1)])
@@ -185,7 +186,7 @@ def test_a_poor_start_that_can_be_simulated_is_left_for_the_same_end(mass_proble
     assert near.status == far.status == "converged"
     assert far.at.cost == pytest.approx(near.at.cost, abs=module.CONVERGED_GAIN)
     # each ends where a step would gain less than `CONVERGED_GAIN`, the square of its length in standard deviations
-    factor, _ = condense(mass_problem, linearise(mass_problem, near.x, near.X))
+    factor, _ = condense(mass_problem, linearise(mass_problem, near.x, near.at.X))
     assert np.linalg.norm(factor[:-1, :-1] @ (far.x - near.x)) < 2 * np.sqrt(module.CONVERGED_GAIN)
 
 
@@ -209,7 +210,7 @@ def test_no_trial_point_leaves_the_bounds(plant, worn_log, problem_of, starts_of
         tried.append(x)
         return evaluate_step(t, current, x, X, last)
 
-    for name in ("search", "settling"):
+    for name in ("search", "trial"):
         monkeypatch.setattr(f"clutchid.inference.smoother.{name}.evaluate_step", watched)
     search(problem, np.zeros(24), starts_of(problem), STAGES_FROM_CALIBRATION)
     assert len({tuple(x) for x in tried}) >= 4

@@ -5,8 +5,8 @@ import pytest
 
 from clutchid.inference.smoother.problem import linearise
 from clutchid.inference.smoother.residuals import noise_scales, sensor_outputs, trajectory
-from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log.states import STATES
+from clutchid.numerics.least_squares import Solution
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 
@@ -21,7 +21,7 @@ def exact(plant, recorded_by, problem_of):
     states = np.column_stack([simulated[name] for name in columns])
     X = tuple(states[[window.start for window in track.windows]] for track in problem.tracks)
     x = np.zeros(4)
-    return log, problem, ShootingSolution(x, X, linearise(problem, x, X), "converged", 1), states
+    return log, problem, Solution(x, linearise(problem, x, X), "converged", 1), states
 
 
 def test_from_the_true_starts_the_trajectory_is_the_simulation(exact):
@@ -42,7 +42,7 @@ def test_the_sensors_record_along_the_trajectory_what_the_log_holds(exact):
 def test_the_record_along_given_states_has_the_lags_and_offsets_of_its_sensors(exact):
     _, problem, solution, states = exact
     x = np.array([c.of(v) for c, v in zip(problem.coordinates, (3e-3, 2.5e-3, 4e-5, 700.0), strict=True)])
-    moved = sensor_outputs(problem, ShootingSolution(x, solution.X, solution.at, "converged", 1), 0, states)
+    moved = sensor_outputs(problem, Solution(x, solution.at, "converged", 1), 0, states)
     plain = sensor_outputs(problem, solution, 0, states)
     position = lagged(states[:, 0], 3e-3, 1e-3) - lagged(states[:, 0], 1e-3, 1e-3) + 4e-5
     pressure = lagged(states[:, 2], 2.5e-3, 1e-3) - lagged(states[:, 2], 1.5e-3, 1e-3) + 700.0
@@ -53,7 +53,7 @@ def test_the_record_along_given_states_has_the_lags_and_offsets_of_its_sensors(e
 def test_a_late_sensor_records_what_was_before(exact):
     _, problem, solution, states = exact
     x = np.array([problem.coordinates[0].of(2e-3), 0.0, 0.0, 0.0])
-    late = sensor_outputs(problem, ShootingSolution(x, solution.X, solution.at, "converged", 1), 0, states)["position"]
+    late = sensor_outputs(problem, Solution(x, solution.at, "converged", 1), 0, states)["position"]
     # two samples late, to first order in the lag: off by half the acceleration times its square
     assert np.median(np.abs(late[2:] - states[:-2, 0])) < 1e-6
     assert np.corrcoef((late - states[:, 0])[2:], (states[:-2, 0] - states[2:, 0]))[0, 1] > 0.99
@@ -93,7 +93,7 @@ def test_between_segments_there_are_no_states(exact, plant, problem_of, starts_o
     duty[1500:1510] = np.nan
     problem = problem_of([log.with_columns(duty_supply=duty)], plant, ("e_y",))
     X = tuple(starts_of(problem))
-    solution = ShootingSolution(np.zeros(1), X, linearise(problem, np.zeros(1), X), "converged", 1)
+    solution = Solution(np.zeros(1), linearise(problem, np.zeros(1), X), "converged", 1)
     states = trajectory(problem, solution, 0)
     assert np.isnan(states[1500:1510]).all()
     assert np.isfinite(states[:1500]).all()

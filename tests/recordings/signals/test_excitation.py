@@ -1,11 +1,13 @@
 """What a recording excites, and what is told to be missing in it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from clutchid.errors import DataError
 from clutchid.estimation.assess.missing_excitation import missing
-from clutchid.estimation.simulation_error.problem import build_problem, linearise
+from clutchid.estimation.simulation_error import build_problem, linearise
 from clutchid.inference.uncertainty.gaussian import Information
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
@@ -13,6 +15,7 @@ from clutchid.numerics.least_squares import Linearisation
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.excitation import FAST_WINDOW, SLOW_WINDOW, excitation, joined, region_of
 from clutchid.recordings.signals.sampled import runs, velocity
+from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
 from clutchid.simulation.stiffness import stiffness
 
@@ -29,8 +32,8 @@ def course(noise: float = 0.0, step: float = 1e-3, **columns: np.ndarray) -> Log
 def information(actuator: Actuator, log: Log, names: tuple[str, ...]) -> Information:
     """From the Jacobian, as a fit makes it."""
     prepared = plan(log, actuator, stiffness(actuator))
-    problem = build_problem(actuator, [prepared], names, ("position",), dict.fromkeys(names, (-np.inf, np.inf)))
-    answer = linearise(problem, problem.x0, {"position": 1e-4})
+    problem, x = build_problem(actuator, [prepared], names, ("position",), dict.fromkeys(names, (-np.inf, np.inf)))
+    answer = linearise(replace(problem, noise=Noise(measured={"position": 1e-4})), x)
     assert isinstance(answer, Linearisation)
     return Information(tuple(names), answer.R[:, : len(names)])
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.estimation.assess.evidence import once_a_fit, reach
-from clutchid.estimation.result import Fit, LoadCurve, calibrated_curve
+from clutchid.estimation.result import Fit, calibrated_curve
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 

@@ -12,7 +12,8 @@ from clutchid.estimation.assess.evidence import Reason
 from clutchid.estimation.assess.reasons import WIDE
 from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
-from clutchid.observer.by_stroke import ObservedLoad, curve
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.observer.by_stroke import curve
 from clutchid.observer.health import FLAGS
 from clutchid.observer.mismatch import UNLIKE
 from clutchid.observer.recording import ObservedRecording
@@ -71,7 +72,7 @@ class Indicators(NamedTuple):
     kept: float = 0.0
 
 
-def engaging_load(run: ObservedRecording) -> ObservedLoad:
+def engaging_load(run: ObservedRecording) -> LoadCurve:
     """The load after a recording where the clutch engages, 5 to 8 mm."""
     return curve(run.observer, run.after, np.linspace(*ENGAGING, POINTS))
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from clutchid.errors import ParameterError
+from clutchid.inference.problem import Problem, prior_rows
 from clutchid.inference.smoother.rows import (
     Eliminated,
     LinearisedWindows,
@@ -17,131 +16,14 @@ from clutchid.inference.smoother.rows import (
     first_rows,
     link_costs,
     link_rows,
-    link_sigma,
     window_rows,
 )
-from clutchid.inference.uncertainty.coordinates import Coordinate, Prior, measured_rows, smoothness
 from clutchid.log import FloatArray
-from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.numerics.threads import map_pairs
-from clutchid.simulation.noise import Noise
-from clutchid.simulation.parameter_map import ColumnCache, ParameterMap, parameter_map
+from clutchid.simulation.parameter_map import ParameterMap
 from clutchid.simulation.windows import Track
-
-#: Bound of every free parameter in standard deviations of its prior. Without it, parameters that the data do not
-#: determine drift to absurd values: a calibration once sealed chamber B and made it twenty times too large.
-PRIOR_LIMIT = 5.0
-
-#: Cache size for state-independent terms.
-CACHE_SIZE = 4
-
-
-@dataclass(frozen=True, eq=False)
-class FitProblem:
-    """Free parameters and recordings of a fit.
-
-    `stems` are the names of the recordings. `curvature` is the prior standard deviation, in N/m², of the load's second
-    derivative from that of the weights `reference`. `prior_root` W, shape (k, k), is that of a joint prior of the
-    coordinates x, of covariance ``inv(W' W)``; without it they are independent with standard deviation 1. `changing`
-    are the names of parameters that may have changed since a calibration, which the joint prior is of. `known` are
-    measurements of free parameters, in addition to their prior.
-    """
-
-    actuator: Actuator
-    coordinates: tuple[Coordinate, ...]
-    tracks: tuple[Track, ...]
-    stems: tuple[str, ...]
-    measure: tuple[str, ...]
-    noise: Noise
-    curvature: float
-    reference: tuple[float, ...] = field(default=())
-    prior_root: FloatArray | None = None
-    changing: tuple[str, ...] = ()
-    known: Mapping[str, Prior] = field(default_factory=dict)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the free parameters, NAME or NAME@STEM."""
-        return tuple(c.name for c in self.coordinates)
-
-    @cached_property
-    def sigmas(self) -> tuple[FloatArray, ...]:
-        """Standard deviations of the links of every track, see `link_sigma`."""
-        return tuple(link_sigma(track, self.actuator, self.noise) for track in self.tracks)
-
-    @cached_property
-    def column_caches(self) -> dict[str, ColumnCache]:
-        """Cached `ActiveColumns` of each recording; they do not depend on x."""
-        return {stem: {} for stem in self.stems}
-
-    def si(self, x: FloatArray) -> FloatArray:
-        """Values in SI."""
-        return np.array([c.si(value) for c, value in zip(self.coordinates, x.tolist(), strict=True)])
-
-    def slopes(self, x: FloatArray) -> FloatArray:
-        """Derivatives of the values in SI with respect to x."""
-        return np.array([c.slope(value) for c, value in zip(self.coordinates, x.tolist(), strict=True)])
-
-    def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Bounds of x: those of the parameters, and at most `PRIOR_LIMIT` prior standard deviations from the mean."""
-        low, high = np.full((2, len(self.coordinates)), PRIOR_LIMIT)
-        low = -low
-        for i, c in enumerate(self.coordinates):
-            if np.isfinite(c.low) and (c.low > 0.0 or not c.positive):
-                low[i] = max(low[i], c.of(c.low))
-            if np.isfinite(c.high):
-                high[i] = min(high[i], c.of(c.high))
-        return low, high
-
-    def widened(self, extra: Sequence[Coordinate]) -> FitProblem:
-        """The problem with `extra` coordinates behind its own, which are independent of those."""
-        root = self.prior_root
-        if root is not None:
-            k, m = len(self.coordinates), len(extra)
-            root = np.block([[root, np.zeros((k, m))], [np.zeros((m, k)), np.eye(m)]])
-        return replace(self, coordinates=(*self.coordinates, *extra), prior_root=root)
-
-    def places(self, stem: str) -> list[int]:
-        """Indices in x of the parameters of the recording `stem`; one of its own replaces the shared one."""
-        single = {c.base for c in self.coordinates if c.stem == stem}
-        return [
-            i for i, c in enumerate(self.coordinates) if c.stem == stem or (c.stem is None and c.base not in single)
-        ]
-
-    def actuator_of(self, x: FloatArray, stem: str) -> Actuator:
-        """Actuator of the recording `stem` at x; ParameterError if values contradict each other."""
-        value = self.si(x)
-        return self.actuator.replace({self.coordinates[i].base: float(value[i]) for i in self.places(stem)})
-
-    def parameter_map(self, x: FloatArray, stem: str) -> ParameterMap:
-        """Parameter map of the recording `stem` at x."""
-        places = self.places(stem)
-        bases = [self.coordinates[i].base for i in places]
-        return parameter_map(
-            self.actuator_of(x, stem), bases, places, self.slopes(x)[places], x.size, self.column_caches[stem]
-        )
-
-    def parameter_maps(self, x: FloatArray) -> dict[str, ParameterMap] | Failure:
-        """Parameter maps of all recordings at x by stem; a `Failure` if values contradict each other."""
-        return self._parameter_maps_at(x.tobytes())
-
-    @cached_property
-    def _parameter_maps_at(self) -> Callable[[bytes], dict[str, ParameterMap] | Failure]:
-        return lru_cache(maxsize=CACHE_SIZE)(self._parameter_maps)
-
-    def _parameter_maps(self, x: bytes) -> dict[str, ParameterMap] | Failure:
-        try:
-            return {stem: self.parameter_map(np.frombuffer(x), stem) for stem in self.stems}
-        except ParameterError as error:
-            return Failure(str(error))
-
-    @cached_property
-    def prior_at(self) -> Callable[[bytes], FloatArray]:
-        """Cached `prior_rows`, by the bytes of x; it does not keep the problem, and so its recordings, alive."""
-        own = weakref.proxy(self)
-        return lru_cache(maxsize=CACHE_SIZE)(lambda x: _prior(own, np.frombuffer(x)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,7 +63,7 @@ class LinearisedProblem:
     cost: float
 
 
-def linearise(problem: FitProblem, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
+def linearise(problem: Problem, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
     """Linearise at parameters `x` and window starts `X`, one array per track; a `Failure` if a simulation fails."""
     parameter_maps = problem.parameter_maps(x)
     if isinstance(parameter_maps, Failure):
@@ -197,7 +79,7 @@ def linearise(problem: FitProblem, x: FloatArray, X: Sequence[FloatArray]) -> Li
 
 
 def linearise_windows(
-    problem: FitProblem,
+    problem: Problem,
     track: Track,
     parameter_maps: Mapping[str, ParameterMap],
     starts: FloatArray,
@@ -215,7 +97,7 @@ def linearise_windows(
 
 
 def assemble(
-    problem: FitProblem,
+    problem: Problem,
     parameter_maps: Mapping[str, ParameterMap],
     at: tuple[FloatArray, Sequence[FloatArray]],
     simulated: Sequence[SimulatedWindows],
@@ -237,7 +119,7 @@ NOT_FINITE = Failure("the cost is not finite")
 
 
 def total_cost(
-    problem: FitProblem,
+    problem: Problem,
     parameter_maps: Mapping[str, ParameterMap],
     x: FloatArray,
     X: Sequence[FloatArray],
@@ -252,32 +134,14 @@ def total_cost(
     return total
 
 
-def prior_rows(problem: FitProblem, x: FloatArray) -> FloatArray:
-    """Prior rows ``[theta | r]``: of every parameter, of their measurements, and of the smoothness of the load."""
-    return problem.prior_at(x.tobytes())
-
-
-def _prior(problem: FitProblem, x: FloatArray) -> FloatArray:
-    root = np.eye(x.size) if problem.prior_root is None else problem.prior_root
-    rows = np.vstack([np.column_stack([root, root @ x]), measured_rows(problem.coordinates, problem.known, x)])
-    if problem.actuator.load.basis == "b-spline" and set(problem.names) & set(problem.actuator.load.names):
-        value = dict(zip(problem.names, problem.si(x).tolist(), strict=True))
-        actuator = problem.actuator.replace({n: v for n, v in value.items() if n in problem.actuator.load.names})
-        smooth = smoothness(actuator, problem.names, problem.reference, problem.curvature)
-        smooth[:, :-1] *= problem.slopes(x)
-        rows = np.vstack([rows, smooth])
-    rows.flags.writeable = False  # the array is cached
-    return rows
-
-
-def data_factor(problem: FitProblem, linear: LinearisedProblem) -> FloatArray:
+def data_factor(problem: Problem, linear: LinearisedProblem) -> FloatArray:
     """Triangular factor ``[R | q]`` of the rows of the data alone, in theta after elimination of the states."""
     without = replace(linear, prior=linear.prior[:0])
     return condense(problem, without)[0]
 
 
 def condense(
-    problem: FitProblem, linear: LinearisedProblem, damping: Sequence[FloatArray] | None = None
+    problem: Problem, linear: LinearisedProblem, damping: Sequence[FloatArray] | None = None
 ) -> tuple[FloatArray, list[Eliminated]]:
     """Triangular factor ``[R | q]`` in theta after elimination of the states, and the eliminated chains.
 

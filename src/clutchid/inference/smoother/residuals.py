@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from clutchid.inference.smoother.problem import Chain, FitProblem, LinearisedProblem
+from clutchid.inference.problem import Problem
+from clutchid.inference.smoother.problem import Chain, LinearisedProblem
 from clutchid.inference.smoother.rows import eliminate
 from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log import FloatArray
@@ -17,9 +18,9 @@ from clutchid.simulation.sensors import sensor_output
 from clutchid.simulation.windows import units
 
 
-def trajectory(problem: FitProblem, solution: ShootingSolution, log: int) -> FloatArray:
+def trajectory(problem: Problem, solution: ShootingSolution, log: int) -> FloatArray:
     """States of recording `log` at its samples, shape (n, n_states); NaN between segments."""
-    mine = [(track, X) for track, X in zip(problem.tracks, solution.X, strict=True) if track.log == log]
+    mine = [(track, X) for track, X in zip(problem.tracks, solution.at.X, strict=True) if track.log == log]
     n = len(mine[0][0].measured) if mine else 0
     states = np.full((n, len(problem.actuator.states)), np.nan)
     arrays = KernelArrays.of(problem.actuator_of(solution.x, problem.stems[log]))
@@ -30,9 +31,7 @@ def trajectory(problem: FitProblem, solution: ShootingSolution, log: int) -> Flo
     return states
 
 
-def sensor_outputs(
-    problem: FitProblem, solution: ShootingSolution, log: int, states: FloatArray
-) -> dict[str, FloatArray]:
+def sensor_outputs(problem: Problem, solution: ShootingSolution, log: int, states: FloatArray) -> dict[str, FloatArray]:
     """Outputs of the sensors along `states`, with their lags and offsets."""
     p = problem.actuator_of(solution.x, problem.stems[log]).parameters
     names = problem.actuator.states
@@ -41,7 +40,7 @@ def sensor_outputs(
     return {"position": sensor_output(y, time, p.tau_y, p.e_y), "pressure_a": sensor_output(p_A, time, p.tau_p, p.e_p)}
 
 
-def noise_scales(problem: FitProblem, solution: ShootingSolution) -> dict[str, float]:
+def noise_scales(problem: Problem, solution: ShootingSolution) -> dict[str, float]:
     """Noise scale of each measured column, from the residuals of all recordings."""
     scales = {}
     for name in problem.measure:
@@ -64,7 +63,7 @@ LOAD_FACTOR = 3.0
 LEAST_INFORMATION = 1.0
 
 
-def dispersion(problem: FitProblem, linear: LinearisedProblem) -> float:
+def dispersion(problem: Problem, linear: LinearisedProblem) -> float:
     """Variance of the scores of the blocks over the information, mean over the directions that the data determine.
 
     1 for white residuals of the assumed variance, above it where neighbouring residuals are alike or the model errs
@@ -72,7 +71,7 @@ def dispersion(problem: FitProblem, linear: LinearisedProblem) -> float:
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         Of the recordings.
     linear : LinearisedProblem
         At the solution, with free theta.
@@ -87,7 +86,7 @@ def dispersion(problem: FitProblem, linear: LinearisedProblem) -> float:
     return LOAD_FACTOR * float(np.sum(whitened**2) / known.sum() * len(rows) / (len(rows) - 1))
 
 
-def _block_factors(problem: FitProblem, chain: Chain) -> list[FloatArray]:
+def _block_factors(problem: Problem, chain: Chain) -> list[FloatArray]:
     """Triangular factors ``[theta | r]`` of the blocks of a chain, each with an unknown first state."""
     n, states, linearised = len(problem.actuator.states), chain.windows.linearised.state_rows, chain.windows.linearised
     count = states.shape[0]

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.smoother.problem import FitProblem, LinearisedProblem, condense, linearise
+from clutchid.inference.problem import Problem
+from clutchid.inference.smoother.problem import LinearisedProblem, condense, linearise
 from clutchid.inference.smoother.trial import (
     NO_GAIN,
     Damping,
@@ -31,7 +32,7 @@ from clutchid.inference.smoother.trial import (
 )
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.least_squares import Progress
+from clutchid.numerics.least_squares import Progress, SearchStatus, Solution
 
 #: Factors on all standard deviations, stage by stage, for a start at the priors and at calibrated values.
 STAGES_FROM_PRIOR, STAGES_FROM_CALIBRATION, FINE_STAGE = (30.0, 8.0, 2.0, 1.0), (8.0, 1.0), (1.0,)
@@ -71,19 +72,12 @@ class Effort(NamedTuple):
 UNLIMITED = Effort()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ShootingSolution:
-    """Solution of a search: parameters, window starts of every track, and the linearised problem there."""
-
-    x: FloatArray
-    X: States
-    at: LinearisedProblem
-    status: Literal["converged", "stalled", "limit"]
-    evaluations: int
+#: Solution of a search by multiple shooting: its parameters, and the linearised problem there.
+ShootingSolution = Solution[LinearisedProblem]
 
 
 def search(
-    problem: FitProblem,
+    problem: Problem,
     x: FloatArray,
     X: Sequence[FloatArray],
     stages: Sequence[float],
@@ -107,8 +101,8 @@ def search(
             solution = _stage(replace(problem, noise=problem.noise.inflated(inflation)), (x, X), on_evaluation)
         if isinstance(solution, Failure):
             return solution
-        x, X, count = solution.x, solution.X, count + solution.evaluations
-    return replace(solution, evaluations=count) if isinstance(solution, ShootingSolution) else solution
+        x, X, count = solution.x, solution.at.X, count + solution.evaluations
+    return replace(solution, evaluations=count) if isinstance(solution, Solution) else solution
 
 
 def _counted(progress: Progress | None, inflation: float, before: int) -> Callable[[int], None]:
@@ -117,7 +111,7 @@ def _counted(progress: Progress | None, inflation: float, before: int) -> Callab
 
 
 def _stage(
-    problem: FitProblem, start: tuple[FloatArray, Sequence[FloatArray]], on_evaluation: Callable[[int], None]
+    problem: Problem, start: tuple[FloatArray, Sequence[FloatArray]], on_evaluation: Callable[[int], None]
 ) -> ShootingSolution | Failure:
     """Levenberg-Marquardt on parameters and states together, for a problem that is nearly linear."""
     begin = linearise(problem, *start)
@@ -133,15 +127,15 @@ def _stage(
             damping, growth = max(damping / 5, 1e-7), 2.0
             steps -= 1
             if converged or steps == 0:
-                return ShootingSolution(current.x, current.X, current, "converged" if converged else "limit", count + 1)
+                return Solution(current.x, current, "converged" if converged else "limit", count + 1)
         else:
             damping, growth = max(damping * growth, 1e-4), 2 * growth
             if damping > 1e9:
-                return ShootingSolution(current.x, current.X, current, "stalled", count + 1)
-    return ShootingSolution(current.x, current.X, current, "limit", 4 * COARSE_STEPS)
+                return Solution(current.x, current, "stalled", count + 1)
+    return Solution(current.x, current, "limit", 4 * COARSE_STEPS)
 
 
-def coarse_step(problem: FitProblem, current: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
+def coarse_step(problem: Problem, current: LinearisedProblem, damping: float) -> LinearisedProblem | Failure:
     """The problem after a damped step of parameters, within their bounds, and states, where that costs less."""
     factor, chains = condense(problem, current, [np.full(len(track.windows), damping) for track in problem.tracks])
     step = bounded_step(problem, factor, current.x, damping)
@@ -151,20 +145,20 @@ def coarse_step(problem: FitProblem, current: LinearisedProblem, damping: float)
     return accept(problem, trial) if trial.cost < current.cost else NO_GAIN
 
 
-def settled(problem: FitProblem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
+def settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
     """`solution` moved to x, with the states that cost least there."""
-    begin = linearise(problem, x, solution.X)
+    begin = linearise(problem, x, solution.at.X)
     if isinstance(begin, Failure):
         return begin
     states = minimise_states(problem, with_theta_fixed(problem, begin), initial_damping(problem), lambda: None)
     at = with_theta_free(problem, begin, states)
     if isinstance(at, Failure):
         return at
-    return replace(solution, x=x, X=at.X, at=at)
+    return replace(solution, x=x, at=at)
 
 
 def project(
-    problem: FitProblem,
+    problem: Problem,
     x: FloatArray,
     X: Sequence[FloatArray],
     on_evaluation: Callable[[int], None],
@@ -174,7 +168,7 @@ def project(
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         Free parameters, recordings and noise.
     x, X : 1, SI
         Free parameters, within their bounds, and window starts, one array per track.
@@ -201,8 +195,8 @@ def project(
         return start
     current, radius, fresh = start, MAX_RADIUS, False
 
-    def solution(status: Literal["converged", "stalled", "limit"]) -> ShootingSolution:
-        return ShootingSolution(current.x, current.X, current, status, counter.number + 1)
+    def solution(status: SearchStatus) -> ShootingSolution:
+        return Solution(current.x, current, status, counter.number + 1)
 
     for _ in range(MAX_STEPS):
         candidate, predicted, radius = projection.step(current, radius)
@@ -240,7 +234,7 @@ class _Counter:
 class VariableProjection:
     """Steps of a search: its problem, the present damping of the windows, and a callback for each evaluation."""
 
-    problem: FitProblem
+    problem: Problem
     damping: Damping
     on_evaluation: Callable[[], None]
 
@@ -290,13 +284,13 @@ def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
 
 
 def bounded_step(
-    problem: FitProblem, factor: FloatArray, x: FloatArray, damping: float = 0.0, radius: float = MAX_RADIUS
+    problem: Problem, factor: FloatArray, x: FloatArray, damping: float = 0.0, radius: float = MAX_RADIUS
 ) -> FloatArray:
     """Damped Gauss-Newton step of the free parameters from `x` within their bounds and the trust region.
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         Gives the bounds.
     factor : (k + 1, k + 1)
         Triangular factor of all rows in the free parameters, ``[R | q]``.

@@ -15,9 +15,9 @@ from functools import partial
 
 import numpy as np
 
+from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import (
     NOT_FINITE,
-    FitProblem,
     LinearisedProblem,
     SimulatedWindows,
     assemble,
@@ -62,7 +62,7 @@ NO_GAIN = Failure("the step gains nothing")
 
 
 def evaluate_step(
-    problem: FitProblem, current: LinearisedProblem, x: FloatArray, X: Sequence[FloatArray], last: Trial | None = None
+    problem: Problem, current: LinearisedProblem, x: FloatArray, X: Sequence[FloatArray], last: Trial | None = None
 ) -> Trial | Failure:
     """Evaluate the step from `current` to `x` and `X`; simulations of the `last` trial are reused where possible."""
     parameter_maps = problem.parameter_maps(x)
@@ -80,7 +80,7 @@ def evaluate_step(
 
 
 def _extrapolated(
-    problem: FitProblem,
+    problem: Problem,
     current: LinearisedProblem,
     at: tuple[FloatArray, FloatArray],
     number: int,
@@ -98,7 +98,7 @@ def _extrapolated(
 
 
 def _simulated(
-    problem: FitProblem, track: Track, mapped: ParameterMap, starts: FloatArray, windows: SimulatedWindows
+    problem: Problem, track: Track, mapped: ParameterMap, starts: FloatArray, windows: SimulatedWindows
 ) -> SimulatedWindows | Failure:
     """`windows`, with those simulated whose `distance` is too large."""
     ends, costs, distance = windows.ends.copy(), windows.costs.copy(), windows.distance.copy()
@@ -114,7 +114,7 @@ def _simulated(
 
 
 def _trial(
-    problem: FitProblem,
+    problem: Problem,
     x: FloatArray,
     X: Sequence[FloatArray],
     parameter_maps: dict[str, ParameterMap],
@@ -130,7 +130,7 @@ def _trial(
     return Trial(x, tuple(X), tuple(simulated), tuple(excess), cost, parameter_maps)
 
 
-def accept(problem: FitProblem, trial: Trial, free: bool = True) -> LinearisedProblem | Failure:
+def accept(problem: Problem, trial: Trial, free: bool = True) -> LinearisedProblem | Failure:
     """Linearise the problem after a step; without `free`, with theta fixed."""
     parameter_maps = (
         trial.parameter_maps if free else {stem: mapped.fixed() for stem, mapped in trial.parameter_maps.items()}
@@ -149,7 +149,7 @@ def accept(problem: FitProblem, trial: Trial, free: bool = True) -> LinearisedPr
     return assemble(problem, parameter_maps, (trial.x, trial.X), simulated, trial.cost)
 
 
-def with_theta_fixed(problem: FitProblem, current: LinearisedProblem) -> LinearisedProblem:
+def with_theta_fixed(problem: Problem, current: LinearisedProblem) -> LinearisedProblem:
     """`current` with theta fixed."""
     n = len(problem.actuator.states)
     theta = np.arange(n, n + current.x.size)
@@ -162,7 +162,7 @@ def with_theta_fixed(problem: FitProblem, current: LinearisedProblem) -> Lineari
 
 
 def with_theta_free(
-    problem: FitProblem, current: LinearisedProblem, candidate: LinearisedProblem
+    problem: Problem, current: LinearisedProblem, candidate: LinearisedProblem
 ) -> LinearisedProblem | Failure:
     """`candidate`, linearised with theta fixed, with theta free; `current` provides the derivatives to start from."""
     parameter_maps = problem.parameter_maps(candidate.x)
@@ -190,19 +190,19 @@ States = tuple[FloatArray, ...]
 Damping = list[FloatArray]
 
 
-def initial_damping(problem: FitProblem) -> Damping:
+def initial_damping(problem: Problem) -> Damping:
     """Damping of all windows before the first step: one array per track, which the search changes in place."""
     return [np.full(len(track.windows), INITIAL_DAMPING) for track in problem.tracks]
 
 
 def minimise_states(
-    problem: FitProblem, current: LinearisedProblem, damping: Damping, on_evaluation: Callable[[], None]
+    problem: Problem, current: LinearisedProblem, damping: Damping, on_evaluation: Callable[[], None]
 ) -> LinearisedProblem:
     """Minimise the cost over the states, with theta fixed.
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         Recordings and noise.
     current : LinearisedProblem
         Start, with theta fixed.
@@ -225,7 +225,7 @@ def minimise_states(
     return current
 
 
-def _step(problem: FitProblem, current: LinearisedProblem, damping: Damping) -> LinearisedProblem:
+def _step(problem: Problem, current: LinearisedProblem, damping: Damping) -> LinearisedProblem:
     """The problem after a step of the states that lowers the cost, or `current`."""
     trial: Trial | None = None
     for _ in range(MAX_TRIALS):
@@ -260,17 +260,13 @@ def _update_damping(current: LinearisedProblem, trial: Trial, damping: Damping) 
     return predicted
 
 
-def stepped_states(
-    problem: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray
-) -> States:
+def stepped_states(problem: Problem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
     """States `X` after the Gauss-Newton step that belongs to a `step` of the parameters, empty if those are fixed."""
     unit = units(problem.actuator)
     return tuple(x + recover(chain, step[:, None])[:, :, 0] * unit for x, chain in zip(X, chains, strict=True))
 
 
-def shifted_states(
-    problem: FitProblem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray
-) -> States:
+def shifted_states(problem: Problem, X: Sequence[FloatArray], chains: Sequence[Eliminated], step: FloatArray) -> States:
     """Minimised states `X` shifted, to first order, with a `step` of the parameters."""
     without, with_step = (stepped_states(problem, X, chains, by) for by in (np.zeros_like(step), step))
     return tuple(x + (after - before) for x, before, after in zip(X, without, with_step, strict=True))

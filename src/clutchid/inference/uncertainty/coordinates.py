@@ -39,12 +39,17 @@ def far_stop(actuator: Actuator, reach: float) -> Prior:
     return Prior(max(actuator.parameters.y_max, reach), STOP_STD)
 
 
+#: Bound of every free parameter in standard deviations of its prior. Without it, parameters that the data do not
+#: determine drift to absurd values: a calibration once sealed chamber B and made it twenty times too large.
+PRIOR_LIMIT = 5.0
+
+
 @dataclass(frozen=True, slots=True)
 class Coordinate:
     """One free parameter, shared by all recordings or of the recording `stem`.
 
     Its value is ``mean exp(width x)`` if `positive`, else ``mean + width x``, within the bounds. The prior of x is
-    0 with a standard deviation of 1.
+    0 with a standard deviation of 1, and x at most `limit` from it; a coordinate without a prior has no limit.
     """
 
     base: str
@@ -54,6 +59,7 @@ class Coordinate:
     positive: bool
     low: float
     high: float
+    limit: float = PRIOR_LIMIT
 
     @property
     def name(self) -> str:

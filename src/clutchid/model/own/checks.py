@@ -13,7 +13,7 @@ from clutchid.codegen.system import Expr, System
 from clutchid.errors import ParameterError
 from clutchid.log import COLUMNS
 from clutchid.log.states import STATES
-from clutchid.model.own.model import OwnParameter, OwnState, Physics
+from clutchid.model.own.rows import OwnParameter, OwnState, Physics
 from clutchid.model.variants import VARIANTS, variant_system
 from clutchid.names import unknown_name
 from clutchid.parameters import GROUPS, GroupChange, Parameters

@@ -8,7 +8,7 @@ from dataclasses import replace
 import sympy as sp
 
 from clutchid.codegen.system import Expr, Jump, System
-from clutchid.model.own.model import Physics
+from clutchid.model.own.rows import Physics
 
 #: How the term of the variant is called inside what replaces it.
 BEFORE = "{}_base"

@@ -12,7 +12,7 @@ import sympy as sp
 
 from clutchid.codegen.system import Expr, System
 from clutchid.log.states import STATES
-from clutchid.model.own.model import Physics
+from clutchid.model.own.rows import Physics
 from clutchid.model.own.system import BEFORE, canonical, combined_terms, ordered
 from clutchid.parameters import Parameters
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from clutchid.errors import DataError
 from clutchid.recordings.files import plain_file
-from clutchid.recordings.formats.opening import head_of, kind_of
+from clutchid.recordings.formats.kinds import head_of, kind_of
 
 #: Time in s for which arriving bytes are collected, so that a block is worth its cost; bytes of a piece at most.
 PACE, MOST = 0.02, 1 << 20

@@ -20,7 +20,7 @@ from clutchid.recordings.formats.can.dbc import decode, read_dbc
 from clutchid.recordings.formats.can.frames import FrameLog, payloads
 from clutchid.recordings.formats.can.scan import Piece, decoding_problem, pieces, raster_names, scan, scan_warnings
 from clutchid.recordings.formats.can.streams import Book, Stream, book, channels_of, in_order
-from clutchid.recordings.formats.opening import head_of, kind_of
+from clutchid.recordings.formats.kinds import head_of, kind_of
 from clutchid.recordings.source import Places, Raster, Source, Table, refused
 
 

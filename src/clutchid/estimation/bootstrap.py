@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.inference.smoother.problem import FitProblem, LinearisedProblem
+from clutchid.inference.problem import Problem
+from clutchid.inference.smoother.problem import LinearisedProblem
 from clutchid.inference.smoother.rows import eliminate
 from clutchid.inference.smoother.search import ShootingSolution
 from clutchid.log import FloatArray
@@ -26,7 +27,7 @@ MIN_STROKES, PIECE_LENGTH = 8, 1.0
 StrokeNumbers = tuple[NDArray[np.int64], ...]
 
 
-def strokes(problem: FitProblem) -> StrokeNumbers:
+def strokes(problem: Problem) -> StrokeNumbers:
     """Stroke number of each window, one array per track, consecutive over all tracks.
 
     A stroke begins with the first window in which the piston is back at rest, and ends before the next such window. The
@@ -38,7 +39,7 @@ def strokes(problem: FitProblem) -> StrokeNumbers:
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         With its tracks in the order of the recordings.
 
     Returns
@@ -84,7 +85,7 @@ def _equal_pieces(track: Track) -> NDArray[np.int64]:
     return np.arange(windows, dtype=np.int64) * pieces // windows
 
 
-def bootstrap(problem: FitProblem, solution: ShootingSolution, draws: int = 200, seed: int = 0) -> FloatArray:
+def bootstrap(problem: Problem, solution: ShootingSolution, draws: int = 200, seed: int = 0) -> FloatArray:
     """Estimates of the free parameters x from strokes drawn with replacement, shape (draws, k).
 
     Each is one Gauss-Newton step from the solution, so that no simulation is repeated. The bounds of x are ignored, as
@@ -92,7 +93,7 @@ def bootstrap(problem: FitProblem, solution: ShootingSolution, draws: int = 200,
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         Free parameters and recordings.
     solution : ShootingSolution
         Its solution.
@@ -150,7 +151,7 @@ def _by_stroke(rows: FloatArray, places: NDArray[np.int64] | int, count: int) ->
     return np.concatenate([rows[..., :-1], residual], axis=-1)
 
 
-def scatter_ratio(problem: FitProblem, x: FloatArray, noise_root: FloatArray) -> float:
+def scatter_ratio(problem: Problem, x: FloatArray, noise_root: FloatArray) -> float:
     """Ratio of the standard deviation of the load over the draws `x` to that of the covariance due to noise.
 
     The median over the points of the load's grid that the piston has passed; beyond, the prior determines the load. It
@@ -159,12 +160,12 @@ def scatter_ratio(problem: FitProblem, x: FloatArray, noise_root: FloatArray) ->
 
     Parameters
     ----------
-    problem : FitProblem
+    problem : Problem
         Free parameters and recordings.
     x : (draws, k)
         Draws of `bootstrap`.
     noise_root : (k, m)
-        Square root of the covariance due to noise, `ParameterUncertainty.noise_root`.
+        Square root of the covariance due to noise, `Posterior.noise_root`.
 
     Returns
     -------
@@ -183,7 +184,7 @@ def scatter_ratio(problem: FitProblem, x: FloatArray, noise_root: FloatArray) ->
     return float(np.median(drawn[determined] / expected[determined]))
 
 
-def _passed_positions(problem: FitProblem) -> FloatArray:
+def _passed_positions(problem: Problem) -> FloatArray:
     """Points of the load's grid, in m, between the lowest and the highest measured position."""
     y = np.linspace(0.0, problem.actuator.parameters.y_max, 101)
     measured = [track.measured["position"][track.segment.start : track.segment.stop] for track in problem.tracks]

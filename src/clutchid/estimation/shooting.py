@@ -1,4 +1,4 @@
-"""The method 'shooting': search, result and checks."""
+"""The method 'shooting': multiple shooting with soft continuity, its search and the `Fit` at the end of it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from clutchid.estimation.checks import checked
 from clutchid.estimation.departure import misfit
+from clutchid.estimation.method import ChangeFunctions, Method, SearchResult
 from clutchid.estimation.phase import phase_finder
+from clutchid.estimation.posterior import Posterior, fit_of, parameter_uncertainty, pressure_deviations
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.search_result import Hypotheses, SearchMethod, SearchResult
-from clutchid.estimation.shooting.checks import checked
-from clutchid.estimation.shooting.result import result
-from clutchid.inference.smoother.problem import FitProblem, data_factor
-from clutchid.inference.smoother.residuals import dispersion, noise_scales
+from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
+from clutchid.inference.problem import Problem
+from clutchid.inference.smoother.problem import data_factor
+from clutchid.inference.smoother.residuals import dispersion, noise_scales, sensor_outputs, trajectory
 from clutchid.inference.smoother.search import (
     FINE_STAGE,
     STAGES_FROM_CALIBRATION,
@@ -31,8 +33,46 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import Progress
 from clutchid.simulation.windows import initial_states
+
+
+def result(search_result: SearchResult, calibration: Calibration | None) -> Fit | Failure:
+    """The result of a search by multiple shooting."""
+    solution = search_result.solution
+    if isinstance(solution, Failure):
+        return solution
+    uncertain = parameter_uncertainty(search_result.problem, solution, calibration, search_result.covariance)
+    if isinstance(uncertain, Failure):
+        return uncertain
+    compared = _recordings(search_result.problem, solution, uncertain)
+    return fit_of("shooting", search_result, solution, uncertain, calibration, compared)
+
+
+def _recordings(problem: Problem, solution: ShootingSolution, uncertain: Posterior) -> list[Compared]:
+    """The simulated recordings, compared through the sensor models."""
+    deviations = pressure_deviations(uncertain)
+    compared = []
+    for number, plan in enumerate(problem.plans):
+        states = trajectory(problem, solution, number)
+        first = [X[0] for track, X in zip(problem.tracks, solution.at.X, strict=True) if track.log == number]
+        starts = [position_and_pressure(problem.actuator, state) for state in first]
+        half = _half_width(problem, number, deviations, len(states))
+        compared.append(compare(plan, states, starts, sensor_outputs(problem, solution, number, states), half))
+    return compared
+
+
+def _half_width(problem: Problem, log: int, deviations: list[FloatArray], samples: int) -> FloatArray:
+    """Half width of the 95 % interval of the pressure, interpolated between window starts."""
+    half = np.full(samples, np.nan)
+    for track, deviation in zip(problem.tracks, deviations, strict=True):
+        if track.log == log:
+            at = [window.start for window in track.windows]
+            inside = np.arange(track.segment.start, track.segment.stop)
+            half[inside] = QUANTILE * np.interp(inside, at, deviation)
+    return half
+
 
 #: Correlation time in s of what the model misses in a measurement, so that ten samples at 1 kHz are weighted as one.
 #: A load from position alone comes closer to the truth, and calibrations converge, see docs/derivations.md.
@@ -47,8 +87,6 @@ MAX_RESTARTS, SAME_COST = 4, 3e-3
 #: calibration").
 MOST_EVALUATIONS, PATIENCE, HOPELESS = 300, 100, 5.0
 
-_METHOD = "shooting"
-
 
 def shoot(
     logs: Sequence[Log],
@@ -56,7 +94,7 @@ def shoot(
     free: FreeParameters,
     calibration: Calibration | None = None,
     progress: Progress | None = None,
-) -> SearchResult[ShootingSolution]:
+) -> SearchResult:
     """Fit the `free` parameters to recordings by multiple shooting.
 
     With a `calibration` the search starts from the calibrated values and needs fewer stages.
@@ -66,25 +104,25 @@ def shoot(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    problem, plans = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
+    problem = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
     problem = replace(problem, noise=replace(problem.noise, memory=MEMORY))
-    X = _states(problem, [plan.actuator for plan in plans])
+    X = _states(problem, [plan.actuator for plan in problem.plans])
     if isinstance(X, Failure):
-        return SearchResult(_METHOD, problem, plans, X)
+        return SearchResult(problem, X)
     x, effort = start_point(problem, free), _effort(problem, logs, calibration)
     if free.start is None:
         stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
         coarse = search(problem, x, X, stages[:-1], progress)
         if isinstance(coarse, Failure):
-            return SearchResult(_METHOD, problem, plans, coarse)
+            return SearchResult(problem, coarse)
         problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse)))
-        fine = _fine(problem, coarse.x, coarse.X, effort, progress, coarse.evaluations)
+        fine = _fine(problem, coarse.x, coarse.at.X, effort, progress, coarse.evaluations)
     else:
         fine = _fine(problem, x, X, effort, progress)
-    return SearchResult(_METHOD, problem, plans, fine, effort=effort)
+    return SearchResult(problem, fine, effort=effort)
 
 
-def _effort(problem: FitProblem, logs: Sequence[Log], calibration: Calibration | None) -> Effort:
+def _effort(problem: Problem, logs: Sequence[Log], calibration: Calibration | None) -> Effort:
     """Limit of a search of a load from position alone that does not converge; any other fit has none."""
     if not problem.changing or calibration is None or calibration.position_only is None:
         return UNLIMITED
@@ -93,7 +131,7 @@ def _effort(problem: FitProblem, logs: Sequence[Log], calibration: Calibration |
 
 
 def _fine(
-    problem: FitProblem, x: FloatArray, X: States, effort: Effort, progress: Progress | None, before: int = 0
+    problem: Problem, x: FloatArray, X: States, effort: Effort, progress: Progress | None, before: int = 0
 ) -> ShootingSolution | Failure:
     """The fine stage; one that stalls goes on with new states, a few times, from the best parameters so far.
 
@@ -118,7 +156,7 @@ def _fine(
     return best
 
 
-def _states(problem: FitProblem, actuators: Sequence[Actuator]) -> States | Failure:
+def _states(problem: Problem, actuators: Sequence[Actuator]) -> States | Failure:
     """Initial values of the states of all windows, with the actuator of every recording."""
     X = []
     for track in problem.tracks:
@@ -129,9 +167,9 @@ def _states(problem: FitProblem, actuators: Sequence[Actuator]) -> States | Fail
     return tuple(X)
 
 
-def refine(found: SearchResult[ShootingSolution], problem: FitProblem, x: FloatArray) -> SearchResult[ShootingSolution]:
+def refine(found: SearchResult, problem: Problem, x: FloatArray) -> SearchResult:
     """The search of `found` continued from x with the prior of `problem`."""
-    X = () if isinstance(found.solution, Failure) else found.solution.X
+    X = () if isinstance(found.solution, Failure) else found.solution.at.X
     return replace(found, problem=problem, solution=_fine(problem, x, X, found.effort._replace(patience=np.inf), None))
 
 
@@ -139,13 +177,20 @@ def _cost(solution: ShootingSolution) -> float:
     return solution.at.cost
 
 
-def _data_factor(problem: FitProblem, solution: ShootingSolution) -> FloatArray:
+def _data_factor(problem: Problem, solution: ShootingSolution) -> FloatArray:
     return data_factor(problem, solution.at)
 
 
-def _dispersion(problem: FitProblem, solution: ShootingSolution) -> float:
+def _dispersion(problem: Problem, solution: ShootingSolution) -> float:
     return dispersion(problem, solution.at)
 
 
 #: Multiple shooting with soft continuity.
-SHOOTING = SearchMethod(shoot, result, checked, Hypotheses(_cost, refine, _data_factor, _dispersion, settled))
+SHOOTING = Method(
+    "shooting",
+    shoot,
+    result,
+    check=checked,
+    changes=ChangeFunctions(refine, _data_factor, _dispersion, settled),
+    partition="multiple shooting uses its own windows",
+)

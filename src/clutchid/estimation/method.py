@@ -1,0 +1,72 @@
+"""`Method`: a method of estimation as a record of functions, and `SearchResult`: the end of its search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from clutchid.estimation.request import FreeParameters
+from clutchid.estimation.result import Fit, failed_fit, plan_warnings
+from clutchid.inference.problem import Problem
+from clutchid.inference.smoother.search import UNLIMITED, Effort
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Progress, Solution
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchResult:
+    """The problem of a fit, and the solution of its search, or the reason why it could not start.
+
+    `covariance` of x, shape (k, k), is that over all hypotheses about changes, where they were weighed; `effort` says
+    when a search by multiple shooting ends that gets nowhere.
+    """
+
+    problem: Problem
+    solution: Solution[Any] | Failure
+    covariance: FloatArray | None = None
+    effort: Effort = UNLIMITED
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeFunctions:
+    """Functions with which a method weighs hypotheses about changes, at solutions of its search.
+
+    `refine` goes on from a result with another prior, from x; `data_factor` is the
+    triangular factor ``[R | q]`` of the data alone at a solution; `dispersion` that of
+    `clutchid.inference.smoother.residuals`; `settle` moves a solution to x, with the states that belong to it.
+    """
+
+    refine: Callable[[SearchResult, Problem, FloatArray], SearchResult]
+    data_factor: Callable[[Problem, Solution[Any]], FloatArray]
+    dispersion: Callable[[Problem, Solution[Any]], float]
+    settle: Callable[[Problem, Solution[Any], FloatArray], Solution[Any] | Failure]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A method of estimation: its search, the `Fit` at the end of it, and the requests that it supports.
+
+    `priors`: priors, parameters of single recordings, 'auto' and calibrations. `check` adds profile likelihood and a
+    bootstrap to a result. Without `changes` a load from position alone is read as if nothing had changed. `partition`
+    is empty if the method supports a partition, else the reason why not.
+    """
+
+    name: str
+    search: Callable[[Sequence[Log], Actuator, FreeParameters, Calibration | None, Progress | None], SearchResult]
+    result: Callable[[SearchResult, Calibration | None], Fit | Failure]
+    priors: bool = True
+    check: Callable[[Fit, SearchResult, Calibration | None, Sequence[str], int], Fit] | None = None
+    changes: ChangeFunctions | None = None
+    partition: str = ""
+
+
+def fit_at(method: Method, found: SearchResult, calibration: Calibration | None = None) -> Fit:
+    """The `Fit` at the end of a search by `method`; status "failed" if it could not start."""
+    result = method.result(found, calibration)
+    if isinstance(result, Failure):
+        return failed_fit(found.problem, method.name, result.message, plan_warnings(found.problem.plans))
+    return result

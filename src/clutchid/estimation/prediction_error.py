@@ -1,0 +1,204 @@
+"""The method 'prediction-error': the smallest prediction errors of an extended Kalman filter, and the `Fit` there.
+
+The filter predicts each sample from all earlier ones. The estimate minimises the sum of squares of the standardised
+prediction errors and of the deviations from the priors, with the gains of the filter fixed in each round (Ljung 1999,
+chapter 7; pseudo-linear regression, section 10.4). The filter is in square-root form (Maybeck 1979, chapter 7; 1982,
+chapter 9). Its process noise is that of multiple shooting, so that both methods make the same assumptions; multiple
+shooting is a smoother, which estimates each state from all measurements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clutchid.estimation.method import Method, SearchResult
+from clutchid.estimation.phase import phase_finder
+from clutchid.estimation.posterior import Posterior, fit_of
+from clutchid.estimation.prediction import FilterSolution, Prediction, innovations, noise_scales, predict_errors
+from clutchid.estimation.problem import fit_problem, start_point
+from clutchid.estimation.request import FreeParameters
+from clutchid.estimation.result import Compared, Fit, compare, position_and_pressure
+from clutchid.inference.problem import Problem
+from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration, consider_parameters
+from clutchid.log import FloatArray, Log
+from clutchid.log.states import MEASURED
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
+from clutchid.numerics.least_squares import Linearisation, Progress, Solution, minimise, triangular
+
+
+def result(search_result: SearchResult, calibration: Calibration | None) -> Fit | Failure:
+    """The `Fit` of a search by prediction error, corrected for the bias of the `calibration`."""
+    solution = search_result.solution
+    if isinstance(solution, Failure):
+        return solution
+    uncertain = parameter_uncertainty(search_result.problem, solution, calibration)
+    if isinstance(uncertain, Failure):
+        return uncertain
+    problem = search_result.problem
+    compared = _recordings(problem, solution, uncertain)
+    fit = fit_of("prediction-error", search_result, solution, uncertain, calibration, compared)
+    return replace(fit, notes=(*fit.notes, *_statistics(problem, solution)))
+
+
+def parameter_uncertainty(
+    problem: Problem, solution: FilterSolution, calibration: Calibration | None
+) -> Posterior | Failure:
+    """Uncertainty of the free parameters due to noise and to consider parameters (Schmidt 1966).
+
+    The prediction errors are autocorrelated because of the model error; their autocorrelation gives the number of
+    samples that are weighted as one.
+    """
+    k = len(problem.coordinates)
+    extra, consider_root = consider_parameters(problem.actuator, problem.coordinates, calibration)
+    wide = problem.widened(extra)
+    prediction = predict_errors(wide, np.concatenate([solution.x, np.zeros(len(extra))]))
+    if isinstance(prediction, Failure):
+        return prediction
+    without_extra = [*range(k), *range(k + len(extra), prediction.prior.shape[0])]
+    prior, data = prediction.prior[without_extra, :-1], [segment.rows[:, :-1] for segment in prediction.segments]
+    factor = triangular(np.vstack([prior, *data]))
+    inner = np.linalg.pinv(factor[:k, :k])
+    consider_shift = -inner @ factor[:k, k:] @ consider_root
+    weight = 1.0 / np.sqrt(max(innovations(solution.at, name).correlated_samples for name in problem.measure))
+    information = triangular(np.vstack([prior, *(weight * rows for rows in data)]))[:k, :k]
+    noise_root = np.linalg.pinv(information).astype(np.float64)
+    return Posterior(wide, noise_root, consider_shift, consider_root, DEVIATION_FACTOR)
+
+
+def _recordings(problem: Problem, solution: FilterSolution, uncertain: Posterior) -> list[Compared]:
+    """The recordings as filtered states, compared through their predictions."""
+    compared, matrix = [], uncertain.matrix
+    for number, plan in enumerate(problem.plans):
+        tracks = zip(problem.tracks, solution.at.segments, strict=True)
+        mine = [(track, segment) for track, segment in tracks if track.log == number]
+        states = np.full((len(plan.log), len(plan.actuator.states)), np.nan)
+        half = np.full(len(plan.log), np.nan)
+        predicted = {name: np.full(len(plan.log), np.nan) for name in problem.measure}
+        for track, segment in mine:
+            at = slice(track.segment.start, track.segment.stop)
+            states[at] = segment.states
+            rows = segment.pressures[:, :-1]
+            variance = np.einsum("ni,ij,nj->n", rows, matrix, rows)
+            filtered = DEVIATION_FACTOR**2 * segment.pressures[:, -1] ** 2
+            half[at] = QUANTILE * np.sqrt(np.maximum(variance, 0.0) + filtered)
+            for name, values in predicted.items():
+                values[at] = plan.log[name][at] - segment.errors[:, list(MEASURED).index(name), 0]
+        starts = [position_and_pressure(plan.actuator, segment.states[0]) for _, segment in mine]
+        compared.append(compare(plan, states, starts, predicted, half))
+    return compared
+
+
+def _statistics(problem: Problem, solution: FilterSolution) -> tuple[str, ...]:
+    """Statistics of the prediction errors as sentences."""
+    notes = []
+    for name in problem.measure:
+        statistics = innovations(solution.at, name)
+        notes.append(
+            f"prediction errors of {name}: mean square {statistics.nis:.2f} times the expected one, 1 if the noise "
+            f"is as assumed; correlation of neighbouring samples {statistics.lag_1:.2f}, 0 for a correct model."
+        )
+    return tuple(notes)
+
+
+#: Relative decrease of the cost below which a round has converged.
+TOLERANCE = 1e-5
+
+#: The search has converged if the step of a round is below this many standard deviations. If the step reverses that of
+#: the round before, as stiction can cause, the step size is halved, down to the given fraction; otherwise it is
+#: doubled.
+CONVERGED_MOVE, MIN_STEP_SHARE = 0.5, 0.1
+
+#: Most rounds before and after the re-estimation of the sensor noise; most evaluations of a round, and of one in which
+#: all steps of the first evaluations were rejected: within ten the damping grows from 1e-3 beyond its limit of 1e12.
+COARSE_ROUNDS, FINE_ROUNDS, MAX_EVALUATIONS, MAX_REJECTED = 1, 40, 6, 12
+
+
+def predict(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    free: FreeParameters,
+    calibration: Calibration | None = None,
+    progress: Progress | None = None,
+) -> SearchResult:
+    """Estimate the `free` parameters by prediction error.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    problem = fit_problem(logs, actuator, free, calibration, phase_finder(actuator, free, calibration))
+    x = start_point(problem, free)
+    if free.start is not None:
+        return SearchResult(problem, search(problem, x, FINE_ROUNDS, progress, 1))
+    coarse = search(problem, x, COARSE_ROUNDS, progress)
+    if isinstance(coarse, Failure):
+        return SearchResult(problem, coarse)
+    problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
+    return SearchResult(problem, search(problem, coarse.x, FINE_ROUNDS, progress, coarse.evaluations))
+
+
+def search(
+    problem: Problem, x: FloatArray, rounds: int, progress: Progress | None = None, before: int = 0
+) -> FilterSolution | Failure:
+    """Pseudo-linear regression from `x` within the bounds: minimum of the prediction errors at fixed gains.
+
+    Minimising over the gains as well would be wrong: the standardised errors decrease if the predicted variances grow,
+    so any parameter that increases the uncertainty of the model would lower the sum of squares. Each round minimises it
+    with gains and variances of the filter at the start of the round, until the step of a round is negligible.
+    """
+    count, name = before, "fine" if before else "coarse"
+
+    def evaluate(at: FloatArray, fixed_gains: Prediction | None = None) -> Prediction | Failure:
+        nonlocal count
+        count += 1
+        if progress:
+            progress(name, count)
+        return predict_errors(problem, at, fixed_gains)
+
+    current, step_share, previous_move = evaluate(x), 1.0, np.zeros(x.size)
+    for _ in range(rounds):
+        if isinstance(current, Failure):
+            return current
+        minimum = minimise_round(problem, x, current, evaluate)
+        move, R = minimum.x - x, minimum.at.R
+        if minimum.status != "converged" and not move.any():
+            return Solution(x, current, "stalled", count)
+        reverses = float((R @ move) @ (R @ previous_move)) < 0.0
+        step_share = max(0.5 * step_share, MIN_STEP_SHARE) if reverses else min(2.0 * step_share, 1.0)
+        candidate = evaluate(x + step_share * move)
+        if isinstance(candidate, Failure):
+            return Solution(x, current, "stalled", count)
+        x, current, previous_move = x + step_share * move, candidate, move
+        if float(np.linalg.norm(R @ move)) < CONVERGED_MOVE:
+            return Solution(x, current, "converged", count)
+    return current if isinstance(current, Failure) else Solution(x, current, "limit", count)
+
+
+def minimise_round(
+    problem: Problem, x: FloatArray, current: Prediction, evaluate: Callable[..., Prediction | Failure]
+) -> Solution[Linearisation]:
+    """Minimum of the sum of squares, with gains and variances of the filter at `x`.
+
+    A round in which every step was rejected goes on with shorter ones: no step is not a minimum.
+    """
+
+    def linearise(at: FloatArray) -> Linearisation | Failure:
+        prediction = evaluate(at, current)
+        return prediction if isinstance(prediction, Failure) else prediction.linearisation()
+
+    start = x, current.linearisation()
+    for evaluations in (MAX_EVALUATIONS, MAX_REJECTED):
+        minimum = minimise(linearise, start, *problem.bounds(), tolerance=TOLERANCE, max_evaluations=evaluations)
+        if minimum.status != "limit" or not np.array_equal(minimum.x, x):
+            break
+    return minimum
+
+
+#: Prediction error through a Kalman filter.
+PREDICTION_ERROR = Method("prediction-error", predict, result, partition="a Kalman filter is corrected at every sample")

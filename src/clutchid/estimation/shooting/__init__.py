@@ -1,1 +1,0 @@
-"""Fits by multiple shooting with soft continuity: search, result, checks; see `clutchid.inference.smoother`."""

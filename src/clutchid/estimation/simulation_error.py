@@ -1,0 +1,474 @@
+"""The method 'simulation': simulation error in two stages, as in the paper (Section 3.1), ballistic or partitioned.
+
+Every segment is simulated once, from its start to its end, with the resets of a partition inside the kernel. Free are
+the parameters, in units of their natural size and without a prior, and the unknown starts of segments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clutchid.errors import DataError, ParameterError
+from clutchid.estimation.method import Method, SearchResult
+from clutchid.estimation.request import FreeParameters, bounds_of, ended
+from clutchid.estimation.result import Compared, Fit, Recording, compare, errors_over, load_curve, plan_warnings
+from clutchid.inference.problem import Problem
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.coordinates import Coordinate
+from clutchid.inference.uncertainty.estimates import Estimate
+from clutchid.inference.uncertainty.gaussian import Covariance, natural_sizes, sandwich
+from clutchid.inference.uncertainty.identifiability import identifiability_warnings, identifiable, listed
+from clutchid.log import FloatArray, Log
+from clutchid.log.states import MEASURED
+from clutchid.model.actuator import Actuator
+from clutchid.numerics.failure import Failure
+from clutchid.numerics.least_squares import Linearisation, Progress, Solution, compress, minimise, triangular
+from clutchid.simulation.divergence import failure_message
+from clutchid.simulation.noise import Noise
+from clutchid.simulation.plan import Plan, Segment, plan
+from clutchid.simulation.run import (
+    POSITION_START,
+    PRESSURE_START,
+    KernelArrays,
+    columns,
+    guessed_pressure,
+    run,
+    run_with_sensitivities,
+    start_sensitivities,
+    start_state,
+)
+from clutchid.simulation.stiffness import stiffness_over, top_speed
+
+#: A recording with a smaller range of positions, in m, has no motion.
+REST_RANGE = 5e-4
+
+#: Factors on the initial load weights that the coarse stage tries.
+COARSE_FACTORS = (1.0, 0.6, 0.8, 1.25, 1.6)
+
+#: Natural size of start values in m and Pa.
+_START_UNITS = {POSITION_START: 1e-3, PRESSURE_START: 1e5}
+
+
+def search(
+    logs: Sequence[Log],
+    actuator: Actuator,
+    free: FreeParameters,
+    calibration: Calibration | None = None,
+    progress: Progress | None = None,
+) -> SearchResult:
+    """Fit ballistic or partitioned simulations to recordings; a `calibration` is not supported.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    assert calibration is None, "the method has no priors"
+    limits = bounds_of(free.names, actuator, free.bounds)
+    start = actuator.replace({name: float(np.clip(actuator.value(name), *limits[name])) for name in free.names})
+    rate = stiffness_over(start, limits, top_speed(free.partition))
+    plans = [plan(log, start, rate, free.partition, "pressure_a" in free.measure) for log in logs]
+    problem, x = build_problem(start, plans, free.names, free.measure, limits)
+    _check_size(problem)
+    problem, solution = two_stages(problem, x, progress)
+    return SearchResult(problem, solution)
+
+
+def build_problem(
+    actuator: Actuator,
+    plans: Sequence[Plan],
+    names: Sequence[str],
+    measure: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]],
+) -> tuple[Problem, FloatArray]:
+    """The problem of a fit of `names` to the recordings `plans`, and x (k,) at the values of `actuator`."""
+    free, values = [], []
+    for name, unit in zip(names, natural_sizes(actuator, names).tolist(), strict=True):
+        free.append(Coordinate(name, None, 0.0, unit, False, *bounds[name], limit=np.inf))
+        values.append(actuator.value(name))
+    for one in plans:
+        for number, segment in enumerate(one.segments):
+            for name, value, low, high in _free_start(segment, actuator):
+                stem = _start_stem(one, number)
+                free.append(Coordinate(name, stem, 0.0, _START_UNITS[name], False, low, high, limit=np.inf))
+                values.append(value)
+    noise = Noise(measured={name: MEASURED[name].first_scale for name in measure})
+    stems = tuple(one.log.name for one in plans)
+    problem = Problem(actuator, tuple(free), stems, tuple(measure), noise, tuple(plans))
+    return problem, np.array([c.of(min(max(value, c.low), c.high)) for c, value in zip(free, values, strict=True)])
+
+
+def _start_stem(plan: Plan, segment: int) -> str:
+    """Stem of the start values of a segment, which no recording has."""
+    return f"{plan.log.name}, segment {segment}"
+
+
+def _free_start(segment: Segment, actuator: Actuator) -> list[tuple[str, float, float, float]]:
+    """Name, value and bounds of the unknown start values of a segment; none if Eq. (24) holds."""
+    if segment.vented:
+        return []
+    p, y = actuator.parameters, segment.position_start
+    free = [(POSITION_START, y, y - 2e-3, y + 2e-3)]
+    if not np.isfinite(segment.pressure_start):
+        free.append((PRESSURE_START, guessed_pressure(segment, actuator), 0.5 * p.P_0, max(2 * p.P_S, 2 * p.P_0)))
+    return free
+
+
+def _shared(problem: Problem) -> list[str]:
+    """The free parameters, which stand before the start values."""
+    return [c.base for c in problem.coordinates if c.stem is None]
+
+
+def _segments(problem: Problem) -> Iterator[tuple[Plan, Segment, list[int]]]:
+    """Each segment of each recording, and where x has its unknown start values."""
+    own: dict[str | None, list[int]] = {}
+    for i, c in enumerate(problem.coordinates):
+        own.setdefault(c.stem, []).append(i)
+    for one in problem.plans:
+        for number, segment in enumerate(one.segments):
+            yield one, segment, own.get(_start_stem(one, number), [])
+
+
+def _start(
+    problem: Problem, segment: Segment, at: Sequence[int], x: FloatArray, actuator: Actuator
+) -> tuple[float, float]:
+    """Position and pressure at the start of a segment, with those that are free from x at the places `at`."""
+    values = {problem.coordinates[i].base: problem.coordinates[i].si(float(x[i])) for i in at}
+    position = values.get(POSITION_START, segment.position_start)
+    return position, values.get(PRESSURE_START, guessed_pressure(segment, actuator))
+
+
+def _has_motion(problem: Problem) -> bool:
+    """Whether the piston moves in any recording; without motion no parameter of the actuator can be determined."""
+    spans = [p.log["position"][np.isfinite(p.log["position"])] for p in problem.plans]
+    return any(span.size > 0 and float(np.ptp(span)) > REST_RANGE for span in spans)
+
+
+def _check_size(problem: Problem) -> None:
+    samples = sum(
+        int(np.isfinite(plan.log[name][s.start : s.stop]).sum())
+        for plan, s, _ in _segments(problem)
+        for name in problem.measure
+    )
+    if samples <= len(problem.coordinates):
+        raise DataError(
+            f"{problem.stems[0]}: {samples} measured samples for {len(problem.coordinates)} free parameters "
+            f"({len(_shared(problem))} parameters and the unknown starts); record at least a full stroke."
+        )
+
+
+def two_stages(
+    problem: Problem, x: FloatArray, progress: Progress | None
+) -> tuple[Problem, Solution[Linearisation] | Failure]:
+    """Solution of the search from x, or a `Failure` of its start, and the problem with the final noise scales.
+
+    The coarse stage tries factors on the load and stops early; the fine stage continues from the best with the rms
+    residuals as noise scales. The paper also optimises twice (Section 3.1).
+    """
+    count = 0
+
+    def evaluate(at: FloatArray, stage: str) -> Linearisation | Failure:
+        nonlocal count
+        count += 1
+        if progress:
+            progress(stage, count)
+        return linearise(problem, at)
+
+    begin = _best_start(problem, x, lambda x: evaluate(x, "coarse"))
+    if isinstance(begin, Failure):
+        return problem, begin
+    if not _has_motion(problem):
+        return problem, Solution(x, begin[1], "converged", count)
+    low, high = problem.bounds()
+    coarse = minimise(lambda x: evaluate(x, "coarse"), begin, low, high, tolerance=1e-3)
+    problem = replace(problem, noise=Noise(measured=_rms_residuals(problem, coarse.x)))
+    again = evaluate(coarse.x, "fine")
+    assert isinstance(again, Linearisation)
+    fine = minimise(lambda x: evaluate(x, "fine"), (coarse.x, again), low, high, tolerance=1e-9)
+    return problem, replace(fine, evaluations=count)
+
+
+def _best_start(
+    problem: Problem, x0: FloatArray, evaluate: Callable[[FloatArray], Linearisation | Failure]
+) -> tuple[FloatArray, Linearisation] | Failure:
+    """The best of several multiples of the initial load, if any load weight is free."""
+    weights = [i for i, c in enumerate(problem.coordinates) if c.base in problem.actuator.load.names]
+    best: tuple[FloatArray, Linearisation] | None = None
+    failure: Failure | None = None
+    for factor in COARSE_FACTORS if weights else (1.0,):
+        x = x0.copy()
+        x[weights] *= factor
+        x = np.clip(x, *problem.bounds())
+        answer = evaluate(x)
+        if isinstance(answer, Failure):
+            failure = failure or answer
+        elif best is None or answer.cost < best[1].cost:
+            best = x, answer
+    return best or failure or Failure("no start can be simulated")
+
+
+def _rms_residuals(problem: Problem, x: FloatArray) -> dict[str, float]:
+    """Rms residual of every measured column, at least a thousandth of the first scale."""
+    scales = problem.noise.measured
+    sums = {name: [0.0, 0] for name in problem.measure}
+    for one in residuals(problem, x):
+        if isinstance(one, Failure):
+            return dict(scales)
+        at = slice(one.segment.start, one.segment.stop)
+        sizes = [int(np.isfinite(one.plan.log[name][at]).sum()) for name in problem.measure]
+        for name, piece in zip(problem.measure, np.split(one.r, np.cumsum(sizes)[:-1]), strict=True):
+            sums[name][0] += float(np.sum(piece**2)) * scales[name] ** 2
+            sums[name][1] += piece.size
+    return {
+        name: max(float(np.sqrt(total / max(1, count))), 1e-3 * MEASURED[name].first_scale)
+        for name, (total, count) in sums.items()
+    }
+
+
+class SegmentResiduals(NamedTuple):
+    """Scaled residuals `r` (m,) of a segment, their Jacobian `J` (m, k') in x at `places`, and the sample of each."""
+
+    plan: Plan
+    segment: Segment
+    places: list[int]
+    r: FloatArray
+    J: FloatArray
+    samples: NDArray[np.int64]
+
+
+def linearise(problem: Problem, x: FloatArray) -> Linearisation | Failure:
+    """Compressed residuals and Jacobian at `x`; a `Failure` if a simulation fails or parameters are contradictory."""
+    width = x.size
+    factor = np.zeros((0, width + 1))
+    count, cost = 0, 0.0
+    for one in residuals(problem, x):
+        if isinstance(one, Failure):
+            return one
+        count += one.r.size
+        with np.errstate(over="ignore", invalid="ignore"):
+            local = compress(one.J, one.r)
+            cost += 0.5 * float(np.sum(local[:, -1] ** 2))
+        if not (np.isfinite(local).all() and np.isfinite(cost)):
+            return Failure(f"{one.plan.log.name}: the simulation grows beyond all bounds")
+        rows = np.zeros((local.shape[0], width + 1))
+        rows[:, [*one.places, width]] = local
+        factor = np.vstack([factor, rows])
+    if count == 0:
+        return Failure("no measured sample can be compared with the simulation")
+    R = np.zeros((width + 1, width + 1))
+    reduced = triangular(factor)
+    R[: reduced.shape[0]] = reduced
+    return Linearisation(R[:width, :width], R[:width, width], cost, count)
+
+
+def residuals(problem: Problem, x: FloatArray) -> Iterator[SegmentResiduals | Failure]:
+    """The residuals of each segment at `x`; missing samples are left out, element by element."""
+    try:
+        actuator = problem.actuator_of(x, problem.stems[0])
+    except ParameterError as error:
+        yield Failure(str(error))
+        return
+    arrays, shared = KernelArrays.of(actuator), _shared(problem)
+    watched = [actuator.states.index(MEASURED[name].state) for name in problem.measure]
+    slopes = problem.slopes(x)
+    for one, segment, at in _segments(problem):
+        which = columns(actuator, [*shared, *(problem.coordinates[i].base for i in at)])
+        x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
+        start = x0, start_sensitivities(segment, actuator, which, estimated=bool(at))
+        states, sens, failed = run_with_sensitivities(segment, arrays, start, which, watched)
+        if failed >= 0:
+            yield Failure(failure_message(one.log, segment, states, failed, actuator.states, actuator))
+            return
+        places = [*range(len(shared)), *at]
+        measured = {name: one.log[name][segment.start : segment.stop] for name in problem.measure}
+        yield SegmentResiduals(one, segment, places, *_compared(problem, measured, states, sens * slopes[places]))
+
+
+def _compared(
+    problem: Problem, measured: Mapping[str, FloatArray], states: FloatArray, sens: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+    r_parts, J_parts, at_parts = [], [], []
+    names, scales = problem.actuator.states, problem.noise.measured
+    for i, (name, values) in enumerate(measured.items()):
+        difference = states[:, names.index(MEASURED[name].state)] - values
+        known = np.isfinite(difference)
+        kept = slice(None) if known.all() else known  # a slice makes no copy
+        at_parts.append(np.flatnonzero(known))
+        r_parts.append(difference[kept] / scales[name])
+        J_parts.append(sens[kept, i] / scales[name])
+    if len(r_parts) == 1:
+        return r_parts[0], J_parts[0], at_parts[0]
+    return np.concatenate(r_parts), np.concatenate(J_parts), np.concatenate(at_parts)
+
+
+def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
+    """States of recording `log` at `x`, shape (n, n_states); NaN outside segments and after a failure."""
+    actuator, mine = problem.actuator_of(x, problem.stems[log]), problem.plans[log]
+    arrays = KernelArrays.of(actuator)
+    states = np.full((len(mine.log), len(actuator.states)), np.nan)
+    for one, segment, at in _segments(problem):
+        if one is mine:
+            x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
+            states[segment.start : segment.stop] = run(segment, arrays, x0)[0]
+    return states
+
+
+def result(search_result: SearchResult, calibration: Calibration | None = None) -> Fit | Failure:
+    """The `Fit` at the solution of a search; a `calibration` is not supported."""
+    assert calibration is None, "the method has no priors"
+    problem, solution = search_result.problem, search_result.solution
+    if isinstance(solution, Failure):
+        return solution
+    x, names, unit = solution.x, _shared(problem), problem.slopes(solution.x)
+    k = len(names)
+    covariance = _covariance(problem, solution)
+    shared = covariance.matrix[:k, :k] * np.outer(unit[:k], unit[:k])
+    fitted = problem.actuator_of(x, problem.stems[0])
+    compared = _recordings(problem, x, fitted)
+    recordings = {one.recording.measured.name: one.recording for one in compared}
+    warnings = plan_warnings(problem.plans)
+    if _has_motion(problem):
+        reach = furthest([recording.measured for recording in recordings.values()])
+        with_pressure = "pressure_a" in problem.measure
+        warnings += identifiability_warnings(solution.at.R, names, fitted, reach, with_pressure)
+        warnings += _does_not_move(recordings)
+    else:
+        warnings.append(_resting(names))
+    warnings += _at_bounds(problem, x)
+    converged = solution.status != "limit"
+    if not converged:
+        warnings.append(f"the search {ended(solution.status, solution.evaluations)}.")
+    return Fit(
+        status="warning" if warnings else "ok",
+        message=ended("converged" if converged else "limit", solution.evaluations),
+        actuator=fitted,
+        parameters=_estimates(problem, x, covariance),
+        covariance=shared,
+        load_curve=load_curve(fitted, names, shared, covariance.quantile()),
+        recordings=recordings,
+        errors=errors_over(one.shown for one in compared),
+        scales=dict(problem.noise.measured),
+        bounds={c.base: (c.low, c.high) for c in problem.coordinates[:k]},
+        evaluations=solution.evaluations,
+        warnings=tuple(warnings),
+        notes=_estimated_starts(problem, recordings),
+        converged=converged,
+    )
+
+
+def _estimated_starts(problem: Problem, recordings: Mapping[str, Recording]) -> tuple[str, ...]:
+    """A note for each recording whose start was estimated: a simulation needs the same start for the same errors."""
+    notes = []
+    for one in problem.plans:
+        name, first = one.log.name, _start_stem(one, 0)
+        free = [c.base for c in problem.coordinates if c.stem == first]
+        if not free:
+            continue
+        position, pressure = recordings[name].starts[0]
+        estimated = f"position {position * 1e3:.3g} mm"
+        estimated += f" and pressure {pressure / 1e5:.4g} bar" if PRESSURE_START in free else ""
+        notes.append(
+            f"{name}: does not start vented and at rest, so that its start was estimated: {estimated}. A saved result "
+            f"has it for clutchid simulate; in Python pass starts=fit.recordings['{name}'].starts."
+        )
+    return tuple(notes)
+
+
+def furthest(logs: Sequence[Log]) -> float:
+    """Largest finite position in m; 0 if there is none."""
+    positions = [log["position"][np.isfinite(log["position"])] for log in logs]
+    return max((float(position.max()) for position in positions if position.size), default=0.0)
+
+
+def _resting(names: Sequence[str]) -> str:
+    return (
+        f"the recording has no motion, so it cannot determine {listed(names) or 'the actuator'}; the start values are "
+        "kept, the intervals are infinite."
+    )
+
+
+def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
+    """A warning if the measured piston strokes and the simulated one hardly moves."""
+    stuck = [
+        name
+        for name, recording in recordings.items()
+        if furthest([recording.simulated]) < 0.1 * furthest([recording.measured])
+    ]
+    return [
+        f"{name}: the piston moves in the recording, not in the simulation; check that supply and exhaust are not "
+        "swapped, and the supply pressure P_S."
+        for name in stuck
+    ]
+
+
+def _recordings(problem: Problem, x: FloatArray, fitted: Actuator) -> list[Compared]:
+    starts: dict[str, list[tuple[float, float]]] = {stem: [] for stem in problem.stems}
+    for one, segment, at in _segments(problem):
+        starts[one.log.name].append(_start(problem, segment, at, x, fitted))
+    return [
+        compare(one, simulated_states(problem, x, number), starts[one.log.name])
+        for number, one in enumerate(problem.plans)
+    ]
+
+
+def _covariance(problem: Problem, solution: Solution[Linearisation]) -> Covariance:
+    scores = []
+    for one in residuals(problem, solution.x):
+        assert not isinstance(one, Failure)
+        # all columns of a sample share one score, which includes their correlation
+        local = np.zeros((len(one.segment), one.J.shape[1]))
+        np.add.at(local, one.samples, one.J * one.r[:, None])
+        rows = np.zeros((len(one.segment), solution.x.size))
+        rows[:, one.places] = local
+        scores.append(rows)
+    known = identifiable(solution.at.R) & ~_at_active_bound(problem, solution) & _has_motion(problem)
+    return sandwich(solution.at.R, scores, known, len(_shared(problem)))
+
+
+def _at_active_bound(problem: Problem, solution: Solution[Linearisation]) -> NDArray[np.bool_]:
+    """Parameters at an active bound, except load weights: their covariance is that of fixed parameters.
+
+    A weight at its bound stays uncertain in the interval of the load, because it may be larger.
+    """
+    x, gradient = solution.x, solution.at.R.T @ solution.at.q
+    low, high = problem.bounds()
+    active: NDArray[np.bool_] = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
+    active[[i for i, c in enumerate(problem.coordinates) if c.base in problem.actuator.load.names]] = False
+    active[len(_shared(problem)) :] = False
+    return active
+
+
+def _estimates(problem: Problem, x: FloatArray, covariance: Covariance) -> dict[str, Estimate]:
+    quantile, (lowest, highest) = covariance.quantile(), problem.bounds()
+    estimates = {}
+    for i, name in enumerate(_shared(problem)):
+        std, unit = float(np.sqrt(covariance.matrix[i, i])), problem.coordinates[i].width
+        low, high = x[i] - quantile * std, x[i] + quantile * std
+        if np.isfinite(std):
+            low, high = max(lowest[i], low), min(highest[i], high)
+        estimates[name] = Estimate(
+            float(x[i]) * unit, problem.actuator.unit(name), std * unit, float(low) * unit, float(high) * unit
+        )
+    return estimates
+
+
+def _at_bounds(problem: Problem, x: FloatArray) -> list[str]:
+    warnings = []
+    low, high = problem.bounds()
+    for i, name in enumerate(_shared(problem)):
+        for bound, word in ((low[i], "lower"), (high[i], "upper")):
+            if x[i] == bound:
+                shown = f"{bound * problem.coordinates[i].width:g}{problem.actuator.unit_behind(name)}"
+                others = "; the intervals of the others assume that it is fixed there"
+                fixed = "" if name in problem.actuator.load.names else others
+                warnings.append(f"{name} lies at its {word} bound {shown}{fixed}.")
+    return warnings
+
+
+#: The paper's method.
+SIMULATION = Method("simulation", search, result, priors=False)

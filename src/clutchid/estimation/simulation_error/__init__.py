@@ -1,1 +1,0 @@
-"""Fits by simulation error, the paper's method: ballistic or partitioned."""

@@ -1,0 +1,64 @@
+"""`Estimate` of a parameter and `LoadCurve`, each with its 95 % interval, as every result has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clutchid.log import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Estimate in SI with standard error and 95 % interval, which are infinite if the data do not determine it.
+
+    Examples
+    --------
+    As text it has the 95 % interval, not the standard error:
+
+    >>> print(Estimate(8.9e5, "Pa", 1e3, 8.8804e5, 8.9196e5))
+    8.9e+05 ± 2e+03 Pa
+    """
+
+    value: float
+    unit: str
+    std: float
+    low: float
+    high: float
+
+    @property
+    def half(self) -> float:
+        """Half width of the 95 % interval; the wider side of one that ends at a bound."""
+        return max(self.high - self.value, self.value - self.low)
+
+    def __str__(self) -> str:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.value:.4g} ± {self.half:.2g}{unit}" if np.isfinite(self.half) else "not determined"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadCurve:
+    """The load in N over the position in m with its pointwise 95 % interval, 101 points from 0 to the full stroke."""
+
+    position: FloatArray
+    force: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    def __repr__(self) -> str:
+        at = self.peak(float(self.position[-1]))
+        return (
+            f"LoadCurve({self.position.size} points from {self.position[0] * 1e3:g} to {self.position[-1] * 1e3:g} mm, "
+            f"greatest {self.force[at] / 1e3:.3g} kN at {self.position[at] * 1e3:.3g} mm)"
+        )
+
+    def table(self) -> FloatArray:
+        """Position, force, and the ends of its interval as columns, shape (n, 4)."""
+        return np.column_stack([self.position, self.force, self.low, self.high])
+
+    def peak(self, furthest: float) -> int:
+        """Index of the greatest load up to position `furthest` in m, among points with an interval if any has one."""
+        inside = self.position <= max(furthest, float(self.position[0]))
+        known = inside & np.isfinite(self.high - self.low)
+        return int(np.argmax(np.where(known if known.any() else inside, self.force, -np.inf)))
