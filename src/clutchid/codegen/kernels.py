@@ -1,4 +1,4 @@
-"""Kernels that are written by hand: how they are compiled, kept on disk, and passed to other kernels."""
+"""Kernels that are written by hand: how they are compiled, and where their machine code is kept."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from pathlib import Path
 from threading import RLock
 from types import ModuleType
 from typing import Any, TypeVar, cast
-
-from numba import types
 
 from clutchid.codegen.cache import load_module, meaning
 
@@ -128,27 +126,3 @@ def _file(name: str) -> Path:
     if found is None or found.origin is None:
         raise ModuleNotFoundError(f"no module named {name}")
     return Path(found.origin)
-
-
-# mypy: disallow-subclassing-any=False, disallow-untyped-calls=False
-
-
-class Callback(types.WrapperAddressProtocol):
-    """A kernel for arguments of fixed types, to be passed to a kernel that calls it by its address.
-
-    All callbacks with the same argument and result types are of one type, so a kernel that takes one is compiled once,
-    and its machine code is kept on disk. Never pass a kernel without this: Numba would compile a copy in every process,
-    and keep it under a type that other processes may be unable to read.
-    """
-
-    def __init__(self, function: Any, arguments: tuple[Any, ...]) -> None:
-        function.compile(arguments)
-        self._compiled = function.overloads[arguments]
-
-    def signature(self) -> Any:
-        """Types of the result and of the arguments."""
-        return self._compiled.signature
-
-    def __wrapper_address__(self) -> int:
-        address: int = self._compiled.library.get_pointer_to_function(self._compiled.fndesc.llvm_cfunc_wrapper_name)
-        return address

@@ -102,7 +102,7 @@ def step(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.kernels import Callback
+    from clutchid.codegen.callback import Callback
 
     x, S = (types.Array(types.float64, n, "C") for n in (1, 2))
     fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
@@ -122,7 +122,7 @@ def prepare(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.kernels import Callback
+    from clutchid.codegen.callback import Callback
 
     x, places = types.Array(types.float64, 1, "C"), types.Array(types.int64, 1, "C")
     return Callback(kernels(model).prepare, (x, places, x))
