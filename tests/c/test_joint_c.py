@@ -165,7 +165,7 @@ def lag_in_python(a, tau):
 
 def predicted_in_python(a):
     interval = np.zeros(1), np.array([DT]), 1, a.g.sigma, np.vstack([lag_in_python(a, tau) for tau in a.lags])
-    a.m.predict_jointly(a.step, a.state, a.model, interval, a.lags, SENSORS, a.room)
+    a.m.move_columns(a.step, a.x, a.S, a.state[4], a.model, interval, a.lags, SENSORS, a.room[0][0])
 
 
 def predicted_in_c(c):

@@ -32,8 +32,8 @@ def linear_step(x, S, u, p, h, substeps, breakpoints, load, basis, b, c, slot, r
             S[i, j] = work[i]
     for i in range(3):
         work[i] = A[i, 0] * x[0] + A[i, 1] * x[1] + A[i, 2] * x[2] + B[i] * u[0] + D[0, i] * p[0] + D[1, i] * p[1]
-        S[i, 0] += D[0, i]
-        S[i, 1] += D[1, i]
+        S[i, 5] += D[0, i]  # behind the columns of Phi
+        S[i, 6] += D[1, i]
     for i in range(3):
         x[i] = work[i]
     return bool(abs(x[0]) < 1e6)
@@ -83,6 +83,13 @@ def drawn():
     )
 
 
+def transition():
+    """[Phi | Gamma] at a correction, and the window of no load weights."""
+    none = np.zeros(0, np.int64)
+    window = none, np.arange(K), none, none, np.zeros(2), np.empty((SIZE, K + SIZE))
+    return (np.eye(SIZE, SIZE + K), np.zeros(1, np.int64)), window
+
+
 def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
     u, values, sigma = recording()
     dt = np.full(SAMPLES - 1, 1e-3)
@@ -99,7 +106,9 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
     intervals = u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags
     settings, drifts = (every, NEVER, -1.0, (1, 0)), math.sqrt(drift) * np.eye(K)
     free = numbers, places, np.zeros((1, 2), np.int64)
+    moved, window = transition()
     return (
+        moved,
         model,
         free,
         derived,
@@ -111,6 +120,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
         AS_PLANNED,
         output,
         room,
+        window,
         (*span, 0),
     ), output
 
@@ -223,7 +233,7 @@ def test_the_covariance_grows_by_its_drift_at_the_end_of_each_stroke_and_nowhere
 
 def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):
     given, _ = arguments(1)
-    given[1][0][:, 5:] = -0.05, 0.05
+    given[2][0][:, 5:] = -0.05, 0.05
     state = drawn()
     state[2][:] = 0.0
     kernels.follow_jointly(*calls, state, *given)

@@ -102,6 +102,21 @@ def test_sample_by_sample_is_the_same_as_a_block_bit_by_bit(problem):
     assert same(state, block.state)
 
 
+def test_a_piston_that_leaves_the_window_of_load_weights_between_corrections_changes_nothing(problem):
+    settings = JointSettings(every=400)  # the piston passes the whole stroke within
+    joint, state, given, found = whole(problem, settings)
+    all_weights = replace(joint, moving=replace(joint.moving, window=joint.moving.weight_bases.size))
+    start = state._replace(moved=np.eye(state.x.size, all_weights.moving.width))
+    wide = follow(all_weights, start, given, (0, len(problem.tracks[0].segment)))
+    assert found.state.theta == pytest.approx(wide.state.theta, abs=1e-8)
+    assert np.abs(found.state.theta).max() > 0.1
+    before = covariance(joint, found.state)
+    scale = np.sqrt(np.diag(before))
+    assert covariance(all_weights, wide.state) / np.outer(scale, scale) == pytest.approx(
+        before / np.outer(scale, scale), abs=1e-7
+    )
+
+
 def test_a_pass_leaves_the_state_that_it_started_from_as_it_was(problem):
     joint, state, given = made(problem)
     kept = state.copy()

@@ -14,8 +14,10 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
-from clutchid.inference.filter.recursion import OUTPUT, STATE, move
+from clutchid.inference.filter.recursion import move
 from clutchid.inference.filter.setup import (
+    OUTPUT,
+    STATE,
     Derived,
     FreeArrays,
     IntArray,
@@ -24,6 +26,8 @@ from clutchid.inference.filter.setup import (
     JointScratch,
     ModelArrays,
     StateArrays,
+    Transition,
+    Window,
 )
 from clutchid.log import FloatArray
 from clutchid.simulation.stiffness import Pace
@@ -128,6 +132,7 @@ def follow_adaptively(
     step: Callable[..., bool],
     prepare: Callable[..., None],
     state: StateArrays,
+    _transition: Transition,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
@@ -139,6 +144,7 @@ def follow_adaptively(
     pace: Pace,
     output: JointOutput,
     scratch: JointScratch,
+    _window: Window,
     span: tuple[int, int, int],
 ) -> int:
     """Observe some samples of a segment in place; the first that is not finite, or -1.

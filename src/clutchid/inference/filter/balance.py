@@ -26,6 +26,8 @@ from clutchid.inference.filter.setup import (
     JointScratch,
     ModelArrays,
     StateArrays,
+    Transition,
+    Window,
 )
 from clutchid.log import FloatArray
 from clutchid.simulation.stiffness import Pace
@@ -205,6 +207,7 @@ def follow_balance(
     step: Callable[..., bool],
     prepare: Callable[..., None],
     state: StateArrays,
+    _transition: Transition,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
@@ -216,6 +219,7 @@ def follow_balance(
     pace: Pace,
     output: JointOutput,
     scratch: JointScratch,
+    _window: Window,
     span: tuple[int, int, int],
 ) -> int:
     """Follow some samples of a segment in place; the first that is not finite, or -1.

@@ -18,8 +18,11 @@ import numpy as np
 
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
-from clutchid.inference.filter.recursion import LAG, OFFSET, OUTPUT, add_process_noise, move, triangularise, update_root
+from clutchid.inference.filter.recursion import add_process_noise, move, triangularise, update_root
 from clutchid.inference.filter.setup import (
+    LAG,
+    OFFSET,
+    OUTPUT,
     Derived,
     FreeArrays,
     IntArray,
@@ -29,7 +32,10 @@ from clutchid.inference.filter.setup import (
     ModelArrays,
     SettingsArrays,
     StateArrays,
+    Transition,
+    Window,
 )
+from clutchid.inference.filter.transition import AHEAD, MARGIN, bring_up, place_window
 from clutchid.log import FloatArray
 from clutchid.simulation.comparison import lag_coefficients
 from clutchid.simulation.stiffness import Pace
@@ -39,25 +45,28 @@ STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
 
 
 @kernel
-def predict_jointly(
+def move_columns(
     step: Callable[..., bool],
-    state: StateArrays,
+    x: FloatArray,
+    columns: FloatArray,
+    waiting: FloatArray,
     model: ModelArrays,
     interval: tuple[FloatArray, FloatArray, int, FloatArray, FloatArray],
     lags: FloatArray,
     sensors: IntArray,
-    scratch: JointScratch,
+    before: FloatArray,
 ) -> bool:
-    """Move the state over an interval, see `recursion.predict`; its process noise waits for `correct_sample_jointly`.
+    """Move x and columns (size, c) over an interval, see `recursion.move`; its process noise waits for a correction.
 
     Parameters
     ----------
+    waiting : (n + sensors,)
+        Process noise since the last correction, see `StateArrays`.
     interval
         Inputs, length in s (1,), steps, process noise, coefficients of the sensors' lags, as in `recursion.predict`.
     lags : (sensors,)
         Of the sensors in s: where one is free, its coefficients are computed anew.
     """
-    x, S, _, _, waiting, _ = state
     u, length, substeps, sigma, coefficients = interval
     for m in range(sensors.shape[0]):
         if sensors[m, LAG] >= 0:
@@ -66,7 +75,14 @@ def predict_jointly(
         waiting[i] += sigma[i] * sigma[i]
     for m in range(sensors.shape[0]):
         waiting[sigma.size + m] = coefficients[m, 2]
-    return move(step, x, S, model, (u, length[0], substeps), sensors, coefficients, scratch[0][0])
+    return move(step, x, columns, model, (u, length[0], substeps), sensors, coefficients, before)
+
+
+@kernel
+def leaves(x: FloatArray, rows: tuple[int, int], length: float, within: FloatArray) -> bool:
+    """Whether the piston may leave positions (2,) in m in an interval of a length in s."""
+    reach = MARGIN + AHEAD * abs(x[rows[0]]) * length
+    return bool(x[rows[1]] - reach < within[0] or x[rows[1]] + reach > within[1])
 
 
 @kernel
@@ -235,6 +251,7 @@ def follow_jointly(
     step: Callable[..., bool],
     prepare: Callable[..., None],
     state: StateArrays,
+    transition: Transition,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
@@ -246,6 +263,7 @@ def follow_jointly(
     pace: Pace,
     output: JointOutput,
     scratch: JointScratch,
+    window: Window,
     span: tuple[int, int, int],
 ) -> int:
     """Filter some samples of a segment in place; the first that is not finite, or -1.
@@ -256,6 +274,8 @@ def follow_jointly(
         Generated functions of the model variant.
     state
         After the sample before; before the first sample, that predicted for it.
+    sensors
+        See `recursion`; the columns of their lags are those of `transition`, as in `model`.
     values : (samples, sensors)
         Measurements, NaN for none.
     drifts : (k, d)
@@ -271,15 +291,19 @@ def follow_jointly(
     begin, end, number = span
     n, (_, taus, _, slopes) = states.shape[1], derived
     refresh(prepare, state[2], free, derived, model)
+    place_window(transition[1][0], window, free[2], model[1])
     for i in range(begin, end):
         errors[i - begin] = np.nan
         deviations[i - begin] = np.nan
         if i > 0:
             steps = steps_at(pace, state[0][at_position], state[0][at_speed], length[i - 1], int(substeps[i - 1]))
             interval = u[i - 1], length[i - 1 : i], steps, sigma[i - 1], lags[i - 1]
-            if not predict_jointly(step, state, model, interval, taus, sensors, scratch):
+            if leaves(state[0], settings[3], length[i - 1], window[4]):
+                bring_up(state[1], transition, window, free[2], model[1], state[0][at_position])
+            if not move_columns(step, state[0], transition[0], state[4], model, interval, taus, sensors, scratch[0][0]):
                 return i
         if (number + i) % every == 0:
+            bring_up(state[1], transition, window, free[2], model[1], state[0][at_position])
             correct_sample_jointly(
                 prepare, state, model, free, derived, sensors, values[i], settings, errors[i - begin], scratch
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +12,8 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.rules import KALMAN, CorrectionRule
 from clutchid.inference.filter.setup import (
+    LAG,
+    WEIGHTS,
     Derived,
     FreeArrays,
     IntArray,
@@ -19,6 +21,7 @@ from clutchid.inference.filter.setup import (
     JointScratch,
     ModelArrays,
     SettingsArrays,
+    Window,
     first_state,
     intervals,
     measurements,
@@ -60,16 +63,56 @@ class JointSettings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class MovingColumns:
+    """The columns that move between corrections: Phi, the parameters, and a window of load weights, see `transition`.
+
+    `parameters` are the columns in S of the free parameters that are no load weights; `weight_bases` and
+    `weight_columns` the basis functions and columns in S of the free load weights, by their place in the stroke, of
+    which `window` move at a time. `which` are the columns of the parameters, for the generated step.
+    """
+
+    size: int
+    parameters: IntArray
+    weight_bases: IntArray
+    weight_columns: IntArray
+    window: int
+    which: Columns
+
+    @property
+    def width(self) -> int:
+        """Number of columns that move."""
+        return self.size + self.parameters.size + self.window
+
+    def columns(self) -> Columns:
+        """Columns of the generated step, with a window of its own, which is not placed."""
+        weights = np.arange(self.width - self.window, self.width)
+        return replace(self.which, table_basis=self.weight_bases[: self.window].copy(), table_column=weights)
+
+
+def _moving_columns(which: Columns, k: int, size: int, pieces: IntArray) -> MovingColumns:
+    """The columns that move of a filter with k free parameters, `which` in S, and x of `size`."""
+    order = np.lexsort(pieces[which.table_basis].T[::-1])
+    parameters = np.array([j for j in range(k) if j not in which.table_column], dtype=np.int64)
+    place = {j: size + c for c, j in enumerate(parameters.tolist())}
+    fill = np.array([place[j] for j in which.fill_column.tolist()], dtype=np.int64)
+    return MovingColumns(
+        size, parameters, which.table_basis[order], which.table_column[order], min(WEIGHTS, order.size),
+        replace(which, fill_column=fill),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class JointFilter:
     """The joint filter of an actuator, as `joint_filter` makes it.
 
-    `mapped` has the actuator at the means of the free parameters and `which` their columns, `free` what is fixed about
-    them, `drifts` (k, d) the root of what their covariance gains in a stroke; `calls` are the generated functions of
-    the model.
+    `mapped` has the actuator at the means of the free parameters, `which` their columns in S and `moving` those that
+    move, which the lags of `sensors` name; `free` is what is fixed about them, `drifts` (k, d) the root of what their
+    covariance gains in a stroke; `calls` are the generated functions of the model.
     """
 
     mapped: ParameterMap
     which: Columns
+    moving: MovingColumns
     coordinates: tuple[Coordinate, ...]
     measure: tuple[str, ...]
     noise: Noise
@@ -132,17 +175,23 @@ def joint_filter(
     k, names = len(coordinates), [c.base for c in coordinates]
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
+    which, free = columns(mean, names if rule.columns else ()), _free_arrays(mean, coordinates, bounds, measure)
+    moving = _moving_columns(which, k if rule.columns else 0, len(mean.states) + len(measure), free[2])
+    sensors = sensor_rows(mapped, measure)
+    place = {j: moving.size + c for c, j in enumerate(moving.parameters.tolist())}
+    sensors[:, LAG] = [place.get(j, -1) for j in sensors[:, LAG].tolist()]
     return JointFilter(
         mapped=mapped,
-        which=columns(mean, names if rule.columns else ()),
+        which=which,
+        moving=moving,
         coordinates=tuple(coordinates),
         measure=tuple(measure),
         noise=noise,
         settings=settings,
-        free=_free_arrays(mean, coordinates, bounds, measure),
+        free=free,
         drifts=np.zeros((k, 0)) if drifts is None else np.ascontiguousarray(drifts),
         pace=pace,
-        sensors=sensor_rows(mapped, measure),
+        sensors=sensors,
         calls=(step(mean.model), prepare(mean.model)),
         rule=rule,
     )
@@ -174,7 +223,9 @@ class JointState(NamedTuple):
 
     x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
     `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction, see
-    `arrays.StateArrays`, and `stroke` (1,) is 1 while one lasts.
+    `setup.StateArrays`, and `stroke` (1,) is 1 while one lasts. S is that after the last correction: since then it has
+    moved by `moved` = [Phi | Gamma] (size, size + p + w), with Gamma for the free parameters and a window of load
+    weights, of which number `first` (1,) is the first; see `transition`.
     To write it, write its arrays: a filter goes on from them bit by bit.
     """
 
@@ -184,11 +235,15 @@ class JointState(NamedTuple):
     T: FloatArray
     waiting: FloatArray
     stroke: IntArray
+    moved: FloatArray
+    first: IntArray
 
     def copy(self) -> JointState:
         """An independent copy."""
-        x, S, theta, T, waiting, stroke = self
-        return JointState(x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy())
+        x, S, theta, T, waiting, stroke, moved, first = self
+        return JointState(
+            x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy(), moved.copy(), first.copy()
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +298,9 @@ def init(joint: JointFilter, segment: Segment, theta: FloatArray, T: FloatArray)
     x, S = first_state(segment, mapped, joint.which, L if joint.rule.columns else L[:, :0], joint.measure)
     waiting = np.zeros(x.size + joint.rule.memory)
     T = np.array(T, order="C")
-    return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, np.zeros(1, dtype=np.int64))
+    stroke, first = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
+    moved = np.eye(x.size, joint.moving.width if joint.rule.columns else 0)
+    return JointState(x, np.ascontiguousarray(S), theta.copy(), T, waiting, stroke, moved, first)
 
 
 def follow(
@@ -258,8 +315,9 @@ def follow(
     output = np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n))
     model, derived, work = _work(joint, after)
     failed = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
-        *joint.calls, tuple(after), model, joint.free, derived, given.intervals, joint.sensors, given.values,
-        _settings(joint), joint.drifts, joint.pace, output, work, (*span, number),
+        *joint.calls, tuple(after[:6]), tuple(after[6:]), model, joint.free, derived, given.intervals, joint.sensors,
+        given.values, _settings(joint), joint.drifts, joint.pace, output, work, _window(joint, model, after),
+        (*span, number),
     )  # fmt: skip
     if failed >= 0 or not all(np.isfinite(array).all() for array in after):
         at = failed if failed >= 0 else span[1] - 1
@@ -279,7 +337,13 @@ def predict(joint: JointFilter, state: JointState, interval: Intervals) -> Joint
     at = [float(after.x[states.index(name)]) for name in ("y", "v")]
     steps = compiled.steps_at(joint.pace, *at, length[0], int(substeps[0]))
     row = u[0], length, steps, sigma[0], lags[0].copy()
-    compiled.predict_jointly(joint.calls[0], tuple(after), model, row, derived[1], joint.sensors, work)
+    window = _window(joint, model, after)
+    compiled.place_window(after.first[0], window, joint.free[2], model[1])
+    if compiled.leaves(after.x, _settings(joint)[3], length[0], window[4]):
+        compiled.bring_up(after.S, tuple(after[6:]), window, joint.free[2], model[1], at[0])
+    compiled.move_columns(
+        joint.calls[0], after.x, after.moved, after.waiting, model, row, derived[1], joint.sensors, work[0][0]
+    )
     return after
 
 
@@ -302,8 +366,20 @@ def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[
     compiled = kernels_in(_KERNELS)
     compiled.refresh(joint.calls[1], after.theta, joint.free, derived, model)
     known = np.where(np.isfinite(values), values, np.nan)
+    position = float(after.x[joint.mapped.actuator.states.index("y")])
+    window = _window(joint, model, after)
+    compiled.bring_up(after.S, tuple(after[6:]), window, joint.free[2], model[1], position)
     compiled.correct_sample_jointly(
-        joint.calls[1], tuple(after), model, joint.free, derived, joint.sensors, known, _settings(joint), errors, work
+        joint.calls[1],
+        tuple(after[:6]),
+        model,
+        joint.free,
+        derived,
+        joint.sensors,
+        known,
+        _settings(joint),
+        errors,
+        work,
     )
     return after, errors
 
@@ -312,9 +388,12 @@ def covariance(joint: JointFilter, state: JointState) -> FloatArray:
     """Covariance of x and theta, shape (size + k, size + k)."""
     k = state.theta.size
     slopes = np.array([c.slope(value) for c, value in zip(joint.coordinates, state.theta.tolist(), strict=True)])
-    root = np.block([
-        [state.S[:, :k] * slopes @ state.T, state.S[:, k:]], [state.T, np.zeros((k, state.x.size))]
-    ])  # fmt: skip
+    size, moving = state.x.size, joint.moving
+    S = state.moved[:, :size] @ state.S
+    S[:, moving.parameters] += state.moved[:, size : size + moving.parameters.size]
+    at = slice(int(state.first[0]), int(state.first[0]) + moving.window)
+    S[:, moving.weight_columns[at]] += state.moved[:, size + moving.parameters.size :]
+    root = np.block([[S[:, :k] * slopes @ state.T, S[:, k:]], [state.T, np.zeros((k, state.x.size))]])
     result: FloatArray = root @ root.T
     return result
 
@@ -332,11 +411,17 @@ def _settings(joint: JointFilter) -> SettingsArrays:
     return s.every, float(joint.noise.outlier), s.least_speed, rows, *joint.rule.numbers
 
 
+def _window(joint: JointFilter, model: ModelArrays, state: JointState) -> Window:
+    """The window of load weights of `model`, before it is placed."""
+    m = joint.moving
+    return model[4], m.parameters, m.weight_bases, m.weight_columns, np.zeros(2), np.empty_like(state.S)
+
+
 def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, JointScratch]:
     """Arrays that the recursion computes from theta, and its scratch arrays."""
     size, width, k = state.x.size, state.S.shape[1], state.theta.size
     actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
-    model = model_arrays(joint.mapped, joint.which, width)
+    model = model_arrays(joint.mapped, joint.moving.columns(), state.moved.shape[1])
     own = model[0].copy(), *model[1:]
     sensors = [SENSORS[name] for name in joint.measure]
     derived = (

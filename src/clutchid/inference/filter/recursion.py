@@ -14,12 +14,19 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.setup import FilterOutput, IntArray, Intervals, Measurements, ModelArrays, Scratch
+from clutchid.inference.filter.setup import (
+    LAG,
+    OFFSET,
+    OUTPUT,
+    STATE,
+    FilterOutput,
+    IntArray,
+    Intervals,
+    Measurements,
+    ModelArrays,
+    Scratch,
+)
 from clutchid.log import FloatArray
-
-#: Columns of `sensors`, one row a sensor: row of its output in x, row of the state that it measures, columns in S of
-#: its lag and its offset, -1 if they are fixed.
-OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
 
 
 @kernel

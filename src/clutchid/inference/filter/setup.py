@@ -51,6 +51,14 @@ Scratch = tuple[FloatArray, FloatArray, FloatArray]
 #: standard deviation (samples, k + 1).
 FilterOutput = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
+#: Columns of `sensors`, one row a sensor: row of its output in x, row of the state that it measures, columns in S of
+#: its lag and its offset, -1 if they are fixed.
+OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
+
+#: Load weights whose columns move, see `transition`. Four act at any position; eight are those of 6 mm with knots at
+#: 1.25 mm, which the piston passes in the 10 ms between corrections at 0.5 m/s.
+WEIGHTS = 8
+
 #: Columns of `numbers`, one row a free parameter: mean, width, whether it is positive, bounds in SI, bounds of theta;
 #: see `clutchid.inference.uncertainty.coordinates.Coordinate`.
 MEAN, WIDTH, POSITIVE, LOW, HIGH, LEAST, MOST = range(7)
@@ -71,6 +79,15 @@ Derived = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 #: since the last correction (n + sensors,): variances of the states, and the share of a measured state's noise in its
 #: sensor's output; and 1 while a stroke lasts (1,).
 StateArrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray]
+
+#: Transition since the last correction: ``[Phi | Gamma]`` (size, size + p + w) with the responses to the p free
+#: parameters that are no load weights, and to w free load weights, see `transition`; number of the first of these (1,).
+Transition = tuple[FloatArray, IntArray]
+
+#: Window of load weights: their basis functions (w,); columns in S of the free parameters that are no load weights;
+#: basis functions and columns in S of all free load weights, by their place in the stroke; positions in m that the
+#: window is for (2,); scratch of the shape of S.
+Window = tuple[IntArray, IntArray, IntArray, IntArray, FloatArray, FloatArray]
 
 #: Scratch arrays: those of `Scratch`; gain of x and variance of the innovation (size + 1,); two vectors
 #: (k,); a matrix (k, k + d) for the drift of the parameters.
@@ -97,7 +114,7 @@ class FilterState(NamedTuple):
 
 
 def sensor_rows(mapped: ParameterMap, names: Sequence[str]) -> IntArray:
-    """Rows and columns of each sensor, see `recursion.STATE`; the outputs stand behind the states of the model."""
+    """Rows and columns of each sensor, see `STATE`; the outputs stand behind the states of the model."""
     states, column = mapped.actuator.states, {name: c for c, name in enumerate(mapped.bases)}
     rows = [
         (len(states) + m, states.index(sensor.state), column.get(sensor.lag, -1), column.get(sensor.offset, -1))

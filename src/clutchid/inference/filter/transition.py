@@ -1,0 +1,82 @@
+"""Columns of the joint filter between two corrections: the transition Phi of the states, and their responses Gamma.
+
+A step moves derivatives D with respect to the parameters and the root L alike and linearly, but for the sources of the
+parameters. So between corrections ``D -> Phi D + Gamma`` and ``L -> Phi L`` for all columns at once, where Phi begins
+as the identity and Gamma as 0. What moves are as many columns as there are states and outputs of sensors, one for each
+free parameter, and those of a window of load weights around the piston: B-splines are local, and the response to all
+others is 0. At a correction, and before the piston leaves the window, D and L are brought up to date.
+"""
+
+from __future__ import annotations
+
+from clutchid.codegen.kernels import kernel
+from clutchid.inference.filter.setup import IntArray, Transition, Window
+from clutchid.log import FloatArray
+
+#: How far the piston may move in a step: a distance in m, and multiples of that at its present speed.
+MARGIN, AHEAD = 2e-4, 2.0
+
+
+@kernel
+def place_window(first: int, window: Window, pieces: IntArray, breakpoints: FloatArray) -> None:
+    """The window of load weights from the free one number `first`, and the positions in m that it is for."""
+    bases, _, weight_bases, _, reach, _ = window
+    low, high = 0, breakpoints.size
+    for q in range(weight_bases.size):
+        b = weight_bases[q]
+        if first <= q < first + bases.size:
+            bases[q - first] = b
+        elif q < first:
+            low = max(low, pieces[b, 1] + 1)
+        else:
+            high = min(high, pieces[b, 0] - 1)
+    reach[0] = -1e300 if low == 0 else breakpoints[low - 1]
+    reach[1] = 1e300 if high >= breakpoints.size else breakpoints[high]
+
+
+@kernel
+def centred_window(position: float, window: Window, pieces: IntArray, breakpoints: FloatArray) -> int:
+    """Number of the first free load weight of a window with those that act at a position in m in its middle."""
+    bases, _, weight_bases, _, _, _ = window
+    s = 0
+    while s < breakpoints.size and breakpoints[s] <= position:
+        s += 1
+    first, last = weight_bases.size, -1
+    for q in range(weight_bases.size):
+        if pieces[weight_bases[q], 0] <= s <= pieces[weight_bases[q], 1]:
+            first, last = min(first, q), q
+    begin = (first + last + 1 - bases.size) // 2 if last >= 0 else 0
+    return max(0, min(begin, weight_bases.size - bases.size))
+
+
+@kernel
+def bring_up(
+    S: FloatArray, transition: Transition, window: Window, pieces: IntArray, breakpoints: FloatArray, position: float
+) -> None:
+    """Bring S = [D | L] up to date: ``D := Phi D + Gamma``, ``L := Phi L``; Phi and Gamma begin again.
+
+    The window is put around a `position` in m.
+    """
+    moved, first = transition
+    _, parameters, _, weight_columns, _, before = window
+    size, columns = S.shape
+    for i in range(size):
+        for j in range(columns):
+            before[i, j] = S[i, j]
+            S[i, j] = 0.0
+    for i in range(size):
+        for q in range(size):
+            share = moved[i, q]
+            for j in range(columns):
+                S[i, j] += share * before[q, j]
+            moved[i, q] = 1.0 if i == q else 0.0
+        at = size
+        for j in parameters:
+            S[i, j] += moved[i, at]
+            moved[i, at] = 0.0
+            at += 1
+        for q in range(at, moved.shape[1]):
+            S[i, weight_columns[first[0] + q - at]] += moved[i, q]
+            moved[i, q] = 0.0
+    first[0] = centred_window(position, window, pieces, breakpoints)
+    place_window(first[0], window, pieces, breakpoints)
