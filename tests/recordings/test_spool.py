@@ -3,6 +3,8 @@
 import resource
 import shutil
 from contextlib import contextmanager
+from itertools import chain, repeat
+from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
@@ -167,6 +169,17 @@ def test_after_an_error_what_was_there_is_unchanged_and_nothing_is_left(tmp_path
     with pytest.raises(error):
         stopped(tmp_path / f"live{suffix}", log, error)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(f"live{suffix}", "before")]
+
+
+def test_memory_is_given_back_after_each_piece_where_the_system_can(tmp_path, log, monkeypatch):
+    calls = []
+    libraries = chain([SimpleNamespace(malloc_trim=calls.append)], repeat(SimpleNamespace()))
+    monkeypatch.setattr("ctypes.CDLL", lambda _: next(libraries))
+    with spooled(tmp_path / "a.parquet") as add:
+        add(log.slice(0, 50), now=True)
+        add(log.slice(50, 100), now=True)
+    assert calls == [0]
+    assert len(read(tmp_path / "a.parquet")) == 100
 
 
 def test_other_formats_are_refused(tmp_path):

@@ -6,6 +6,7 @@ was killed, or whose computer lost its power. A disk that is full, or a folder t
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import shutil
@@ -313,6 +314,8 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
             stopped = True
             _write_part(write, piece)
             raise
+        del piece
+        _give_back()
 
     def add(block: Log, *, now: bool = False) -> None:
         nonlocal size
@@ -339,6 +342,12 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
         return footer_bytes(groups) if groups.footer else b""
 
     return add, end
+
+
+def _give_back() -> None:
+    """Give freed memory back to the system: in glibc's pools a live recording grows by 20 MiB an hour."""
+    with suppress(OSError, AttributeError, TypeError):  # another C library
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _write_part(write: Callable[[Log], None], piece: Log) -> None:
