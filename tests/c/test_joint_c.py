@@ -16,7 +16,19 @@ from numba import njit, types
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.joint_c99 import JointSize, joint_c99
-from clutchid.inference.filter.setup import LEAST, LOW, MEAN, MOST, scratch
+from clutchid.inference.filter.setup import (
+    LEAST,
+    LOW,
+    MEAN,
+    MOST,
+    Derived,
+    FreeArrays,
+    JointScratch,
+    JointState,
+    ModelArrays,
+    SettingsArrays,
+    scratch,
+)
 from fixtures.joint_c import JointC, as_written
 
 pytestmark = pytest.mark.slow
@@ -53,13 +65,13 @@ class Drawn:
 
     @property
     def free(self):
-        return self.numbers, PLACES, PIECES
+        return FreeArrays(self.numbers, PLACES, PIECES)
 
     @property
     def room(self):
         """JointScratch."""
-        both = scratch(ROWS, N, K + ROWS, M)
-        return both, np.zeros(ROWS + 1), np.zeros(K), np.zeros(K), np.zeros((K, K + SIZE.drifts))
+        vectors = np.zeros(ROWS + 1), np.zeros(K), np.zeros(K), np.zeros((K, K + SIZE.drifts))
+        return JointScratch(*scratch(ROWS, N, K + ROWS, M), *vectors)
 
     @property
     def model(self):
@@ -67,7 +79,7 @@ class Drawn:
         fixed = np.zeros(3), self.basis.copy()
         for array in fixed:
             array.flags.writeable = False
-        return self.p, fixed[0], self.load, fixed[1], *[none] * 5, np.zeros(N)
+        return ModelArrays(self.p, fixed[0], self.load, fixed[1], *[none] * 5, np.zeros(N))
 
 
 def drawn(seed):
@@ -85,11 +97,12 @@ def drawn(seed):
     T, L = np.tril(single(K, K)) + np.eye(K), single(ROWS, ROWS) + 2.0 * np.eye(ROWS)
     outlier, speed = 1.5, 0.25
     return Drawn(
-        state=(
+        state=JointState(
             single(ROWS), np.hstack([single(ROWS, K), L]), single(K), T, np.abs(single(ROWS)), np.array([seed % 2]),
+            np.eye(ROWS), np.zeros(1, np.int64),
         ),
         numbers=numbers,
-        derived=(single(3), np.array([numbers[4, MEAN], 2.0**-11]), 1.0 + np.abs(single(M, 2)), single(K)),
+        derived=Derived(single(3), np.array([numbers[4, MEAN], 2.0**-11]), 1.0 + np.abs(single(M, 2)), single(K)),
         p=single(4),
         load=single(4, 4),
         basis=single(3, 4, 4),
@@ -100,7 +113,7 @@ def drawn(seed):
         h=single(K + ROWS),
         values=np.array([20.0 * single(1)[0], np.nan if seed % 4 == 0 else 1.0]),
         sensor=seed % 2,
-        settings=(1, outlier, speed, (1, 0)),
+        settings=SettingsArrays(1, outlier, speed, 1, 0, None),
     )  # fmt: skip
 
 
@@ -119,12 +132,12 @@ class InPython:
     def __init__(self, m, calls, g):
         self.m, self.g, self.room, self.model = m, g, g.room, g.model
         self.step, self.prepare = calls
-        self.x, self.S, self.theta, self.T, _, self.stroke = self.state = g.state
+        self.x, self.S, self.theta, self.T, _, self.stroke, _, _ = self.state = g.state
         self.weights, self.lags, self.of_sensor, self.slopes = self.derived = g.derived
 
     def after(self, extra):
         """All that a function may change, and what it returns."""
-        return flat(self.state, self.derived, self.g.p, self.g.load, self.g.W, extra)
+        return flat(self.state[:6], self.derived, self.g.p, self.g.load, self.g.W, extra)
 
 
 class InC:
@@ -165,7 +178,7 @@ def lag_in_python(a, tau):
 
 def predicted_in_python(a):
     interval = np.zeros(1), np.array([DT]), 1, a.g.sigma, np.vstack([lag_in_python(a, tau) for tau in a.lags])
-    a.m.move_columns(a.step, a.x, a.S, a.state[4], a.model, interval, a.lags, SENSORS, a.room[0][0])
+    a.m.move_columns(a.step, a.x, a.S, a.state[4], a.model, interval, a.lags, SENSORS, a.room.before)
 
 
 def predicted_in_c(c):
@@ -174,9 +187,9 @@ def predicted_in_c(c):
 
 
 def corrected_in_python(a):
-    measurement = a.g.values[0], *a.of_sensor[a.g.sensor], a.g.settings[1]
+    measurement = a.g.values[0], *a.of_sensor[a.g.sensor], a.g.settings.outlier
     e = a.m.correct_jointly(a.state, SENSORS[a.g.sensor], measurement, True, a.g.free, a.slopes, a.room)
-    return e, a.room[1][ROWS]
+    return e, a.room.gain[ROWS]
 
 
 def sample_in_python(a):
@@ -233,19 +246,19 @@ FUNCTIONS = {
     ),
     "predict": (predicted_in_python, predicted_in_c),
     "project_parameters": (
-        lambda a: [a.m.project_parameters(a.T, a.g.h, a.slopes, a.room[2]), *a.room[2]],
+        lambda a: [a.m.project_parameters(a.T, a.g.h, a.slopes, a.room.w), *a.room.w],
         lambda c: [c.call("project_parameters", c.state, c.h, c.slopes, w := c.zeros(K)), *w],
     ),
     "update_parameters": (
         lambda a: filled(
-            a.room[3], a.m.update_parameters, a.T, a.g.h[:K], a.g.step[0], WEIGHTED, PREDICTED, a.room[3]
+            a.room.step, a.m.update_parameters, a.T, a.g.h[:K], a.g.step[0], WEIGHTED, PREDICTED, a.room.step
         ),
         lambda c: filled(
             step := c.zeros(K), c.call, "update_parameters", c.state, c.h, float(c.g.step[0]), WEIGHTED, PREDICTED, step
         ),
     ),
     "update_root": (
-        lambda a: filled(a.room[1][:ROWS], a.m.update_root, a.S, a.g.h, PREDICTED, WEIGHTED, a.room[1]),
+        lambda a: filled(a.room.gain[:ROWS], a.m.update_root, a.S, a.g.h, PREDICTED, WEIGHTED, a.room.gain),
         lambda c: filled(gain := c.zeros(ROWS), c.call, "update_root", c.state, c.h, PREDICTED, WEIGHTED, gain),
     ),
     "correct": (
@@ -263,11 +276,11 @@ FUNCTIONS = {
     ),
     "stroke_ends": (lambda a: [a.m.stroke_ends(a.stroke, at) for at in STROKE], strokes_in_c),
     "drift": (
-        lambda a: a.m.drift(a.T, a.g.drifts, a.room[4]),
+        lambda a: a.m.drift(a.T, a.g.drifts, a.room.room),
         lambda c: c.call("drift", c.state, c.fixed, c.room),
     ),
     "state_deviations": (
-        lambda a: filled(found := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, found, a.room[2]),
+        lambda a: filled(found := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, found, a.room.w),
         lambda c: filled(found := c.zeros(N), c.call, "state_deviations", c.state, c.derived, found, c.room),
     ),
 }  # fmt: skip
@@ -365,21 +378,22 @@ def test_in_float_c_is_its_kernel_up_to_rounding(joint_of, kernels, calls, name)
 def test_a_filter_of_the_states_alone_compiles_strictly_and_corrects_them(joint_of, plain, real):
     size = JointSize(N, M, 0, 0, 3, 4)
     c, g = joint_of(size, real, EXACT), drawn(1)
-    x, S, _, _, waiting, stroke = deepcopy(g.state)
+    x, S, _, _, waiting, stroke, moved, first = deepcopy(g.state)
     S, empty = np.ascontiguousarray(S[:, K:]), np.zeros((0, 0))
-    state, sensors = (x, S, np.zeros(0), empty, waiting, stroke), SENSORS * [1, 1, 0, 0] - [0, 0, 1, 1]
-    free, basis = (np.zeros((0, 7)), np.zeros((0, 4), np.int64), PIECES), c.array(g.basis)
-    derived, p, load = (*g.derived[:3], np.zeros(0)), c.array(g.p), c.array(g.load)
+    state = JointState(x, S, np.zeros(0), empty, waiting, stroke, moved, first)
+    sensors = SENSORS * [1, 1, 0, 0] - [0, 0, 1, 1]
+    free, basis = FreeArrays(np.zeros((0, 7)), np.zeros((0, 4), np.int64), PIECES), c.array(g.basis)
+    derived, p, load = g.derived._replace(slopes=np.zeros(0)), c.array(g.p), c.array(g.load)
     in_c, errors, expected = c.state(state), c.array(np.zeros((M, 2))), np.zeros((M, 2))
     fixed = c.filter(free, sensors, basis, np.zeros((0, 0)), g.settings)
     c.call("correct_sample", in_c, fixed, c.derived(derived, p, load), c.array(g.values), errors, c.scratch)
     c.call("drift", in_c, fixed, c.scratch)
-    room = scratch(ROWS, N, ROWS, M), np.zeros(ROWS + 1), np.zeros(0), np.zeros(0), empty
+    room = JointScratch(*scratch(ROWS, N, ROWS, M), np.zeros(ROWS + 1), np.zeros(0), np.zeros(0), empty)
     plain.correct_sample_jointly(nothing, state, g.model, free, derived, sensors, g.values, g.settings, expected, room)
-    for one, other in zip((*c.arrays(in_c), errors), (*state, expected), strict=True):
+    for one, other in zip((*c.arrays(in_c), errors), (*state[:6], expected), strict=True):
         if real == "double":
             np.testing.assert_array_equal(one, other)
-    assert_close((*c.arrays(in_c), errors), (*state, expected), 2.0**-52 if real == "double" else 2.0**-23)
+    assert_close((*c.arrays(in_c), errors), (*state[:6], expected), 2.0**-52 if real == "double" else 2.0**-23)
 
 
 def test_what_is_neither_a_number_nor_finite_is_left_out(joint_of):

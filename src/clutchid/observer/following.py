@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, JointState, follow, init
-from clutchid.inference.filter.setup import intervals
+from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
+from clutchid.inference.filter.setup import JointState, intervals
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, unknown

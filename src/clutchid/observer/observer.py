@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, JointState, init, joint_filter
+from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, init, joint_filter
+from clutchid.inference.filter.setup import JointState
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.inference.filter.joint_filter import JointState
+from clutchid.inference.filter.setup import JointState
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.recordings.signals.excitation import VENTED_POSITION

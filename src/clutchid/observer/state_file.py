@@ -12,7 +12,7 @@ import numpy as np
 import tomli_w
 
 from clutchid.errors import ParameterError
-from clutchid.inference.filter.joint_filter import JointState
+from clutchid.inference.filter.setup import JointState
 from clutchid.log import FloatArray
 from clutchid.observer.following import ROUNDING
 from clutchid.observer.observer import Observer, blank, start

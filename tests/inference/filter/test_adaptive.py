@@ -7,6 +7,7 @@ from clutchid import Actuator, Load, Log, Parameters, simulate
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.joint_filter import JointSettings, correct, follow, init, inputs, joint_filter, predict
 from clutchid.inference.filter.rules import AdaptiveGains, adaptive_rule
+from clutchid.inference.filter.setup import Intervals
 from clutchid.simulation.noise import Noise
 
 #: Speed in m/s above which sliding friction dissipates more than the seals give back.
@@ -63,7 +64,7 @@ def followed(problem, simulated):
 def lyapunov(joint, states, theta, truth, simulated):
     """M v^2 / 2 + q_A^2 / (2 gamma_q) + theta' inv(T T') theta / (2 gamma), see docs/derivations_online.md."""
     p, at = truth.parameters, truth.states.index
-    _, air, adaptation, _, _ = joint.rule.numbers[0]
+    air, adaptation = joint.rule.numbers.air, joint.rule.numbers.adaptation
     v = states[:, at("v")] - simulated["velocity"]
     q = (states[:, at("p_A")] - simulated["pressure_a"]) * (p.V_0A + p.A_A * simulated["position"])
     off = theta - [c.of(truth.value(c.base)) for c in joint.coordinates]
@@ -141,6 +142,9 @@ def test_an_outlier_moves_no_weight_and_no_more_than_one_at_the_bound(problem):
 
 def test_a_filter_without_covariance_is_not_predicted_and_corrected(problem):
     joint, state, given = made(problem)
-    for function, argument in ((predict, tuple(array[:1] for array in given.intervals)), (correct, given.values[0])):
+    for function, argument in (
+        (predict, Intervals(*(array[:1] for array in given.intervals))),
+        (correct, given.values[0]),
+    ):
         with pytest.raises(ParameterError, match="`follow` takes single samples too"):
             function(joint, state, argument)

@@ -6,7 +6,7 @@ from numba import njit, types
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
-from clutchid.inference.filter.setup import scratch
+from clutchid.inference.filter.setup import ModelArrays, scratch
 from clutchid.inference.smoother.rows import eliminate, recover
 from clutchid.simulation.sensors import lag_coefficients
 
@@ -63,7 +63,7 @@ def filtered(step, recording):
     breakpoints, basis, none = np.zeros(1), np.zeros((1, 2, 4)), [np.zeros(0, np.int64)] * 5
     for table in (breakpoints, basis):
         table.flags.writeable = False
-    model = np.zeros(1), breakpoints, np.zeros((2, 4)), basis, *none, np.zeros(N)
+    model = ModelArrays(np.zeros(1), breakpoints, np.zeros((2, 4)), basis, *none, np.zeros(N))
     lags, room = np.array([lag_coefficients(0.0, np.array([1e-3]))[0]] * 2), scratch(SIZE, N, SIZE, 2)
     x = np.append(mean, mean[MEASURED])
     S = np.zeros((SIZE, SIZE))
@@ -73,7 +73,7 @@ def filtered(step, recording):
         moved = np.zeros((N, SIZE))
         if i > 0:
             still = x.copy(), S.copy()
-            kernels.move(step, *still, model, (u[i - 1], 1e-3, 1), SENSORS, lags, room[0])
+            kernels.move(step, *still, model, (u[i - 1], 1e-3, 1), SENSORS, lags, room.before)
             moved = still[1][:N]
             interval = u[i - 1], 1e-3, 1, noise[i - 1], lags
             assert kernels.predict(step, x, S, model, interval, SENSORS, room)

@@ -9,7 +9,18 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
-from clutchid.inference.filter.setup import scratch
+from clutchid.inference.filter.setup import (
+    Derived,
+    FreeArrays,
+    Intervals,
+    JointOutput,
+    JointScratch,
+    JointState,
+    ModelArrays,
+    SettingsArrays,
+    Window,
+    scratch,
+)
 from clutchid.simulation.sensors import lag_coefficients
 from clutchid.simulation.stiffness import AS_PLANNED
 
@@ -73,21 +84,16 @@ def drawn():
     """x, [D | L], theta and T before the first sample."""
     random = np.random.default_rng(6)
     T = np.tril(0.2 * random.standard_normal((K, K))) + np.eye(K)
-    return (
+    return JointState(
         random.standard_normal(SIZE),
         random.standard_normal((SIZE, K + SIZE)),
         0.1 * random.standard_normal(K),
         T,
         np.zeros(SIZE),
         np.zeros(1, np.int64),
+        np.eye(SIZE, SIZE + K),
+        np.zeros(1, np.int64),
     )
-
-
-def transition():
-    """[Phi | Gamma] at a correction, and the window of no load weights."""
-    none = np.zeros(0, np.int64)
-    window = none, np.arange(K), none, none, np.zeros(2), np.empty((SIZE, K + SIZE))
-    return (np.eye(SIZE, SIZE + K), np.zeros(1, np.int64)), window
 
 
 def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
@@ -99,16 +105,17 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
     breakpoints, basis, none = np.zeros(1), np.zeros((1, 2, 4)), np.zeros(0, np.int64)
     for table in (breakpoints, basis):
         table.flags.writeable = False
-    model = np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N)
-    derived = np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K)
-    room = scratch(SIZE, N, K + SIZE, 2), np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K, 2 * K))
-    output = np.empty((span[1] - span[0], 2, 2)), np.empty((span[1] - span[0], N)), np.empty((span[1] - span[0], N))
-    intervals = u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags
-    settings, drifts = (every, NEVER, -1.0, (1, 0)), math.sqrt(drift) * np.eye(K)
-    free = numbers, places, np.zeros((1, 2), np.int64)
-    moved, window = transition()
+    model = ModelArrays(np.zeros(3), breakpoints, np.zeros((2, 4)), basis, *[none] * 5, np.zeros(N))
+    derived = Derived(np.zeros(1), TAU.copy(), np.column_stack([OFFSETS, SIGMA]), np.ones(K))
+    window = Window(none, np.arange(K), none, none, np.zeros(2), np.empty((SIZE, K + SIZE)))
+    vectors = np.empty(SIZE + 1), np.empty(K), np.empty(K), np.empty((K, 2 * K))
+    room = JointScratch(*scratch(SIZE, N, K + SIZE, 2), *vectors)
+    count = span[1] - span[0]
+    output = JointOutput(np.empty((count, 2, 2)), np.empty((count, N)), np.empty((count, N)))
+    intervals = Intervals(u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags)
+    settings, drifts = SettingsArrays(every, NEVER, -1.0, 1, 0, None), math.sqrt(drift) * np.eye(K)
+    free = FreeArrays(numbers, places, np.zeros((1, 2), np.int64))
     return (
-        moved,
         model,
         free,
         derived,
@@ -128,7 +135,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0, drift=0.0):
 def textbook(every, noise=1.0):
     """Mean and covariance of (x, parameters in SI) by a Kalman filter that forms covariances."""
     u, values, sigma = recording()
-    x, S, theta, T, _, _ = drawn()
+    x, S, theta, T, *_ = drawn()
     root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
     z, P = np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
     a, b, c = np.stack([lag_coefficients(tau, np.array([1e-3]))[0, :3] for tau in TAU]).T
@@ -158,7 +165,7 @@ def textbook(every, noise=1.0):
 
 
 def joint_moments(state):
-    x, S, theta, T, _, _ = state
+    x, S, theta, T, *_ = state
     root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
     return np.concatenate([x, MEAN + WIDTH * theta]), root @ root.T
 
@@ -190,7 +197,7 @@ def test_deviations_are_those_of_the_covariance_and_there_are_none_between_corre
 def test_without_process_noise_it_is_batch_least_squares(kernels, calls):
     state, _ = followed(kernels, calls, 1, noise=0.0)
     u, values, _ = recording()
-    x, S, theta, T, _, _ = drawn()
+    x, S, theta, T, *_ = drawn()
     root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
     z = np.concatenate([x, MEAN + WIDTH * theta])
     a, b, c = np.stack([lag_coefficients(tau, np.array([1e-3]))[0, :3] for tau in TAU]).T
@@ -233,7 +240,7 @@ def test_the_covariance_grows_by_its_drift_at_the_end_of_each_stroke_and_nowhere
 
 def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_do(kernels, calls):
     given, _ = arguments(1)
-    given[2][0][:, 5:] = -0.05, 0.05
+    given[1].numbers[:, 5:] = -0.05, 0.05
     state = drawn()
     state[2][:] = 0.0
     kernels.follow_jointly(*calls, state, *given)

@@ -9,7 +9,6 @@ import pytest
 from clutchid.inference.filter.joint_filter import (
     Diverged,
     JointSettings,
-    JointState,
     correct,
     covariance,
     follow,
@@ -18,6 +17,7 @@ from clutchid.inference.filter.joint_filter import (
     joint_filter,
     predict,
 )
+from clutchid.inference.filter.setup import Intervals, JointState
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise
 
@@ -66,9 +66,9 @@ def test_a_load_that_has_grown_is_found_in_one_pass(problem, plant, worn):
 
 def test_a_segment_that_cannot_be_followed_is_a_failure_with_its_sample(problem):
     joint, state, given, _ = whole(problem)
-    length = given.intervals[1].copy()
+    length = given.intervals.length.copy()
     length[500] = np.nan
-    broken = given._replace(intervals=(given.intervals[0], length, *given.intervals[2:]))
+    broken = given._replace(intervals=given.intervals._replace(length=length))
     found = follow(joint, state, broken, (0, 1000))
     assert (type(found), found.sample) == (Diverged, 501)
     assert not isinstance(follow(joint, state, broken, (0, 501)), Failure)
@@ -95,7 +95,7 @@ def test_sample_by_sample_is_the_same_as_a_block_bit_by_bit(problem):
     block = follow(joint, state, given, (0, count))
     for i in range(count):
         if i > 0:
-            state = predict(joint, state, tuple(array[i - 1 : i] for array in given.intervals))
+            state = predict(joint, state, Intervals(*(array[i - 1 : i] for array in given.intervals)))
         if i % joint.settings.every == 0:
             state, errors = correct(joint, state, given.values[i])
             assert np.array_equal(errors, block.errors[i], equal_nan=True)
@@ -121,7 +121,7 @@ def test_a_pass_leaves_the_state_that_it_started_from_as_it_was(problem):
     joint, state, given = made(problem)
     kept = state.copy()
     follow(joint, state, given, (0, 200))
-    predict(joint, state, tuple(array[:1] for array in given.intervals))
+    predict(joint, state, Intervals(*(array[:1] for array in given.intervals)))
     correct(joint, state, given.values[0])
     assert same(kept, state)
 
@@ -157,10 +157,9 @@ def test_parameters_do_not_adapt_while_the_piston_is_slow(problem):
 
 def test_a_pass_that_leaves_the_finite_numbers_is_a_failure(problem):
     joint, state, given = made(problem)
-    u, length, *others = given.intervals
-    broken = length.copy()
+    broken = given.intervals.length.copy()
     broken[700] = np.nan
-    found = follow(joint, state, given._replace(intervals=(u, broken, *others)), (0, 1000))
+    found = follow(joint, state, given._replace(intervals=given.intervals._replace(length=broken)), (0, 1000))
     assert isinstance(found, Failure)
     assert "sample 701" in found.message
 

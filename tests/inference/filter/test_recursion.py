@@ -7,7 +7,7 @@ from numba.core.runtime import _nrt_python, rtsys
 
 from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
-from clutchid.inference.filter.setup import FilterState, scratch
+from clutchid.inference.filter.setup import FilterOutput, FilterState, Intervals, Measurements, ModelArrays, scratch
 from clutchid.simulation.sensors import lag_coefficients
 
 #: States of the model, and with two outputs of sensors; free parameters.
@@ -55,7 +55,7 @@ def model_arrays():
     breakpoints, basis, places = np.zeros(1), np.zeros((1, 2, 4)), [np.zeros(0, dtype=np.int64)] * 5
     for table in (breakpoints, basis):  # as those of an actuator, so that nothing is compiled for these tests alone
         table.flags.writeable = False
-    return np.array([0.7]), breakpoints, np.zeros((2, 4)), basis, *places, np.zeros(N)
+    return ModelArrays(np.array([0.7]), breakpoints, np.zeros((2, 4)), basis, *places, np.zeros(N))
 
 
 def drawn_state(given=False):
@@ -71,12 +71,12 @@ def pass_over(samples, given=False):
     values = rng.standard_normal((samples, 2))
     values[1, 0] = np.nan
     gains = 0.1 * rng.standard_normal((samples, 2, SIZE + 1)) ** 2
-    output = (
+    output = FilterOutput(
         np.empty((samples, 2, K + 1)), np.empty((samples, 2, 2)), np.empty((samples, N)), np.empty((samples, K + 1))
     )  # fmt: skip
     arguments = (
-        tuple(state), model_arrays(), (u, dt, np.ones(samples - 1, np.int32), sigma, lags), SENSORS,
-        (values, np.array([[0.1, 0.6], [0.3, 0.7]]), 1.0), gains, output,
+        state, model_arrays(), Intervals(u, dt, np.ones(samples - 1, np.int32), sigma, lags), SENSORS,
+        Measurements(values, np.array([[0.1, 0.6], [0.3, 0.7]]), 1.0), gains, output,
         scratch(SIZE, N, state.S.shape[1], 2, given), (0, samples, 2),
     )  # fmt: skip
     return arguments, [*state, gains, *output]
@@ -169,10 +169,10 @@ def test_a_copy_of_the_state_rewinds_the_filter(kernels, compiled_step):
     (state, *others), _ = pass_over(4)
     kept = FilterState(*state).copy()
     first = FilterState(*state)
-    kernels.follow(compiled_step, tuple(first), *others)
+    kernels.follow(compiled_step, FilterState(*first), *others)
     ended = first.copy()
     assert np.abs(ended.x - kept.x).max() > 0.1
-    kernels.follow(compiled_step, tuple(kept), *others)
+    kernels.follow(compiled_step, FilterState(*kept), *others)
     assert np.array_equal(kept.x, ended.x)
     assert np.array_equal(kept.S, ended.S)
 

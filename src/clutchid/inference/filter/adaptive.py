@@ -15,6 +15,7 @@ import numpy as np
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.inference.filter.recursion import move
+from clutchid.inference.filter.rules import AdaptiveNumbers
 from clutchid.inference.filter.setup import (
     OUTPUT,
     STATE,
@@ -24,21 +25,13 @@ from clutchid.inference.filter.setup import (
     Intervals,
     JointOutput,
     JointScratch,
+    JointState,
     ModelArrays,
-    StateArrays,
-    Transition,
+    SettingsArrays,
     Window,
 )
 from clutchid.log import FloatArray
 from clutchid.simulation.stiffness import Pace
-
-#: What the rule adds to the settings: gains of the velocity in 1/s; of p_A V_A, in N m by m of motion times area over
-#: volume; of the weights, which multiplies T T', in 1/(N m); share of a sample in the average position; places of p_A
-#: in x, of V_0A and A_A in p.
-AdaptiveNumbers = tuple[float, float, float, float, tuple[int, int, int]]
-
-#: Settings of the recursion: those of `arrays.SettingsArrays`, and `AdaptiveNumbers`.
-AdaptiveSettings = tuple[int, float, float, tuple[int, int], AdaptiveNumbers]
 
 
 @kernel
@@ -55,36 +48,36 @@ def adapt_weights(
         moved = theta[i]
         for j in range(min(i + 1, w.size)):
             moved -= T[i, j] * w[j] * e
-        theta[i] = within(free[0][i], moved)
+        theta[i] = within(free.numbers[i], moved)
 
 
 @kernel
 def correct_position(
-    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, chamber: tuple[int, int, int], gain: float
+    x: FloatArray, e: float, model: ModelArrays, sensor: IntArray, rule: AdaptiveNumbers, gain: float
 ) -> None:
     """Correct position and output of its sensor by e in m, and the air q_A = p_A V_A by gain A_A / V_A e.
 
     V_A is that in the middle of the old position and the new one: at either of them it goes with the noise in e, and
     the air would drift by gain (A_A / V_A)^2 times the variance of the noise a sample.
     """
-    p, (at_pressure, volume, area) = model[0], chamber
-    before = p[volume] + p[area] * x[sensor[STATE]]
-    after = before + p[area] * e
-    q = x[at_pressure] * before + gain * p[area] / (0.5 * (before + after)) * e
-    x[at_pressure] = q / after
+    volume, area = model.p[rule.at_volume], model.p[rule.at_area]
+    before = volume + area * x[sensor[STATE]]
+    after = before + area * e
+    q = x[rule.at_pressure] * before + gain * area / (0.5 * (before + after)) * e
+    x[rule.at_pressure] = q / after
     x[sensor[OUTPUT]] += e
     x[sensor[STATE]] += e
 
 
 @kernel
 def correct_sample_adaptively(
-    state: StateArrays,
+    state: JointState,
     value: float,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
     sensor: IntArray,
-    settings: AdaptiveSettings,
+    settings: SettingsArrays,
     errors: FloatArray,
     scratch: JointScratch,
 ) -> bool:
@@ -99,31 +92,30 @@ def correct_sample_adaptively(
     errors : (2,)
         Receives innovation and variance of the sensor, NaN for none.
     """
-    x, _, theta, T, memory, _ = state
-    _, outlier, least_speed, (at_speed, at_position), (velocity, air, adaptation, share, chamber) = settings
-    _, _, of_sensor, slopes = derived
+    x, memory, rule, of_sensor = state.x, state.waiting, settings.rule, derived.of_sensor
+    at_speed, at_position = settings.at_speed, settings.at_position
     follows, average = memory.size - 2, memory.size - 1
     errors[:] = np.nan
     if math.isnan(value):
         memory[follows] = 0.0
         return False
     e = value - (x[sensor[OUTPUT]] + of_sensor[0, 0])
-    bound = outlier * of_sensor[0, 1]
+    bound = settings.outlier * of_sensor[0, 1]
     errors[0], errors[1] = e, of_sensor[0, 1] * of_sensor[0, 1]
     if memory[follows] == 0.0:
-        correct_position(x, e, model, sensor, chamber, 0.0)
+        correct_position(x, e, model, sensor, rule, 0.0)
         memory[follows], memory[average] = 1.0, x[at_position]
         return False
     inside, e = abs(e) <= bound, min(max(e, -bound), bound)
     middle = x[at_position] + 0.5 * e
-    moves = abs(x[at_speed]) > least_speed or abs(x[at_position] + e - memory[average]) > bound
-    correct_position(x, e, model, sensor, chamber, air if moves else 0.0)
-    memory[average] += share * (x[at_position] - memory[average])
+    moves = abs(x[at_speed]) > settings.least_speed or abs(x[at_position] + e - memory[average]) > bound
+    correct_position(x, e, model, sensor, rule, rule.air if moves else 0.0)
+    memory[average] += rule.share * (x[at_position] - memory[average])
     if moves:
-        x[at_speed] += velocity * e
+        x[at_speed] += rule.velocity * e
     if moves and inside:
-        basis_at(middle, model, free, scratch[3])
-        adapt_weights(theta, T, free, slopes, scratch[3], adaptation * e, scratch[2])
+        basis_at(middle, model, free, scratch.step)
+        adapt_weights(state.theta, state.T, free, derived.slopes, scratch.step, rule.adaptation * e, scratch.w)
     return bool(moves and inside)
 
 
@@ -131,15 +123,14 @@ def correct_sample_adaptively(
 def follow_adaptively(
     step: Callable[..., bool],
     prepare: Callable[..., None],
-    state: StateArrays,
-    _transition: Transition,
+    state: JointState,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
     intervals: Intervals,
     sensors: IntArray,
     values: FloatArray,
-    settings: AdaptiveSettings,
+    settings: SettingsArrays,
     _drifts: FloatArray,
     pace: Pace,
     output: JointOutput,
@@ -154,20 +145,19 @@ def follow_adaptively(
     """
     u, length, substeps, _, lags = intervals
     errors, states, deviations = output
-    _, _, _, (at_speed, at_position), _ = settings
     begin, end, _ = span
-    x, S, theta = state[0], state[1], state[2]
-    n = states.shape[1]
+    x, at_speed, at_position = state.x, settings.at_speed, settings.at_position
     deviations[:] = np.nan
-    refresh(prepare, theta, free, derived, model)
+    refresh(prepare, state.theta, free, derived, model)
     for i in range(begin, end):
         if i > 0:
             steps = steps_at(pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
-            if not move(step, x, S, model, (u[i - 1], length[i - 1], steps), sensors, lags[i - 1], scratch[0][0]):
+            interval = u[i - 1], length[i - 1], steps
+            if not move(step, x, state.S, model, interval, sensors, lags[i - 1], scratch.before):
                 return i
         if correct_sample_adaptively(
             state, values[i, 0], model, free, derived, sensors[0], settings, errors[i - begin, 0], scratch
         ):
-            refresh(prepare, theta, free, derived, model)
-        states[i - begin] = x[:n]
+            refresh(prepare, state.theta, free, derived, model)
+        states[i - begin] = x[: states.shape[1]]
     return -1

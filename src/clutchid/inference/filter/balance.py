@@ -17,6 +17,7 @@ import numpy as np
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.joint import drift, project_parameters, stroke_ends, update_parameters
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
+from clutchid.inference.filter.recursion import step_model
 from clutchid.inference.filter.setup import (
     Derived,
     FreeArrays,
@@ -24,9 +25,9 @@ from clutchid.inference.filter.setup import (
     Intervals,
     JointOutput,
     JointScratch,
+    JointState,
     ModelArrays,
-    StateArrays,
-    Transition,
+    SettingsArrays,
     Window,
 )
 from clutchid.log import FloatArray
@@ -38,17 +39,10 @@ PRESCRIBED = 1e9
 #: Rows of the smoothing weights: position and velocity late, position of the newest sample.
 LATE, LATE_SPEED, NEWEST = range(3)
 
-#: What the rule adds to the settings: smoothing weights (3, samples); standard deviation of the force in N; top speed
-#: in m/s; place of the mass in p, and the mass in kg.
-BalanceNumbers = tuple[FloatArray, float, float, tuple[int, float]]
-
-#: Settings of the recursion: those of `arrays.SettingsArrays`, and `BalanceNumbers`.
-BalanceSettings = tuple[int, float, float, tuple[int, int], BalanceNumbers]
-
 
 @kernel
 def correct_balance(
-    state: StateArrays,
+    state: JointState,
     equation: tuple[float, float, float],
     h: FloatArray,
     free: FreeArrays,
@@ -65,14 +59,13 @@ def correct_balance(
     h : (k,)
         With respect to the weights in SI.
     """
-    _, _, theta, T, _, _ = state
+    theta, T, w, step = state.theta, state.T, scratch.w, scratch.step
     e, sigma, outlier = equation
-    _, _, w, step, _ = scratch
     by_weights = project_parameters(T, h, slopes, w)
     s = by_weights + sigma * sigma
     update_parameters(T, w, e, s * max(1.0, abs(e) / math.sqrt(s) / outlier), by_weights, step)
     for j in range(theta.size):
-        theta[j] = within(free[0][j], theta[j] + step[j])
+        theta[j] = within(free.numbers[j], theta[j] + step[j])
     return s
 
 
@@ -83,8 +76,8 @@ def move_prescribed(
     S: FloatArray,
     model: ModelArrays,
     interval: tuple[FloatArray, float, int],
-    rows: tuple[int, int],
-    to: tuple[float, float],
+    settings: SettingsArrays,
+    to: float,
 ) -> tuple[bool, float]:
     """Move the piston in a straight line, and all else with it; whether x is finite, and the impulse on it in N s.
 
@@ -96,15 +89,12 @@ def move_prescribed(
         Position in m, and largest speed in m/s.
     """
     u, length, substeps = interval
-    at_speed, at_position = rows
-    p, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row, fill_column, work = model
-    speed = min(max((to[0] - x[at_position]) / length, -to[1]), to[1])
+    at_speed, at_position = settings.at_speed, settings.at_position
+    top = settings.rule.top
+    speed = min(max((to - x[at_position]) / length, -top), top)
     reached = x[at_position] + speed * length
     x[at_speed] = speed
-    finite = step(
-        x, S, u, p, length, substeps, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row,
-        fill_column, work,
-    )  # fmt: skip
+    finite = step_model(step, x, S, u, length, substeps, model)
     impulse = PRESCRIBED * (x[at_speed] - speed)
     x[at_speed], x[at_position] = speed, reached
     return finite, impulse
@@ -112,21 +102,21 @@ def move_prescribed(
 
 @kernel
 def close_window(
-    state: StateArrays,
+    state: JointState,
     memory: FloatArray,
     free: FreeArrays,
     slopes: FloatArray,
-    settings: BalanceSettings,
+    settings: SettingsArrays,
     errors: FloatArray,
     scratch: JointScratch,
 ) -> None:
     """Correct the weights by the balance of a window, and begin the next one; `errors` (2,) are in N and N^2."""
-    _, outlier, _, _, (_, sigma, _, _) = settings
     seconds, e = memory[SECONDS], memory[MASS_TIMES_SPEED] - memory[IMPULSE]
-    h = memory[HEAD : HEAD + state[2].size]
-    variance = correct_balance(state, (e, sigma * seconds, outlier), h, free, slopes, scratch)
+    end = HEAD + state.theta.size
+    h, equation = memory[HEAD:end], (e, settings.rule.force * seconds, settings.outlier)
+    variance = correct_balance(state, equation, h, free, slopes, scratch)
     errors[0], errors[1] = e / seconds, variance / (seconds * seconds)
-    memory[IN_WINDOW : HEAD + state[2].size] = 0.0
+    memory[IN_WINDOW:end] = 0.0
 
 
 @kernel
@@ -138,7 +128,7 @@ def move_late(
     model: ModelArrays,
     oldest: FloatArray,
     free: FreeArrays,
-    settings: BalanceSettings,
+    settings: SettingsArrays,
     pace: Pace,
     h: FloatArray,
 ) -> bool:
@@ -146,18 +136,18 @@ def move_late(
 
     Returns whether the state is finite.
     """
-    _, _, least_speed, rows, (smoothing, _, top, (_, mass)) = settings
+    smoothing, at_speed, at_position = settings.rule.smoothing, settings.at_speed, settings.at_position
     before = HEAD + h.size
     length = oldest[oldest.size - 1]
     speed = smoothed(smoothing[LATE_SPEED], memory, before + 1)
     to = smoothed(smoothing[LATE], memory, before + 1)
-    middle = 0.5 * (late[rows[1]] + to)
-    steps = steps_at(pace, late[rows[1]], late[rows[0]], length, 1)
+    middle = 0.5 * (late[at_position] + to)
+    steps = steps_at(pace, late[at_position], late[at_speed], length, 1)
     interval = oldest[: oldest.size - 1], length, steps
-    finite, impulse = move_prescribed(step, late, S, model, interval, rows, (to, top))
-    if memory[AGE] >= smoothing.shape[1] and abs(late[rows[0]]) > least_speed:
+    finite, impulse = move_prescribed(step, late, S, model, interval, settings, to)
+    if memory[AGE] >= smoothing.shape[1] and abs(late[at_speed]) > settings.least_speed:
         basis_at(middle, model, free, h)
-        add_to_window(memory, h, mass * (speed - memory[before]), impulse, length)
+        add_to_window(memory, h, settings.rule.mass * (speed - memory[before]), impulse, length)
     memory[before] = speed
     return finite
 
@@ -165,10 +155,10 @@ def move_late(
 @kernel
 def move_both(
     step: Callable[..., bool],
-    state: StateArrays,
+    state: JointState,
     model: ModelArrays,
     free: FreeArrays,
-    settings: BalanceSettings,
+    settings: SettingsArrays,
     pace: Pace,
     sample: tuple[FloatArray, float, float],
     scratch: JointScratch,
@@ -177,27 +167,26 @@ def move_both(
 
     Returns whether both are finite.
     """
-    x, S, theta, _, waiting, _ = state
+    x, S, smoothing = state.x, state.S, settings.rule.smoothing
     u, length, value = sample
-    _, _, _, rows, (smoothing, _, top, _) = settings
-    late, memory = waiting[: x.size], waiting[x.size :]
-    positions, samples = HEAD + theta.size + 1, smoothing.shape[1]
+    late, memory = state.waiting[: x.size], state.waiting[x.size :]
+    positions, samples = HEAD + state.theta.size + 1, smoothing.shape[1]
     take_position(memory, positions, samples, value)
     take_interval(memory, positions + samples, u, length)
     oldest = memory[positions + samples : positions + samples + u.size + 1]
     finite = True
     if oldest[u.size] > 0.0:
-        finite = move_late(step, late, S, memory, model, oldest, free, settings, pace, scratch[3])
-    steps = steps_at(pace, x[rows[1]], x[rows[0]], length, 1)
-    to = smoothed(smoothing[NEWEST], memory, positions), top
-    return move_prescribed(step, x, S, model, (u, length, steps), rows, to)[0] and finite
+        finite = move_late(step, late, S, memory, model, oldest, free, settings, pace, scratch.step)
+    steps = steps_at(pace, x[settings.at_position], x[settings.at_speed], length, 1)
+    to = smoothed(smoothing[NEWEST], memory, positions)
+    return move_prescribed(step, x, S, model, (u, length, steps), settings, to)[0] and finite
 
 
 @kernel
-def begin(state: StateArrays, value: float, at_position: int, samples: int) -> None:
+def begin(state: JointState, value: float, at_position: int, samples: int) -> None:
     """The memory before the first interval: the piston has been where it is first measured."""
-    x, _, theta, _, waiting, _ = state
-    first = x.size + HEAD + theta.size + 1
+    x, waiting = state.x, state.waiting
+    first = x.size + HEAD + state.theta.size + 1
     waiting[: x.size] = x
     waiting[first : first + samples] = x[at_position] if math.isnan(value) else value
 
@@ -206,15 +195,14 @@ def begin(state: StateArrays, value: float, at_position: int, samples: int) -> N
 def follow_balance(
     step: Callable[..., bool],
     prepare: Callable[..., None],
-    state: StateArrays,
-    _transition: Transition,
+    state: JointState,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
     intervals: Intervals,
     _sensors: IntArray,
     values: FloatArray,
-    settings: BalanceSettings,
+    settings: SettingsArrays,
     drifts: FloatArray,
     pace: Pace,
     output: JointOutput,
@@ -227,26 +215,25 @@ def follow_balance(
     Parameters as of `joint.follow_jointly`, but S has no columns.
     """
     errors, states, deviations = output
-    every, _, _, (_, at_position), (smoothing, _, _, (at_mass, _)) = settings
-    x, theta = state[0], state[2]
-    memory = state[4][x.size :]
+    x, rule, at_position = state.x, settings.rule, settings.at_position
+    memory = state.waiting[x.size :]
     errors[:], deviations[:] = np.nan, np.nan
-    model[0][at_mass] = PRESCRIBED
-    prepare(model[0], model[6], model[9])
-    refresh(prepare, theta, free, derived, model)
+    model.p[rule.at_mass] = PRESCRIBED
+    prepare(model.p, model.fill_slot, model.work)
+    refresh(prepare, state.theta, free, derived, model)
     for i in range(span[0], span[1]):
-        value, row = values[i, 0] - derived[2][0, 0], i - span[0]
+        value, row = values[i, 0] - derived.of_sensor[0, 0], i - span[0]
         if i == 0:
-            begin(state, value, at_position, smoothing.shape[1])
+            begin(state, value, at_position, rule.smoothing.shape[1])
         else:
-            sample = intervals[0][i - 1], intervals[1][i - 1], value
+            sample = intervals.inputs[i - 1], intervals.length[i - 1], value
             if not move_both(step, state, model, free, settings, pace, sample, scratch):
                 return i
-        if memory[IN_WINDOW] >= every:
-            close_window(state, memory, free, derived[3], settings, errors[row, 0], scratch)
-            refresh(prepare, theta, free, derived, model)
-        if stroke_ends(state[5], state[4][at_position]) and drifts.size > 0:
-            drift(state[3], drifts, scratch[4])
+        if memory[IN_WINDOW] >= settings.every:
+            close_window(state, memory, free, derived.slopes, settings, errors[row, 0], scratch)
+            refresh(prepare, state.theta, free, derived, model)
+        if stroke_ends(state.stroke, state.waiting[at_position]) and drifts.size > 0:
+            drift(state.T, drifts, scratch.room)
         states[row] = x[: states.shape[1]]
     return -1
 

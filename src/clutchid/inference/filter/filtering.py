@@ -97,11 +97,11 @@ def filtered(
     pressures, factor, cost = np.empty((length, k + 1)), np.zeros((0, k + 1)), 0.0
     for begin in range(0, length, BLOCK):
         end = min(begin + BLOCK, length)
-        output = (np.empty((end - begin, len(MEASURED), k + 1)), errors, passed, pressures)
+        output = FilterOutput(np.empty((end - begin, len(MEASURED), k + 1)), errors, passed, pressures)
         failed = pass_.follow(begin, end, output)
         if failed >= 0:
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
-        rows = output[0].reshape(-1, k + 1)
+        rows = output.rows.reshape(-1, k + 1)
         cost += _loss(rows[:, -1], noise.outlier)
         factor = triangular(np.vstack([factor, rows[_measured(rows, len(MEASURED))]]))
     return Filtered(_spread(factor, mapped), cost, errors, passed, pass_.gains, pressures, mapped)
@@ -167,7 +167,7 @@ class _Pass:
         """Filter the samples from `begin` to `end`; the first that is not finite, or -1."""
         watched = int(self.sensors[list(MEASURED).index("pressure_a"), 1])
         failed: int = kernels_in(_KERNELS).follow(
-            self.step, tuple(self.state), self.model, self.intervals, self.sensors, self.measurements, self.gains,
+            self.step, self.state, self.model, self.intervals, self.sensors, self.measurements, self.gains,
             output, self.scratch, (begin, end, watched),
         )  # fmt: skip
         return end - 1 if failed < 0 and not np.isfinite(self.state.S).all() else failed

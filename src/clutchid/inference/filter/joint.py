@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from clutchid.codegen.kernels import kernel
+from clutchid.codegen.kernels import inlined, kernel
 from clutchid.inference.filter.joint_parameters import move_parameters, refresh, state_deviations, steps_at
 from clutchid.inference.filter.recursion import add_process_noise, move, triangularise, update_root
 from clutchid.inference.filter.setup import (
@@ -29,10 +29,9 @@ from clutchid.inference.filter.setup import (
     Intervals,
     JointOutput,
     JointScratch,
+    JointState,
     ModelArrays,
     SettingsArrays,
-    StateArrays,
-    Transition,
     Window,
 )
 from clutchid.inference.filter.transition import AHEAD, MARGIN, bring_up, place_window
@@ -44,7 +43,7 @@ from clutchid.simulation.stiffness import Pace
 STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
 
 
-@kernel
+@inlined
 def move_columns(
     step: Callable[..., bool],
     x: FloatArray,
@@ -61,7 +60,7 @@ def move_columns(
     Parameters
     ----------
     waiting : (n + sensors,)
-        Process noise since the last correction, see `StateArrays`.
+        Process noise since the last correction, see `JointState`.
     interval
         Inputs, length in s (1,), steps, process noise, coefficients of the sensors' lags, as in `recursion.predict`.
     lags : (sensors,)
@@ -78,23 +77,23 @@ def move_columns(
     return move(step, x, columns, model, (u, length[0], substeps), sensors, coefficients, before)
 
 
-@kernel
-def leaves(x: FloatArray, rows: tuple[int, int], length: float, within: FloatArray) -> bool:
+@inlined
+def leaves(x: FloatArray, settings: SettingsArrays, length: float, within: FloatArray) -> bool:
     """Whether the piston may leave positions (2,) in m in an interval of a length in s."""
-    reach = MARGIN + AHEAD * abs(x[rows[0]]) * length
-    return bool(x[rows[1]] - reach < within[0] or x[rows[1]] + reach > within[1])
+    reach = MARGIN + AHEAD * abs(x[settings.at_speed]) * length
+    position = x[settings.at_position]
+    return bool(position - reach < within[0] or position + reach > within[1])
 
 
 @kernel
-def add_waiting_noise(state: StateArrays, sensors: IntArray, scratch: JointScratch) -> None:
+def add_waiting_noise(state: JointState, sensors: IntArray, scratch: JointScratch) -> None:
     """Add the process noise since the last correction to the covariance of the states."""
-    _, S, _, _, waiting, _ = state
-    _, W, sigma = scratch[0]
+    waiting, sigma = state.waiting, scratch.h
     n = waiting.size - sensors.shape[0]
     for i in range(n):
         sigma[i] = math.sqrt(waiting[i])
         waiting[i] = 0.0
-    add_process_noise(S, sigma[:n], sensors, waiting[n:], W)
+    add_process_noise(state.S, sigma[:n], sensors, waiting[n:], scratch.W)
 
 
 @kernel
@@ -128,7 +127,7 @@ def update_parameters(
 
 @kernel
 def correct_jointly(
-    state: StateArrays,
+    state: JointState,
     sensor: IntArray,
     measurement: tuple[float, float, float, float],
     adapts: bool,
@@ -152,9 +151,9 @@ def correct_jointly(
     scratch
         Its gain receives the gain of x with fixed parameters and the variance of the innovation.
     """
-    x, S, theta, T, _, _ = state
+    x, S, theta, T = state.x, state.S, state.theta, state.T
     value, offset, sigma, outlier = measurement
-    (_, _, h), gain, w, step, _ = scratch
+    h, gain, w, step = scratch.h, scratch.gain, scratch.w, scratch.step
     size, k = x.size, theta.size
     for j in range(k + size):
         h[j] = S[sensor[OUTPUT], j]
@@ -182,7 +181,7 @@ def correct_jointly(
 @kernel
 def correct_sample_jointly(
     prepare: Callable[..., None],
-    state: StateArrays,
+    state: JointState,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
@@ -201,18 +200,17 @@ def correct_sample_jointly(
     errors : (sensors, 2)
         Receives the innovations and their variances, NaN for none.
     """
-    _, outlier, least_speed, (at_speed, _) = settings
-    _, _, of_sensor, slopes = derived
+    of_sensor = derived.of_sensor
     add_waiting_noise(state, sensors, scratch)
-    adapts = abs(state[0][at_speed]) > least_speed
+    adapts = abs(state.x[settings.at_speed]) > settings.least_speed
     for m in range(sensors.shape[0]):
         errors[m] = np.nan
         if not math.isnan(values[m]):
-            measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], outlier
-            errors[m, 0] = correct_jointly(state, sensors[m], measurement, adapts, free, slopes, scratch)
-            errors[m, 1] = scratch[1][state[0].size]
+            measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], settings.outlier
+            errors[m, 0] = correct_jointly(state, sensors[m], measurement, adapts, free, derived.slopes, scratch)
+            errors[m, 1] = scratch.gain[state.x.size]
             if adapts:
-                refresh(prepare, state[2], free, derived, model)
+                refresh(prepare, state.theta, free, derived, model)
 
 
 @kernel
@@ -250,8 +248,7 @@ def drift(T: FloatArray, root: FloatArray, W: FloatArray) -> None:
 def follow_jointly(
     step: Callable[..., bool],
     prepare: Callable[..., None],
-    state: StateArrays,
-    transition: Transition,
+    state: JointState,
     model: ModelArrays,
     free: FreeArrays,
     derived: Derived,
@@ -287,28 +284,29 @@ def follow_jointly(
     """
     u, length, substeps, sigma, lags = intervals
     errors, states, deviations = output
-    every, _, _, (at_speed, at_position) = settings
     begin, end, number = span
-    n, (_, taus, _, slopes) = states.shape[1], derived
-    refresh(prepare, state[2], free, derived, model)
-    place_window(transition[1][0], window, free[2], model[1])
+    x, at_speed, at_position = state.x, settings.at_speed, settings.at_position
+    refresh(prepare, state.theta, free, derived, model)
+    place_window(state.first[0], window, free.pieces, model.breakpoints)
     for i in range(begin, end):
         errors[i - begin] = np.nan
         deviations[i - begin] = np.nan
         if i > 0:
-            steps = steps_at(pace, state[0][at_position], state[0][at_speed], length[i - 1], int(substeps[i - 1]))
+            steps = steps_at(pace, x[at_position], x[at_speed], length[i - 1], int(substeps[i - 1]))
             interval = u[i - 1], length[i - 1 : i], steps, sigma[i - 1], lags[i - 1]
-            if leaves(state[0], settings[3], length[i - 1], window[4]):
-                bring_up(state[1], transition, window, free[2], model[1], state[0][at_position])
-            if not move_columns(step, state[0], transition[0], state[4], model, interval, taus, sensors, scratch[0][0]):
+            if leaves(x, settings, length[i - 1], window.within):
+                bring_up(state, window, free.pieces, model.breakpoints, x[at_position])
+            if not move_columns(
+                step, x, state.moved, state.waiting, model, interval, derived.lags, sensors, scratch.before
+            ):
                 return i
-        if (number + i) % every == 0:
-            bring_up(state[1], transition, window, free[2], model[1], state[0][at_position])
+        if (number + i) % settings.every == 0:
+            bring_up(state, window, free.pieces, model.breakpoints, x[at_position])
             correct_sample_jointly(
                 prepare, state, model, free, derived, sensors, values[i], settings, errors[i - begin], scratch
             )
-            state_deviations(state[1], state[3], slopes, deviations[i - begin], scratch[2])
-        if stroke_ends(state[5], state[0][at_position]) and drifts.size > 0:
-            drift(state[3], drifts, scratch[4])
-        states[i - begin] = state[0][:n]
+            state_deviations(state.S, state.T, derived.slopes, deviations[i - begin], scratch.w)
+        if stroke_ends(state.stroke, x[at_position]) and drifts.size > 0:
+            drift(state.T, drifts, scratch.room)
+        states[i - begin] = x[: states.shape[1]]
     return -1

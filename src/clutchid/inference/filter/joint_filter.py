@@ -18,7 +18,9 @@ from clutchid.inference.filter.setup import (
     FreeArrays,
     IntArray,
     Intervals,
+    JointOutput,
     JointScratch,
+    JointState,
     ModelArrays,
     SettingsArrays,
     Window,
@@ -176,7 +178,7 @@ def joint_filter(
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
     which, free = columns(mean, names if rule.columns else ()), _free_arrays(mean, coordinates, bounds, measure)
-    moving = _moving_columns(which, k if rule.columns else 0, len(mean.states) + len(measure), free[2])
+    moving = _moving_columns(which, k if rule.columns else 0, len(mean.states) + len(measure), free.pieces)
     sensors = sensor_rows(mapped, measure)
     place = {j: moving.size + c for c, j in enumerate(moving.parameters.tolist())}
     sensors[:, LAG] = [place.get(j, -1) for j in sensors[:, LAG].tolist()]
@@ -212,38 +214,11 @@ def _free_arrays(
     ]
     acting = np.any(actuator.load.coefficients != 0.0, axis=2)
     pieces = [(int(a.argmax()), int(a.size - 1 - a[::-1].argmax())) for a in acting]
-    return np.array(numbers).reshape(-1, 7), np.array(places, dtype=np.int64).reshape(-1, 4), np.array(pieces)
+    places_array = np.array(places, dtype=np.int64).reshape(-1, 4)
+    return FreeArrays(np.array(numbers).reshape(-1, 7), places_array, np.array(pieces))
 
 
 _KERNELS = "clutchid.inference.filter.joint"
-
-
-class JointState(NamedTuple):
-    """State of the filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k).
-
-    x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
-    `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction, see
-    `setup.StateArrays`, and `stroke` (1,) is 1 while one lasts. S is that after the last correction: since then it has
-    moved by `moved` = [Phi | Gamma] (size, size + p + w), with Gamma for the free parameters and a window of load
-    weights, of which number `first` (1,) is the first; see `transition`.
-    To write it, write its arrays: a filter goes on from them bit by bit.
-    """
-
-    x: FloatArray
-    S: FloatArray
-    theta: FloatArray
-    T: FloatArray
-    waiting: FloatArray
-    stroke: IntArray
-    moved: FloatArray
-    first: IntArray
-
-    def copy(self) -> JointState:
-        """An independent copy."""
-        x, S, theta, T, waiting, stroke, moved, first = self
-        return JointState(
-            x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy(), moved.copy(), first.copy()
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,10 +287,10 @@ def follow(
     part in the recording.
     """
     after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
-    output = np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n))
+    output = JointOutput(np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n)))
     model, derived, work = _work(joint, after)
     failed = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
-        *joint.calls, tuple(after[:6]), tuple(after[6:]), model, joint.free, derived, given.intervals, joint.sensors,
+        *joint.calls, after, model, joint.free, derived, given.intervals, joint.sensors,
         given.values, _settings(joint), joint.drifts, joint.pace, output, work, _window(joint, model, after),
         (*span, number),
     )  # fmt: skip
@@ -338,11 +313,11 @@ def predict(joint: JointFilter, state: JointState, interval: Intervals) -> Joint
     steps = compiled.steps_at(joint.pace, *at, length[0], int(substeps[0]))
     row = u[0], length, steps, sigma[0], lags[0].copy()
     window = _window(joint, model, after)
-    compiled.place_window(after.first[0], window, joint.free[2], model[1])
-    if compiled.leaves(after.x, _settings(joint)[3], length[0], window[4]):
-        compiled.bring_up(after.S, tuple(after[6:]), window, joint.free[2], model[1], at[0])
+    compiled.place_window(after.first[0], window, joint.free.pieces, model.breakpoints)
+    if compiled.leaves(after.x, _settings(joint), length[0], window.within):
+        compiled.bring_up(after, window, joint.free.pieces, model.breakpoints, at[0])
     compiled.move_columns(
-        joint.calls[0], after.x, after.moved, after.waiting, model, row, derived[1], joint.sensors, work[0][0]
+        joint.calls[0], after.x, after.moved, after.waiting, model, row, derived.lags, joint.sensors, work.before
     )
     return after
 
@@ -368,10 +343,10 @@ def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[
     known = np.where(np.isfinite(values), values, np.nan)
     position = float(after.x[joint.mapped.actuator.states.index("y")])
     window = _window(joint, model, after)
-    compiled.bring_up(after.S, tuple(after[6:]), window, joint.free[2], model[1], position)
+    compiled.bring_up(after, window, joint.free.pieces, model.breakpoints, position)
     compiled.correct_sample_jointly(
         joint.calls[1],
-        tuple(after[:6]),
+        after,
         model,
         joint.free,
         derived,
@@ -407,14 +382,17 @@ def _check_rule(joint: JointFilter) -> None:
 
 def _settings(joint: JointFilter) -> SettingsArrays:
     s, states = joint.settings, joint.mapped.actuator.states
-    rows = states.index("v"), states.index("y")
-    return s.every, float(joint.noise.outlier), s.least_speed, rows, *joint.rule.numbers
+    return SettingsArrays(
+        s.every, float(joint.noise.outlier), s.least_speed, states.index("v"), states.index("y"), joint.rule.numbers
+    )
 
 
 def _window(joint: JointFilter, model: ModelArrays, state: JointState) -> Window:
     """The window of load weights of `model`, before it is placed."""
     m = joint.moving
-    return model[4], m.parameters, m.weight_bases, m.weight_columns, np.zeros(2), np.empty_like(state.S)
+    return Window(
+        model.table_basis, m.parameters, m.weight_bases, m.weight_columns, np.zeros(2), np.empty_like(state.S)
+    )
 
 
 def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, JointScratch]:
@@ -422,9 +400,9 @@ def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, 
     size, width, k = state.x.size, state.S.shape[1], state.theta.size
     actuator, spacing = joint.mapped.actuator, joint.settings.spacing * joint.settings.every
     model = model_arrays(joint.mapped, joint.moving.columns(), state.moved.shape[1])
-    own = model[0].copy(), *model[1:]
+    own = model._replace(p=model.p.copy())
     sensors = [SENSORS[name] for name in joint.measure]
-    derived = (
+    derived = Derived(
         np.array(actuator.load.theta),
         np.array([actuator.value(sensor.lag) for sensor in sensors]),
         np.array([
@@ -435,4 +413,4 @@ def _work(joint: JointFilter, state: JointState) -> tuple[ModelArrays, Derived, 
     )  # fmt: skip
     both = scratch(size, len(actuator.states), width, len(sensors))
     drifting = np.empty((k, k + joint.drifts.shape[1]))
-    return own, derived, (both, np.empty(size + 1), np.empty(k), np.empty(k), drifting)
+    return own, derived, JointScratch(*both, np.empty(size + 1), np.empty(k), np.empty(k), drifting)

@@ -55,25 +55,23 @@ def refresh(
     prepare: Callable[..., None], theta: FloatArray, free: FreeArrays, derived: Derived, model: ModelArrays
 ) -> None:
     """Parameters, load and sensors of the model at theta, from theta alone."""
-    numbers, places, pieces = free
-    weights, lags, sensors, slopes = derived
-    p, _, load, basis, _, _, fill_slot, _, _, work = model
+    numbers, places = free.numbers, free.places
     by_weight, by_parameter = False, False
     for j in range(theta.size):
         value = value_in_si(numbers[j], theta[j])
-        slopes[j] = numbers[j, WIDTH] * (value if numbers[j, POSITIVE] > 0.0 else 1.0)
+        derived.slopes[j] = numbers[j, WIDTH] * (value if numbers[j, POSITIVE] > 0.0 else 1.0)
         if places[j, WEIGHT] >= 0:
-            weights[places[j, WEIGHT]], by_weight = value, True
+            derived.weights[places[j, WEIGHT]], by_weight = value, True
         else:
-            p[places[j, PARAMETER]], by_parameter = value, True
+            model.p[places[j, PARAMETER]], by_parameter = value, True
         if places[j, LAG_OF] >= 0:
-            lags[places[j, LAG_OF]] = value
+            derived.lags[places[j, LAG_OF]] = value
         if places[j, OFFSET_OF] >= 0:
-            sensors[places[j, OFFSET_OF], 0] = value
+            derived.of_sensor[places[j, OFFSET_OF], 0] = value
     if by_weight:
-        combine_load(load, basis, pieces, weights)
+        combine_load(model.load, model.basis, free.pieces, derived.weights)
     if by_parameter:
-        prepare(p, fill_slot, work)
+        prepare(model.p, model.fill_slot, model.work)
 
 
 @kernel
@@ -85,8 +83,7 @@ def within(numbers: FloatArray, theta: float) -> float:
 @kernel
 def basis_at(y: float, model: ModelArrays, free: FreeArrays, h: FloatArray) -> None:
     """The load's basis functions phi(y) at a position in m into h (k,), if all free parameters are load weights."""
-    _, breakpoints, _, basis, _, _, _, _, _, _ = model
-    _, places, pieces = free
+    breakpoints, places, pieces = model.breakpoints, free.places, free.pieces
     s = 0
     while s < breakpoints.size and breakpoints[s] <= y:
         s += 1
@@ -95,14 +92,14 @@ def basis_at(y: float, model: ModelArrays, free: FreeArrays, h: FloatArray) -> N
         b = places[j, WEIGHT]
         h[j] = 0.0
         if pieces[b, 0] <= s <= pieces[b, 1]:
-            c = basis[b, s]
+            c = model.basis[b, s]
             h[j] = c[0] + d * (c[1] + d * (c[2] + d * c[3]))
 
 
 @kernel
 def move_parameters(x: FloatArray, S: FloatArray, theta: FloatArray, free: FreeArrays, step: FloatArray) -> None:
     """Move theta by `step`, within its bounds, and x with it along D."""
-    numbers = free[0]
+    numbers = free.numbers
     for j in range(theta.size):
         before = value_in_si(numbers[j], theta[j])
         theta[j] = within(numbers[j], theta[j] + step[j])

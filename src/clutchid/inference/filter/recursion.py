@@ -13,13 +13,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from clutchid.codegen.kernels import kernel
+from clutchid.codegen.kernels import inlined, kernel
 from clutchid.inference.filter.setup import (
     LAG,
     OFFSET,
     OUTPUT,
     STATE,
     FilterOutput,
+    FilterState,
     IntArray,
     Intervals,
     Measurements,
@@ -29,7 +30,7 @@ from clutchid.inference.filter.setup import (
 from clutchid.log import FloatArray
 
 
-@kernel
+@inlined
 def move_sensors(x: FloatArray, S: FloatArray, before: FloatArray, sensors: IntArray, lags: FloatArray) -> None:
     """Move the outputs of the sensors over an interval, in which a measured state is a straight line.
 
@@ -83,7 +84,25 @@ def add_process_noise(S: FloatArray, sigma: FloatArray, sensors: IntArray, share
             S[i, k + j] = W[i, j]
 
 
-@kernel
+@inlined
+def step_model(
+    step: Callable[..., bool],
+    x: FloatArray,
+    S: FloatArray,
+    u: FloatArray,
+    length: float,
+    substeps: int,
+    model: ModelArrays,
+) -> bool:
+    """The generated `step` over an interval; whether the state is finite."""
+    m = model
+    return step(
+        x, S, u, m.p, length, substeps, m.breakpoints, m.load, m.basis, m.table_basis, m.table_column, m.fill_slot,
+        m.fill_row, m.fill_column, m.work,
+    )  # fmt: skip
+
+
+@inlined
 def move(
     step: Callable[..., bool],
     x: FloatArray,
@@ -96,15 +115,11 @@ def move(
 ) -> bool:
     """`predict` without process noise; `interval` are its inputs, length in s and steps."""
     u, length, substeps = interval
-    p, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row, fill_column, work = model
     for m in range(sensors.shape[0]):
         before[m, 0] = x[sensors[m, STATE]]
         for j in range(S.shape[1]):
             before[m, 1 + j] = S[sensors[m, STATE], j]
-    finite = step(
-        x, S, u, p, length, substeps, breakpoints, load, basis, table_basis, table_column, fill_slot, fill_row,
-        fill_column, work,
-    )  # fmt: skip
+    finite = step_model(step, x, S, u, length, substeps, model)
     move_sensors(x, S, before, sensors, lags)
     return finite
 
@@ -131,10 +146,9 @@ def predict(
         A row of each of `Intervals`.
     """
     u, length, substeps, sigma, lags = interval
-    _, W, _ = scratch
-    finite = move(step, x, S, model, (u, length, substeps), sensors, lags, scratch[0])
-    if W.shape[0] > 0:
-        add_process_noise(S, sigma, sensors, lags[:, 2], W)
+    finite = move(step, x, S, model, (u, length, substeps), sensors, lags, scratch.before)
+    if scratch.W.shape[0] > 0:
+        add_process_noise(S, sigma, sensors, lags[:, 2], scratch.W)
     return finite
 
 
@@ -240,7 +254,7 @@ def correct_sample(
     errors: FloatArray,
 ) -> None:
     """`correct` by each measurement of a sample, `values`, in turn; `rows` and `errors` as in `FilterOutput`."""
-    _, of_sensor, outlier = measurements
+    of_sensor, outlier = measurements.of_sensor, measurements.outlier
     for m in range(sensors.shape[0]):
         if math.isnan(values[m]):
             errors[m] = np.nan
@@ -255,7 +269,7 @@ def correct_sample(
 @kernel
 def follow(
     step: Callable[..., bool],
-    state: tuple[FloatArray, FloatArray],
+    state: FilterState,
     model: ModelArrays,
     intervals: Intervals,
     sensors: IntArray,
@@ -278,25 +292,25 @@ def follow(
     span
         First sample, the one after the last, and the state whose derivatives and deviation are written.
     """
-    x, S = state
+    x, S, out = state.x, state.S, output
     u, length, substeps, sigma, lags = intervals
-    rows, errors, states, watched = output
-    _, W, h = scratch
     begin, end, at = span
-    n, k, given = states.shape[1], rows.shape[2] - 1, W.shape[0] == 0
+    n, k, given = out.states.shape[1], out.rows.shape[2] - 1, scratch.W.shape[0] == 0
     for i in range(begin, end):
         if i > 0:
             interval = u[i - 1], length[i - 1], int(substeps[i - 1]), sigma[i - 1], lags[i - 1]
             if not predict(step, x, S, model, interval, sensors, scratch):
                 return i
-        values = measurements[0][i]
-        correct_sample(x, S, sensors, values, measurements, given, h, gains[i], rows[i - begin], errors[i])
+        values = measurements.values[i]
+        correct_sample(
+            x, S, sensors, values, measurements, given, scratch.h, gains[i], out.rows[i - begin], out.errors[i]
+        )
         square = 0.0
         for j in range(k, S.shape[1]):
             square += S[at, j] * S[at, j]
-        states[i] = x[:n]
-        watched[i, :k] = S[at, :k]
-        watched[i, k] = math.sqrt(square)
+        out.states[i] = x[:n]
+        out.watched[i, :k] = S[at, :k]
+        out.watched[i, k] = math.sqrt(square)
     return -1
 
 

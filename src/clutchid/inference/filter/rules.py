@@ -28,12 +28,42 @@ class CorrectionRule(NamedTuple):
     kernel: str
     columns: bool
     memory: int
-    numbers: tuple[Any, ...]
+    numbers: Any
     compares: str = "position"
 
 
 #: States and free parameters by their covariance, see `joint`.
-KALMAN = CorrectionRule("clutchid.inference.filter.joint", "follow_jointly", columns=True, memory=0, numbers=())
+KALMAN = CorrectionRule("clutchid.inference.filter.joint", "follow_jointly", columns=True, memory=0, numbers=None)
+
+
+class AdaptiveNumbers(NamedTuple):
+    """What the rule of the adaptive observer adds to the settings.
+
+    Gains of the velocity in 1/s; of p_A V_A, in N m by m of motion times area over volume; of the weights, which
+    multiplies T T', in 1/(N m); share of a sample in the average position; places of p_A in x, of V_0A and A_A in p.
+    """
+
+    velocity: float
+    air: float
+    adaptation: float
+    share: float
+    at_pressure: int
+    at_volume: int
+    at_area: int
+
+
+class BalanceNumbers(NamedTuple):
+    """What the rule of the balance of forces adds to the settings.
+
+    Smoothing weights (3, samples); standard deviation of the force in N; top speed in m/s; place of the mass in p, and
+    the mass in kg.
+    """
+
+    smoothing: FloatArray
+    force: float
+    top: float
+    at_mass: int
+    mass: float
 
 
 #: Time constant in s of the average position: the piston moves if its position is further from it than an outlier from
@@ -86,15 +116,17 @@ def adaptive_rule(
     velocity = gains.velocity / spacing
     damping = (p.D_v + p.M * velocity) / spacing
     rows, names = actuator.states, actuator.parameter_names
-    numbers = (
+    numbers = AdaptiveNumbers(
         velocity,
         gains.pressure * damping * (p.V_0A / p.A_A) ** 2,
         gains.load * damping / float(variance),
         min(1.0, spacing / AVERAGE),
-        (rows.index("p_A"), names.index("V_0A"), names.index("A_A")),
+        rows.index("p_A"),
+        names.index("V_0A"),
+        names.index("A_A"),
     )
     return CorrectionRule(
-        "clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, memory=2, numbers=(numbers,)
+        "clutchid.inference.filter.adaptive", "follow_adaptively", columns=False, memory=2, numbers=numbers
     )
 
 
@@ -134,11 +166,12 @@ def balance_rule(actuator: Actuator, count: int, spacing: float) -> CorrectionRu
     lag = actuator.value(MEASURED["position"].lag) / spacing
     position, velocity = smoothing(samples, lag - late)
     newest = np.append(np.zeros(samples - present), smoothing(present, lag)[0])
-    numbers = (
+    numbers = BalanceNumbers(
         np.ascontiguousarray([position, velocity / spacing, newest]),
         FORCE,
         max(TOP_SPEED, actuator.parameters.y_max / STROKE_TIME),
-        (actuator.parameter_names.index("M"), actuator.parameters.M),
+        actuator.parameter_names.index("M"),
+        actuator.parameters.M,
     )
     memory = 7 + count + samples + (late + 1) * (inputs + 1)
     return CorrectionRule(
@@ -146,6 +179,6 @@ def balance_rule(actuator: Actuator, count: int, spacing: float) -> CorrectionRu
         "follow_balance",
         columns=False,
         memory=memory,
-        numbers=(numbers,),
+        numbers=numbers,
         compares="force",
     )

@@ -9,7 +9,7 @@ and, where gains are computed, size columns for the square root of the covarianc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,29 +27,77 @@ from clutchid.simulation.windows import Track
 
 IntArray = NDArray[np.int64]
 
-#: Arguments of the generated `step` after state, inputs and interval: parameters, load (breakpoints, coefficients,
-#: basis), which columns of S are load weights (basis, column) and parameters (slot, row, column), and its work array.
-ModelArrays = tuple[
-    FloatArray, FloatArray, FloatArray, FloatArray, IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray
-]
 
-#: What is given for each interval: inputs (samples, inputs), of which the last row is not used; length in s, steps of
-#: integration (samples - 1,); standard deviation of the process noise (samples - 1, n); lags of the sensors
-#: (samples - 1, sensors, 6), see `clutchid.simulation.sensors.lag_coefficients`.
-Intervals = tuple[FloatArray, FloatArray, NDArray[np.int32], FloatArray, FloatArray]
+class ModelArrays(NamedTuple):
+    """Arguments of the generated `step` after state, inputs and interval.
 
-#: What is given of the measurements: values (samples, sensors), NaN for none; offset and standard deviation of each
-#: sensor (sensors, 2); standard deviations beyond which an innovation is an outlier.
-Measurements = tuple[FloatArray, FloatArray, float]
+    Parameters (p,); load, by breakpoints (b,), coefficients (b + 1, 4), and those of its basis functions; which columns
+    are those of load weights (basis function, column) and of parameters (slot, row, column); and its work array.
+    """
 
-#: Scratch arrays: measured states before a step with their rows of S (sensors, 1 + columns); ``[L | Q]``, with Q the
-#: square root of the process noise (size, size + n), or (0, 0) with given gains; a row of S (columns,).
-Scratch = tuple[FloatArray, FloatArray, FloatArray]
+    p: FloatArray
+    breakpoints: FloatArray
+    load: FloatArray
+    basis: FloatArray
+    table_basis: IntArray
+    table_column: IntArray
+    fill_slot: IntArray
+    fill_row: IntArray
+    fill_column: IntArray
+    work: FloatArray
 
-#: What `follow` writes: rows (samples, sensors, k + 1), see `write_row`; innovations and their variances (samples,
-#: sensors, 2), NaN for none; states of the model after each sample (samples, n); derivatives of one state and its
-#: standard deviation (samples, k + 1).
-FilterOutput = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+class Intervals(NamedTuple):
+    """Intervals of a segment.
+
+    Inputs (samples, inputs), of which the last row is not used; `length` in s and steps of integration (samples - 1,);
+    standard deviation of the process noise (samples - 1, n); coefficients of the sensors' lags (samples - 1, sensors,
+    6), see `clutchid.simulation.sensors.lag_coefficients`.
+    """
+
+    inputs: FloatArray
+    length: FloatArray
+    substeps: NDArray[np.int32]
+    sigma: FloatArray
+    lags: FloatArray
+
+
+class Measurements(NamedTuple):
+    """Measured values (samples, sensors), NaN for none; offset and standard deviation of each sensor (sensors, 2).
+
+    An innovation beyond `outlier` standard deviations is an outlier.
+    """
+
+    values: FloatArray
+    of_sensor: FloatArray
+    outlier: float
+
+
+class Scratch(NamedTuple):
+    """Scratch arrays of the filter of states.
+
+    Measured states before a step with their rows of S (sensors, 1 + columns); ``[L | Q]``, with Q the square root of
+    the process noise (size, size + n), or (0, 0) with given gains; a row of S (columns,).
+    """
+
+    before: FloatArray
+    W: FloatArray
+    h: FloatArray
+
+
+class FilterOutput(NamedTuple):
+    """What `recursion.follow` writes.
+
+    Rows (samples, sensors, k + 1), see `recursion.write_row`; innovations and their variances (samples, sensors, 2),
+    NaN for none; states of the model after each sample (samples, n); derivatives of one state and its standard
+    deviation (samples, k + 1).
+    """
+
+    rows: FloatArray
+    errors: FloatArray
+    states: FloatArray
+    watched: FloatArray
+
 
 #: Columns of `sensors`, one row a sensor: row of its output in x, row of the state that it measures, columns in S of
 #: its lag and its offset, -1 if they are fixed.
@@ -67,39 +115,116 @@ MEAN, WIDTH, POSITIVE, LOW, HIGH, LEAST, MOST = range(7)
 #: sensor whose lag it is, the sensor whose offset it is.
 WEIGHT, PARAMETER, LAG_OF, OFFSET_OF = range(4)
 
-#: What is fixed about the free parameters: `numbers` (k, 7), `places` (k, 4), and the first and last piece of each load
-#: weight's basis function (weights, 2).
-FreeArrays = tuple[FloatArray, IntArray, IntArray]
 
-#: What follows from theta: load weights (weights,), lag of each sensor (sensors,), offset and standard deviation of
-#: each sensor (sensors, 2), derivatives of the free parameters in SI with respect to theta (k,).
-Derived = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+class FreeArrays(NamedTuple):
+    """What is fixed about k free parameters: `numbers` (k, 7), `places` (k, 4).
 
-#: State of the filter: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k), see `joint`; the process noise
-#: since the last correction (n + sensors,): variances of the states, and the share of a measured state's noise in its
-#: sensor's output; and 1 while a stroke lasts (1,).
-StateArrays = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray]
+    `pieces` are the first and last piece of each load weight's basis function (weights, 2).
+    """
 
-#: Transition since the last correction: ``[Phi | Gamma]`` (size, size + p + w) with the responses to the p free
-#: parameters that are no load weights, and to w free load weights, see `transition`; number of the first of these (1,).
-Transition = tuple[FloatArray, IntArray]
+    numbers: FloatArray
+    places: IntArray
+    pieces: IntArray
 
-#: Window of load weights: their basis functions (w,); columns in S of the free parameters that are no load weights;
-#: basis functions and columns in S of all free load weights, by their place in the stroke; positions in m that the
-#: window is for (2,); scratch of the shape of S.
-Window = tuple[IntArray, IntArray, IntArray, IntArray, FloatArray, FloatArray]
 
-#: Scratch arrays: those of `Scratch`; gain of x and variance of the innovation (size + 1,); two vectors
-#: (k,); a matrix (k, k + d) for the drift of the parameters.
-JointScratch = tuple[Scratch, FloatArray, FloatArray, FloatArray, FloatArray]
+class Derived(NamedTuple):
+    """What follows from theta.
 
-#: Settings of the recursion: samples between corrections; standard deviations beyond which an innovation is an outlier;
-#: speed in m/s above which parameters adapt; rows of speed and position in x.
-SettingsArrays = tuple[int, float, float, tuple[int, int]]
+    Load weights (weights,); lag of each sensor (sensors,), its offset and standard deviation (sensors, 2); derivatives
+    of the free parameters in SI with respect to theta (k,).
+    """
 
-#: What `follow_jointly` writes: innovations and their variances (samples, sensors, 2), NaN for none; the states of the
-#: model after each sample (samples, n), and their standard deviations (samples, n), NaN between corrections.
-JointOutput = tuple[FloatArray, FloatArray, FloatArray]
+    weights: FloatArray
+    lags: FloatArray
+    of_sensor: FloatArray
+    slopes: FloatArray
+
+
+class JointState(NamedTuple):
+    """State of the joint filter between two samples: x (size,), S = [D | L] (size, k + size), theta (k,), T (k, k).
+
+    x are the states of the model, then the output of each sensor, in SI; theta the free parameters as coordinates. See
+    `joint` for D, L and T. `waiting` (n + sensors,) is the process noise since the last correction: variances of the
+    states, and the share of a measured state's noise in its sensor's output; `stroke` (1,) is 1 while one lasts. S is
+    that after the last correction: since then it has moved by `moved` = [Phi | Gamma] (size, size + p + w), with Gamma
+    for the p free parameters that are no load weights and a window of w load weights, of which number `first` (1,) is
+    the first; see `transition`. To write it, write its arrays: a filter goes on from them bit by bit.
+    """
+
+    x: FloatArray
+    S: FloatArray
+    theta: FloatArray
+    T: FloatArray
+    waiting: FloatArray
+    stroke: IntArray
+    moved: FloatArray
+    first: IntArray
+
+    def copy(self) -> JointState:
+        """An independent copy."""
+        x, S, theta, T, waiting, stroke, moved, first = self
+        return JointState(
+            x.copy(), S.copy(), theta.copy(), T.copy(), waiting.copy(), stroke.copy(), moved.copy(), first.copy()
+        )
+
+
+class Window(NamedTuple):
+    """Window of load weights whose columns move, see `transition`.
+
+    Their basis functions (w,); columns in S of the free parameters that are no load weights; basis functions and
+    columns in S of all free load weights, by their place in the stroke; positions in m that the window is for (2,);
+    scratch of the shape of S.
+    """
+
+    bases: IntArray
+    parameters: IntArray
+    weight_bases: IntArray
+    weight_columns: IntArray
+    within: FloatArray
+    before: FloatArray
+
+
+class JointScratch(NamedTuple):
+    """Scratch arrays of the joint filter: those of `Scratch`, and more.
+
+    Gain of x and variance of the innovation (size + 1,); two vectors (k,); a matrix (k, k + d) for the drift of the
+    parameters.
+    """
+
+    before: FloatArray
+    W: FloatArray
+    h: FloatArray
+    gain: FloatArray
+    w: FloatArray
+    step: FloatArray
+    room: FloatArray
+
+
+class SettingsArrays(NamedTuple):
+    """Settings of the joint filter.
+
+    Samples between corrections; standard deviations beyond which an innovation is an outlier; speed in m/s above which
+    parameters adapt; rows of speed and position in x; numbers of the rule, see `rules`.
+    """
+
+    every: int
+    outlier: float
+    least_speed: float
+    at_speed: int
+    at_position: int
+    rule: Any
+
+
+class JointOutput(NamedTuple):
+    """What a filter by a rule writes.
+
+    Innovations and their variances (samples, sensors, 2), NaN for none; the states of the model after each sample
+    (samples, n), and their standard deviations (samples, n), NaN between corrections.
+    """
+
+    errors: FloatArray
+    states: FloatArray
+    deviations: FloatArray
 
 
 class FilterState(NamedTuple):
@@ -128,7 +253,7 @@ def model_arrays(mapped: ParameterMap, which: Columns, width: int) -> ModelArray
     arrays, module = mapped.arrays, kernels(mapped.actuator.model)
     work = np.empty(module.work_size(width))
     module.prepare(arrays.parameters, which.fill_slot, work)
-    return (
+    return ModelArrays(
         arrays.parameters, arrays.breakpoints, arrays.load, arrays.basis, which.table_basis, which.table_column,
         which.fill_slot, which.fill_row, which.fill_column, work,
     )  # fmt: skip
@@ -138,7 +263,7 @@ def intervals(segment: Segment, actuator: Actuator, noise: Noise, names: Sequenc
     """The intervals of a segment, with process noise and lags of the sensors as for `actuator`."""
     lags = [lag_coefficients(actuator.value(SENSORS[name].lag), segment.dt) for name in names]
     sigma = process_noise(segment, actuator, noise)
-    return segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1)
+    return Intervals(segment.inputs, segment.dt, segment.substeps, sigma, np.stack(lags, axis=1))
 
 
 def measurements(
@@ -152,7 +277,7 @@ def measurements(
             recorded = track.measured[name][inside]
             values[:, m] = np.where(np.isfinite(recorded), recorded, np.nan)
     of_sensor = [(actuator.value(SENSORS[name].offset), noise.measured.get(name, np.inf)) for name in names]
-    return values, np.array(of_sensor), float(noise.outlier)
+    return Measurements(values, np.array(of_sensor), float(noise.outlier))
 
 
 def first_state(
@@ -182,4 +307,4 @@ def first_state(
 def scratch(size: int, n: int, width: int, sensors: int, given: bool = False) -> Scratch:
     """Scratch arrays for x of `size`, of which n are states of the model, and S with `width` columns."""
     W = np.empty((0, 0) if given else (size, size + n))
-    return np.empty((sensors, 1 + width)), W, np.empty(width)
+    return Scratch(np.empty((sensors, 1 + width)), W, np.empty(width))

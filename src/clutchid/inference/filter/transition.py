@@ -10,7 +10,7 @@ others is 0. At a correction, and before the piston leaves the window, D and L a
 from __future__ import annotations
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.setup import IntArray, Transition, Window
+from clutchid.inference.filter.setup import IntArray, JointState, Window
 from clutchid.log import FloatArray
 
 #: How far the piston may move in a step: a distance in m, and multiples of that at its present speed.
@@ -20,7 +20,7 @@ MARGIN, AHEAD = 2e-4, 2.0
 @kernel
 def place_window(first: int, window: Window, pieces: IntArray, breakpoints: FloatArray) -> None:
     """The window of load weights from the free one number `first`, and the positions in m that it is for."""
-    bases, _, weight_bases, _, reach, _ = window
+    bases, weight_bases = window.bases, window.weight_bases
     low, high = 0, breakpoints.size
     for q in range(weight_bases.size):
         b = weight_bases[q]
@@ -30,14 +30,14 @@ def place_window(first: int, window: Window, pieces: IntArray, breakpoints: Floa
             low = max(low, pieces[b, 1] + 1)
         else:
             high = min(high, pieces[b, 0] - 1)
-    reach[0] = -1e300 if low == 0 else breakpoints[low - 1]
-    reach[1] = 1e300 if high >= breakpoints.size else breakpoints[high]
+    window.within[0] = -1e300 if low == 0 else breakpoints[low - 1]
+    window.within[1] = 1e300 if high >= breakpoints.size else breakpoints[high]
 
 
 @kernel
 def centred_window(position: float, window: Window, pieces: IntArray, breakpoints: FloatArray) -> int:
     """Number of the first free load weight of a window with those that act at a position in m in its middle."""
-    bases, _, weight_bases, _, _, _ = window
+    bases, weight_bases = window.bases, window.weight_bases
     s = 0
     while s < breakpoints.size and breakpoints[s] <= position:
         s += 1
@@ -50,15 +50,12 @@ def centred_window(position: float, window: Window, pieces: IntArray, breakpoint
 
 
 @kernel
-def bring_up(
-    S: FloatArray, transition: Transition, window: Window, pieces: IntArray, breakpoints: FloatArray, position: float
-) -> None:
+def bring_up(state: JointState, window: Window, pieces: IntArray, breakpoints: FloatArray, position: float) -> None:
     """Bring S = [D | L] up to date: ``D := Phi D + Gamma``, ``L := Phi L``; Phi and Gamma begin again.
 
     The window is put around a `position` in m.
     """
-    moved, first = transition
-    _, parameters, _, weight_columns, _, before = window
+    S, moved, first, before = state.S, state.moved, state.first, window.before
     size, columns = S.shape
     for i in range(size):
         for j in range(columns):
@@ -71,12 +68,12 @@ def bring_up(
                 S[i, j] += share * before[q, j]
             moved[i, q] = 1.0 if i == q else 0.0
         at = size
-        for j in parameters:
+        for j in window.parameters:
             S[i, j] += moved[i, at]
             moved[i, at] = 0.0
             at += 1
         for q in range(at, moved.shape[1]):
-            S[i, weight_columns[first[0] + q - at]] += moved[i, q]
+            S[i, window.weight_columns[first[0] + q - at]] += moved[i, q]
             moved[i, q] = 0.0
     first[0] = centred_window(position, window, pieces, breakpoints)
     place_window(first[0], window, pieces, breakpoints)
