@@ -218,7 +218,8 @@ def _free_arrays(
     return FreeArrays(np.array(numbers).reshape(-1, 7), places_array, np.array(pieces))
 
 
-_KERNELS = "clutchid.inference.filter.joint"
+#: Samples to a correction that is never due.
+_NEVER = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,14 +287,7 @@ def follow(
     A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
     part in the recording.
     """
-    after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
-    output = JointOutput(np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n)))
-    model, derived, work = _work(joint, after)
-    failed = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
-        *joint.calls, after, model, joint.free, derived, given.intervals, joint.sensors,
-        given.values, _settings(joint), joint.drifts, joint.pace, output, work, _window(joint, model, after),
-        (*span, number),
-    )  # fmt: skip
+    failed, after, output = _filtered(joint, state, given, (*span, number), _settings(joint), joint.drifts)
     if failed >= 0 or not all(np.isfinite(array).all() for array in after):
         at = failed if failed >= 0 else span[1] - 1
         return Diverged(f"the filter diverged at sample {at} of the segment", at)
@@ -303,23 +297,10 @@ def follow(
 def predict(joint: JointFilter, state: JointState, interval: Intervals) -> JointState:
     """The state after an interval, given as the only row of `Intervals`; for the rule of Kalman."""
     _check_rule(joint)
-    after = state.copy()
-    model, derived, work = _work(joint, after)
-    compiled = kernels_in(_KERNELS)
-    compiled.refresh(joint.calls[1], after.theta, joint.free, derived, model)
-    u, length, substeps, sigma, lags = interval
-    states = joint.mapped.actuator.states
-    at = [float(after.x[states.index(name)]) for name in ("y", "v")]
-    steps = compiled.steps_at(joint.pace, *at, length[0], int(substeps[0]))
-    row = u[0], length, steps, sigma[0], lags[0].copy()
-    window = _window(joint, model, after)
-    compiled.place_window(after.first[0], window, joint.free.pieces, model.breakpoints)
-    if compiled.leaves(after.x, _settings(joint), length[0], window.within):
-        compiled.bring_up(after, window, joint.free.pieces, model.breakpoints, at[0])
-    compiled.move_columns(
-        joint.calls[0], after.x, after.moved, after.waiting, model, row, derived.lags, joint.sensors, work.before
-    )
-    return after
+    nothing = JointInputs(interval, np.full((2, len(joint.measure)), np.nan))
+    settings, drifts = _settings(joint)._replace(every=_NEVER), joint.drifts[:, :0]
+    _, after, _ = _filtered(joint, state, nothing, (1, 2, 0), settings, np.ascontiguousarray(drifts))
+    return after._replace(stroke=state.stroke.copy())
 
 
 def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[JointState, FloatArray]:
@@ -336,27 +317,30 @@ def correct(joint: JointFilter, state: JointState, values: FloatArray) -> tuple[
         Innovations and their variances, NaN for none.
     """
     _check_rule(joint)
-    after, errors = state.copy(), np.empty((len(joint.measure), 2))
+    none, known = np.zeros(0), np.where(np.isfinite(values), values, np.nan)[None]
+    intervals = Intervals(none[:, None], none, none.astype(np.int32), none[:, None], none[:, None, None])
+    drifts = np.ascontiguousarray(joint.drifts[:, :0])
+    _, after, output = _filtered(joint, state, JointInputs(intervals, known), (0, 1, 0), _settings(joint), drifts)
+    return after._replace(stroke=state.stroke.copy()), output.errors[0]
+
+
+def _filtered(
+    joint: JointFilter,
+    state: JointState,
+    given: JointInputs,
+    span: tuple[int, int, int],
+    settings: SettingsArrays,
+    drifts: FloatArray,
+) -> tuple[int, JointState, JointOutput]:
+    """The kernel of the rule over some samples: the first that is not finite, or -1; state and output after them."""
+    after, n, count = state.copy(), len(joint.mapped.actuator.states), span[1] - span[0]
+    output = JointOutput(np.empty((count, len(joint.measure), 2)), np.empty((count, n)), np.empty((count, n)))
     model, derived, work = _work(joint, after)
-    compiled = kernels_in(_KERNELS)
-    compiled.refresh(joint.calls[1], after.theta, joint.free, derived, model)
-    known = np.where(np.isfinite(values), values, np.nan)
-    position = float(after.x[joint.mapped.actuator.states.index("y")])
-    window = _window(joint, model, after)
-    compiled.bring_up(after, window, joint.free.pieces, model.breakpoints, position)
-    compiled.correct_sample_jointly(
-        joint.calls[1],
-        after,
-        model,
-        joint.free,
-        derived,
-        joint.sensors,
-        known,
-        _settings(joint),
-        errors,
-        work,
-    )
-    return after, errors
+    failed: int = getattr(kernels_in(joint.rule.module), joint.rule.kernel)(
+        *joint.calls, after, model, joint.free, derived, given.intervals, joint.sensors, given.values, settings,
+        drifts, joint.pace, output, work, _window(joint, model, after), span,
+    )  # fmt: skip
+    return failed, after, output
 
 
 def covariance(joint: JointFilter, state: JointState) -> FloatArray:
