@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from clutchid.inference.filter.joint import STROKE_ENDS
 from clutchid.inference.filter.joint_c99 import joint_c99
 from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
+from clutchid.inference.filter.setup import STROKE_ENDS
 from clutchid.log import Log
 from clutchid.model.compiled import system
 from clutchid.observer.methods import MODES

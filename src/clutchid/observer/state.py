@@ -8,16 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.inference.filter.setup import JointState
+from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS, JointState
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.recordings.signals.excitation import VENTED_POSITION
 from clutchid.simulation.inputs import held_inputs
 from clutchid.simulation.plan import OUTSIDE, Segment
 
-#: A stroke begins above the first position in m and ends below the second, so that noise does not count; a shorter one
-#: in s is a spike of the sensor.
-RISEN, FALLEN, SHORTEST = 2e-3, 1.8e-3, 0.02
+#: A shorter stroke in s is a spike of the sensor.
+SHORTEST = 0.02
 
 
 class Strokes(NamedTuple):
@@ -49,7 +48,7 @@ def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> t
     >>> count_strokes(Strokes(), 0.1 * np.arange(5), position)
     (Strokes(ended=1, began=None), [3])
     """
-    side = np.where(position > RISEN, 1, np.where(position < FALLEN, -1, 0))
+    side = np.where(position > STROKE_BEGINS, 1, np.where(position < STROKE_ENDS, -1, 0))
     known = np.flatnonzero(side)
     before = np.append(-1 if strokes.began is None else 1, side[known[:-1]])
     (ended, began), ends = strokes, []

@@ -23,6 +23,8 @@ from clutchid.inference.filter.setup import (
     LAG,
     OFFSET,
     OUTPUT,
+    STROKE_BEGINS,
+    STROKE_ENDS,
     Derived,
     FreeArrays,
     IntArray,
@@ -38,9 +40,6 @@ from clutchid.inference.filter.transition import AHEAD, MARGIN, bring_up, place_
 from clutchid.log import FloatArray
 from clutchid.simulation.comparison import lag_coefficients
 from clutchid.simulation.stiffness import Pace
-
-#: A stroke begins where the estimated position in m rises above the first, and ends where it falls below the second.
-STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
 
 
 @inlined

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from clutchid.codegen.c99 import CSource
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT
 from clutchid.codegen.templates import template
-from clutchid.inference.filter.joint import STROKE_BEGINS, STROKE_ENDS
+from clutchid.inference.filter.setup import STROKE_BEGINS, STROKE_ENDS
 from clutchid.simulation.comparison import SHORTEST_LAG
 
 

@@ -103,6 +103,10 @@ class FilterOutput(NamedTuple):
 #: its lag and its offset, -1 if they are fixed.
 OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
 
+#: A stroke begins where the position in m rises above the first and ends where it falls below the second, so that noise
+#: does not count.
+STROKE_BEGINS, STROKE_ENDS = 2e-3, 1.5e-3
+
 #: Load weights whose columns move, see `transition`. Four act at any position; eight are those of 6 mm with knots at
 #: 1.25 mm, which the piston passes in the 10 ms between corrections at 0.5 m/s.
 WEIGHTS = 8
