@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from clutchid.codegen.terms import terms_source
+from clutchid.codegen.numba_source import terms_source
 from clutchid.truck import Truck
 from clutchid.truck.ageing import worn_parameters
 from clutchid.truck.order import INPUTS, PARAMETERS, STATES

@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from clutchid.codegen.differentiation import DifferentiatedProgram, Entry, layout
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT, C_WORDS, Language, apart
-from clutchid.codegen.layout import DifferentiatedProgram, Entry, layout
 from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, targets
 from clutchid.codegen.staging import Parts, positions, read
 from clutchid.codegen.system import Expr, System

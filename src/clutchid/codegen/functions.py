@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import sympy as sp
-
-from clutchid.codegen.lanes import Rows, Work, map_columns, move_columns
-from clutchid.codegen.layout import JUMP, DifferentiatedProgram, Entry
+from clutchid.codegen.differentiation import JUMP, DifferentiatedProgram, Entry
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, function
 from clutchid.codegen.program import live
 from clutchid.codegen.staging import Parts, positions, read
-from clutchid.codegen.stepping import step_function
-from clutchid.codegen.system import Expr
+from clutchid.codegen.stepping import Rows, Work, map_columns, move_columns, step_function
+from clutchid.codegen.system import Expr, symbols_in
 
 
 def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
@@ -22,7 +19,7 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
     ``constants_NAME(p, work)``, ``hold_NAME(u, u_at, p, work)`` and ``step_NAME(x, x_at, p, work, h)``, which ends with
     the table's ``breakpoints, count, load``, compute the states, where NAME is "plain", with the Jacobian for
     "jacobian", with the derivatives to parameters too for "all"; ``jump_NAME(x, measured, measured_at, p, work,
-    number)`` what a jump does. The columns are moved by `lanes`.
+    number)`` what a jump does. `move_columns` and `map_columns` move the sensitivities.
 
     Raises
     ------
@@ -107,7 +104,7 @@ def _jumps(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
 
 
 def _jump(plan: DifferentiatedProgram, work: Work, name: str, stores: Sequence[tuple[ArrayElement, Expr]]) -> Function:
-    results = {symbol for _, value in stores for symbol in sp.sympify(value).free_symbols}
+    results = symbols_in(value for _, value in stores)
     statements = live(plan.jump.statements, results)
     needed = read(statements) | results
     system = plan.system

@@ -102,7 +102,7 @@ def step(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.callback import Callback
+    from clutchid.codegen.linked import Callback
 
     x, S = (types.Array(types.float64, n, "C") for n in (1, 2))
     fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
@@ -122,7 +122,7 @@ def prepare(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.callback import Callback
+    from clutchid.codegen.linked import Callback
 
     x, places = types.Array(types.float64, 1, "C"), types.Array(types.int64, 1, "C")
     return Callback(kernels(model).prepare, (x, places, x))
@@ -171,8 +171,7 @@ def _sources() -> list[Path]:
 
 
 def _kernels_text(model: Model) -> str:
-    from clutchid.codegen.numba_source import numba_source
-    from clutchid.codegen.terms import terms_source
+    from clutchid.codegen.numba_source import numba_source, terms_source
 
     text = system(model)
     return numba_source(text) + terms_source(text)

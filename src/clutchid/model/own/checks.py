@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from clutchid.codegen.system import Expr, System
+from clutchid.codegen.system import Expr, System, symbols_in
 from clutchid.errors import ParameterError
 from clutchid.log import COLUMNS
 from clutchid.log.states import STATES
@@ -242,7 +242,7 @@ def _use_problems(model: Physics, base: System) -> Iterator[str]:
         yield f"terms depend on each other: {error}."
         return
     values = {**{name: terms[name] for name in needed}, **{f"rate of {name}": rate for name, rate in rates.items()}}
-    symbols = {where: {s.name for s in getattr(value, "free_symbols", set())} for where, value in values.items()}
+    symbols = {where: {s.name for s in symbols_in([value])} for where, value in values.items()}
     used = set().union(*symbols.values())
     known = [str(symbol) for symbol, _ in base.definitions]
     if idle := [name for name in model.terms if name not in used]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, Jump, System
+from clutchid.codegen.system import Expr, Jump, System, symbols_in
 from clutchid.model.own.rows import Physics
 
 #: How the term of the variant is called inside what replaces it.
@@ -75,7 +75,7 @@ def ordered(terms: Mapping[str, Expr], values: Iterable[Expr]) -> tuple[str, ...
     done: dict[str, None] = {}
 
     def visit(value: Expr, way: tuple[str, ...]) -> None:
-        for name in sorted(s.name for s in getattr(value, "free_symbols", set()) if s.name in terms):
+        for name in sorted(s.name for s in symbols_in([value]) if s.name in terms):
             if name in way:
                 raise ValueError(" -> ".join((*way[way.index(name) :], name)))
             if name not in done:
