@@ -143,10 +143,10 @@ class Actuator:
         ParameterError
             If there is no such parameter; the text names the nearest known one.
         """
-        own = self.own_row(name)
-        if own is None and name not in Parameters.names():
+        rows = self.rows
+        if name not in rows:
             raise ParameterError(unknown_name(name, self.parameter_names))
-        return Parameters.row(name) if own is None else own.row
+        return rows[name]
 
     def own_row(self, name: str) -> OwnParameter | None:
         """The row of a parameter of an `OwnModel`; None for any other name."""

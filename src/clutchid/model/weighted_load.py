@@ -15,31 +15,7 @@ from clutchid.model.compiled import functions
 from clutchid.names import unknown_name
 
 #: Knots in m: dense where the clutch takes hold and where the diaphragm spring turns, as wide as the change allows.
-DEFAULT_KNOTS = tuple(
-    mm * 1e-3
-    for mm in (
-        0.0,
-        0.5,
-        1.0,
-        1.5,
-        2.0,
-        3.0,
-        4.0,
-        5.0,
-        6.0,
-        7.0,
-        8.0,
-        9.0,
-        10.0,
-        12.0,
-        14.0,
-        16.0,
-        18.0,
-        20.0,
-        22.5,
-        25.0,
-    )
-)
+DEFAULT_KNOTS = tuple(mm * 1e-3 for mm in (0, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 22.5, 25))
 
 
 def b_spline_table(knots: Sequence[float]) -> tuple[FloatArray, FloatArray]:
@@ -228,12 +204,15 @@ class Load:
 
     def curvature(self, y: FloatArray) -> FloatArray:
         """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
-        y = np.asarray(y, dtype=np.float64)
-        segment = np.searchsorted(self.breakpoints, y, side="right")
-        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
-        c = self.coefficients[:, segment]
+        offset, c = self._pieces(y)
         result: FloatArray = (2 * c[..., 2] + 6 * offset * c[..., 3]).T
         return result
+
+    def _pieces(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances of positions to the breakpoints on their left, and coefficients of all basis functions there."""
+        y = np.asarray(y, dtype=np.float64)
+        segment = np.searchsorted(self.breakpoints, y, side="right")
+        return y - self.breakpoints[np.maximum(segment - 1, 0)], self.coefficients[:, segment]
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
@@ -258,10 +237,7 @@ class Load:
 
     def phi(self, y: FloatArray) -> FloatArray:
         """Basis functions in m at the positions `y` in m, shape (n, n_theta)."""
-        y = np.asarray(y, dtype=np.float64)
-        segment = np.searchsorted(self.breakpoints, y, side="right")
-        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
-        c = self.coefficients[:, segment]
+        offset, c = self._pieces(y)
         result: FloatArray = (c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))).T
         return result
 
