@@ -169,6 +169,18 @@ def sample_interval(time: FloatArray, otherwise: float = math.nan) -> float:
     return float(np.median(np.diff(time))) if time.size > 1 else otherwise
 
 
+def holes(time: FloatArray) -> NDArray[np.bool_]:
+    """Whether each interval between samples is a hole, shape (n - 1,).
+
+    Examples
+    --------
+    >>> holes(np.array([0.0, 0.01, 0.02, 0.5])).tolist()
+    [False, False, True]
+    """
+    mask: NDArray[np.bool_] = np.diff(time) > HOLE * sample_interval(time, 0.0)
+    return mask
+
+
 def name_and_unit(column: str) -> tuple[str, str]:
     """Name and SI unit of a column of a `Log`.
 

@@ -12,7 +12,7 @@ from types import ModuleType
 import numpy as np
 
 from clutchid.codegen.cache import load_module
-from clutchid.log import HOLE, FloatArray, Log
+from clutchid.log import FloatArray, Log, holes
 from clutchid.recordings.signals.sampled import runs, velocity
 
 #: Parameters of the friction, in the order of the kernels.
@@ -95,11 +95,7 @@ def segments(log: Log, window: float) -> list[FreeRunSegment]:
         Half window of the velocity: difference of the mean positions after and before a sample.
     """
     position = log["position"]
-    apart = np.zeros(len(log), dtype=bool)
-    if len(log) > 1:
-        steps = np.diff(log.time)
-        apart[1:] = steps > HOLE * np.median(steps)
-    found = []
+    apart, found = np.append(False, holes(log.time)), []
     for first, last in runs(np.isfinite(position)):
         edges = [first, *(first + 1 + np.flatnonzero(apart[first + 1 : last])).tolist(), last]
         for start, stop in pairwise(edges):

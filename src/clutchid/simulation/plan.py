@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, FloatArray, Log
+from clutchid.log import FloatArray, Log, holes
 from clutchid.model.actuator import Actuator
 from clutchid.recordings.signals.excitation import VENTED_POSITION
+from clutchid.recordings.signals.sampled import runs
 from clutchid.simulation.inputs import held_inputs, input_span
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
@@ -155,12 +156,7 @@ def outside_stroke(log: Log, y_max: float) -> OutsideStroke:
 def _stretches(log: Log) -> list[tuple[int, int]]:
     """Sample ranges with known inputs and without holes in time; stretches that are too short are left out."""
     known = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
-    dt = np.diff(log.time)
-    if dt.size == 0:
-        return []
-    joined = known[:-1] & known[1:] & (dt <= HOLE * np.median(dt))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
-    stretches = [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    stretches = [(a, b + 1) for a, b in runs(known[:-1] & known[1:] & ~holes(log.time))]
     return stretches if len(stretches) < 2 else [(a, b) for a, b in stretches if b - a >= SHORTEST]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
-from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP, duty_grid, on_off
+from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP
 from clutchid.recordings.signals.sampled import IntArray, run_ends
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
 
@@ -171,26 +171,11 @@ def _allowed(reading: InspectedRecording, spread: float, usual: float) -> Allowe
     # times its mean speed there
     rounding = reading.quanta["position"] / (3 * level(reading) / usual)
     either = math.hypot(force, reading.update_interval, rounding, ALIKE * usual)
-    valve = 0.0 if p.T_pwm > 0 else VALVE * period(reading, PERIOD) / 2
+    valve = 0.0 if p.T_pwm > 0 else VALVE * (reading.carrier_period or PERIOD) / 2
     lag = 0.0 if p.tau_y else LAG / 2
-    wait = 0.0 if on_grid(reading) else math.sqrt(3 * max(0.0, spread**2 - reading.update_interval**2 / 12))
+    # a change off the time grid takes effect with the next period of the carrier, after up to one period
+    wait = 0.0 if reading.duty_period > 0.0 else math.sqrt(3 * max(0.0, spread**2 - reading.update_interval**2 / 12))
     return Allowed(either, valve + lag + wait + math.hypot(either, valve, lag))
-
-
-def on_grid(reading: InspectedRecording) -> bool:
-    """Whether the duty cycles change on a time grid, so that the valve responds at once.
-
-    Other changes take effect with the next period of the carrier, after up to one period.
-    """
-    return duty_grid(reading.log).period > 0.0
-
-
-def period(reading: InspectedRecording, usual: float) -> float:
-    """Period in s of the carrier as estimated from the duty cycles, else the `usual` one.
-
-    Valves that are only opened and closed change on the time grid of the control unit, which is not a carrier.
-    """
-    return usual if on_off(reading.log) else duty_grid(reading.log).period or usual
 
 
 #: Time in s for which the supply valve must be closed before a stroke. The rest level comes from the part that ends
@@ -222,7 +207,6 @@ def starts(reading: InspectedRecording) -> Starts:
     """
     p, log = reading.actuator.parameters, reading.log
     least = level(reading)
-    bottom = float(np.nanquantile(log["position"], 0.005))
     commands = _commands(reading)
     rows = []
     for k in commands[spread_over(commands.size)].tolist():
@@ -230,7 +214,7 @@ def starts(reading: InspectedRecording) -> Starts:
         begin, end = (int(i) for i in np.searchsorted(log.time, (now - BEFORE, now + AFTER)))
         rest = log["position"][int(np.searchsorted(log.time, now - CLOSED)) : begin]
         rest = rest[np.isfinite(rest)]
-        if rest.size < FEWEST_SAMPLES or not _resting(rest, bottom, least, reading.noisy("position")):
+        if rest.size < FEWEST_SAMPLES or not _resting(rest, reading.reach.low, least, reading.noisy("position")):
             continue
         # the model of a switched valve needs one period of past inputs, so the simulation begins in the rest
         window = log.slice(begin, end)
