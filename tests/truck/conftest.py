@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from clutchid.truck import Truck
-from clutchid.truck.compiled import loop
+from clutchid.truck.first import loop
 from clutchid.truck.load_table import LoadTable
-from clutchid.truck.order import STATES
+from clutchid.truck.parameters import STATES
 from clutchid.truck.running import Course, run
 
 #: Supply and exhaust pulses from when to when [ms] and their duty cycles: a stroke, a partial return, back, vented.

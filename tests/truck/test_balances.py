@@ -7,13 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.truck import Truck, aged
-from clutchid.truck.compiled import loop
-from clutchid.truck.first import at_rest
+from clutchid.truck.first import at_rest, loop
 from clutchid.truck.flow import flow_function, line_flow, orifice_flow, slit_flow, valve_flow
 from clutchid.truck.load import load_curve
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.motion import stop_force
-from clutchid.truck.order import LEDGER, STATES
+from clutchid.truck.parameters import LEDGER, STATES
 
 pytestmark = pytest.mark.slow
 

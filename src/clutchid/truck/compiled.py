@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 from clutchid.codegen.cache import load_module
 from clutchid.codegen.system import System
-from clutchid.truck.order import SETTINGS
 
 _HERE = Path(__file__).parent
 
@@ -82,27 +80,4 @@ def loop_source(parts: Loop, ledger: bool) -> str:
 
 #: Constants of `clutchid.truck.law` that every loop uses, and the sources that all loops share.
 CONSTANTS = ("TICK", "SAMPLE", "TICKS", "FILTER_Y", "FILTER_V", "SLOW", "ENGAGED", "VENTING")
-SHARED = ("flow.py", "motion.py", "law.py", "compiled.py", "order.py", "templates/loop.py.j2")
-
-
-def _plant(ledger: bool) -> System:
-    from clutchid.truck.plant import plant
-
-    return plant(ledger)
-
-
-_FIRST = Loop(
-    name="truck",
-    plant=_plant,
-    laws=(("law", ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")),),
-    constants=(),
-    settings=SETTINGS,
-    template="first.py.j2",
-    files=("air.py", "friction.py", "plant.py", "templates/first.py.j2"),
-)
-
-
-@cache
-def loop(ledger: bool = False) -> ModuleType:
-    """The loop of family A, see `compiled`."""
-    return compiled(_FIRST, ledger)
+SHARED = ("flow.py", "motion.py", "law.py", "compiled.py", "parameters.py", "templates/loop.py.j2")

@@ -14,7 +14,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
 from clutchid.truck.families import changed, family_of
-from clutchid.truck.fleet import truck as numbered
+from clutchid.truck.families import truck as numbered
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.manoeuvres import ClutchPoints, set_point

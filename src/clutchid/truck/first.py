@@ -3,29 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from clutchid.codegen.system import System
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck import sensors
 from clutchid.truck.ageing import worn_parameters
-from clutchid.truck.changes import changes_of
-from clutchid.truck.compiled import loop
-from clutchid.truck.family import Family
+from clutchid.truck.compiled import Loop, compiled
+from clutchid.truck.family import Family, changes_of
 from clutchid.truck.law import SAMPLE, TICK
 from clutchid.truck.load import load_curve
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.order import PARAMETERS, SETTINGS, STATES
-from clutchid.truck.parameters import Truck
+from clutchid.truck.parameters import PARAMETERS, SETTINGS, STATES, Truck
 
 #: Sampling period in s of the bang-bang drive; its valves are as fast as for PWM at 100 Hz.
 BANG_PERIOD, BANG_VALVES = 0.002, 0.01
 
 #: Controller output at which the bang-bang drive opens a valve.
 BANG = 0.3
+
+
+def _plant(ledger: bool) -> System:
+    from clutchid.truck.plant import plant
+
+    return plant(ledger)
+
+
+_PARTS = Loop(
+    name="truck",
+    plant=_plant,
+    laws=(("law", ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")),),
+    constants=(),
+    settings=SETTINGS,
+    template="first.py.j2",
+    files=("air.py", "friction.py", "plant.py", "templates/first.py.j2"),
+)
+
+
+@cache
+def loop(ledger: bool = False) -> ModuleType:
+    """The loop of family A, see `clutchid.truck.compiled.compiled`."""
+    return compiled(_PARTS, ledger)
 
 
 def prepared(drawn: dict[str, Any]) -> dict[str, Any]:

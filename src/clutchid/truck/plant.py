@@ -9,7 +9,7 @@ import sympy as sp
 from clutchid.codegen.system import Expr, System, TabulatedFunction
 from clutchid.truck import air, flow, friction, motion
 from clutchid.truck.motion import Definitions
-from clutchid.truck.order import INPUTS, LEDGER, PARAMETERS, STATES
+from clutchid.truck.parameters import INPUTS, LEDGER, PARAMETERS, STATES
 
 
 @cache

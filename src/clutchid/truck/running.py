@@ -12,7 +12,7 @@ from clutchid.log import FloatArray
 from clutchid.truck.families import family_of
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.order import LEDGER
+from clutchid.truck.parameters import LEDGER
 from clutchid.truck.vehicle import Vehicle
 
 
@@ -77,13 +77,13 @@ def run(
     curve : LoadTable, optional
         Load instead of that of the truck.
     start : states, optional
-        In the order of the family's states, see `clutchid.truck.order.STATES`.
+        In the order of the family's states, see `clutchid.truck.parameters.STATES`.
     working : bool
         Whether the compressor runs at the start.
     substeps : int
         Integration steps per tick of 0.1 ms.
     ledger : bool
-        Add `clutchid.truck.order.LEDGER` as further states.
+        Add `clutchid.truck.parameters.LEDGER` as further states.
 
     Raises
     ------

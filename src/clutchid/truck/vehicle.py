@@ -6,11 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
 from typing import Any, Self
 
-import numpy as np
-
 from clutchid.errors import ParameterError
 from clutchid.names import unknown_name
-from clutchid.parameters import Row
+from clutchid.parameters import Row, is_number
 
 FACTS = "truck specification"
 PAPER = "Appendix A"
@@ -100,7 +98,7 @@ class Vehicle:
             known = item.metadata["known"]
             return [] if value in known else [f"{name} = {value!r}: must be one of {', '.join(known)}."]
         row: Row = item.metadata["row"]
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        if not is_number(value):
             return [f"{name} = {value!r}: a number in {row.unit} is needed ({row.meaning})."]
         object.__setattr__(self, name, float(value))
         if row.admits(float(value)):

@@ -5,10 +5,10 @@ import pytest
 
 from clutchid.truck import TruckB, drive, truck
 from clutchid.truck.load_table import LoadTable
-from clutchid.truck.order import LEDGER
+from clutchid.truck.parameters import LEDGER
 from clutchid.truck.second.arrays import at_rest, loop
 from clutchid.truck.second.clutch import load_curve
-from clutchid.truck.second.order import STATES
+from clutchid.truck.second.parameters import STATES
 
 FREE = LoadTable(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
 

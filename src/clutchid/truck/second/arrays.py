@@ -12,15 +12,13 @@ import numpy as np
 
 from clutchid.codegen.system import System
 from clutchid.log import FloatArray
-from clutchid.truck.changes import changes_of
 from clutchid.truck.compiled import Loop, compiled
-from clutchid.truck.family import Family
+from clutchid.truck.family import Family, changes_of
 from clutchid.truck.first import period_in_ticks
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable, rest_position
 from clutchid.truck.second.clutch import load_curve, worn
-from clutchid.truck.second.order import PARAMETERS, SETTINGS, STATES
-from clutchid.truck.second.parameters import TruckB
+from clutchid.truck.second.parameters import PARAMETERS, SETTINGS, STATES, TruckB
 
 
 def coloured(n: int, tau: float, rng: np.random.Generator) -> FloatArray:
@@ -68,7 +66,10 @@ _PARTS = Loop(
     constants=(("second.law", "PARTS"),),
     settings=SETTINGS,
     template="second.py.j2",
-    files=(*(f"second/{name}.py" for name in ("gas", "friction", "plant", "law", "order")), "templates/second.py.j2"),
+    files=(
+        *(f"second/{name}.py" for name in ("gas", "friction", "plant", "law", "parameters")),
+        "templates/second.py.j2",
+    ),
 )
 
 

@@ -9,9 +9,9 @@ import sympy as sp
 from clutchid.codegen.system import Expr, System, TabulatedFunction
 from clutchid.truck import flow, motion
 from clutchid.truck.motion import Definitions
-from clutchid.truck.order import LEDGER
+from clutchid.truck.parameters import LEDGER
 from clutchid.truck.second import friction, gas
-from clutchid.truck.second.order import INPUTS, PARAMETERS, STATES
+from clutchid.truck.second.parameters import INPUTS, PARAMETERS, STATES
 
 #: Maxwell slip: share of the stiffness and of the friction of each element; the stiffest slips first.
 STIFFNESS, LIMIT = (0.4, 0.3, 0.2, 0.1), (0.16, 0.24, 0.3, 0.3)
