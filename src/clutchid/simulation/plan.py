@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -112,15 +112,10 @@ def plan(
     jump, measured = _resets(log, partition, use_pressure)
     measured[:, 0] = np.clip(measured[:, 0], -OUTSIDE, y_max + OUTSIDE)
     uncertain = np.zeros(len(log) - 1) if open_std is None else open_std
-    segments = tuple(
-        replace(
-            _segment(
-                log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure, start == first
-            ),
-            open_std=uncertain[start : stop - 1],
-        )
-        for start, stop in bounds
-    )
+    segments = []
+    for start, stop in bounds:
+        of_samples = jump[start:stop], measured[start:stop], uncertain[start : stop - 1]
+        segments.append(_segment(log, actuator, rate, start, stop, *of_samples, use_pressure, start == first))
     warnings = []
     if len(segments) > 1:
         cuts = ", ".join(f"{log.time[s.start]:.3f} s" for s in segments[1:6]) + (", ..." if len(segments) > 6 else "")
@@ -128,7 +123,7 @@ def plan(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."
         )
-    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max).sentences), actuator)
+    return Plan(log, tuple(segments), (*warnings, *outside_stroke(log, y_max).sentences), actuator)
 
 
 class OutsideStroke(NamedTuple):
@@ -188,6 +183,7 @@ def _segment(
     stop: int,
     jump: NDArray[np.uint8],
     measured: FloatArray,
+    open_std: FloatArray,
     use_pressure: bool,
     begins: bool,
 ) -> Segment:
@@ -206,7 +202,7 @@ def _segment(
         stop=stop,
         inputs=inputs,
         dt=dt,
-        open_std=np.zeros(dt.size),
+        open_std=open_std,
         substeps=substeps(dt, rate),
         jump=jump,
         measured=np.ascontiguousarray(measured),

@@ -121,7 +121,7 @@ def simulate(
         at = slice(segment.start, segment.stop)
         if which.names:
             start = x0, start_sensitivities(segment, actuator, which, starts is not None)
-            states[at], sens[at], failed = run_with_sensitivities(segment, arrays, start, which, range(len(names)))
+            states[at], sens[at], _, failed = run_with_sensitivities(segment, arrays, start, which, range(len(names)))
         else:
             states[at], failed = run(segment, arrays, x0)
         if failed >= 0 and not message:
