@@ -70,13 +70,13 @@ class Drift(NamedTuple):
 
 
 class Freed(NamedTuple):
-    """That a calibration frees a parameter, if it acts."""
+    """Mark of a parameter that a calibration frees, if it acts."""
 
     order: float = math.inf
 
 
 class Adapting(NamedTuple):
-    """That a parameter adapts on line, if it acts; `std` of its change within hours, by default that of its drift."""
+    """Mark of a parameter that adapts on line, if it acts; `std` of its change within hours, else that of its drift."""
 
     order: float = math.inf
     std: float | None = None

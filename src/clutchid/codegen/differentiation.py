@@ -145,7 +145,7 @@ class DifferentiatedProgram:
     jump: JumpProgram
 
 
-def layout(system: System) -> DifferentiatedProgram:
+def differentiated(system: System) -> DifferentiatedProgram:
     """Differentiate and stage `system` once, for all printers.
 
     Raises

@@ -128,10 +128,10 @@ _C = """
     isfinite fabs fabsf INFINITY NAN
 """
 
-#: What the generated Python calls its arguments, locals and modules.
+#: Names of arguments, locals and modules in the generated Python.
 PYTHON_WORDS = frozenset(_PYTHON.split()) | frozenset(keyword.kwlist)
 
-#: What the generated C calls its arguments, locals and functions, and the words of C99 and its mathematics.
+#: Names of arguments, locals and functions in the generated C, and the words of C99 and its mathematics.
 C_WORDS = frozenset(_C.split()) | frozenset(name + suffix for name in FUNCTIONS for suffix in ("", "f"))
 
 _GENERATED = re.compile(r"(const|held)_\d+|_.*|.*__.*")

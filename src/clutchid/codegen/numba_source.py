@@ -7,7 +7,7 @@ from typing import Any
 
 import sympy as sp
 
-from clutchid.codegen.differentiation import layout
+from clutchid.codegen.differentiation import differentiated
 from clutchid.codegen.functions import functions
 from clutchid.codegen.language import PYTHON, PYTHON_WORDS, apart
 from clutchid.codegen.llvm import ArrayElement, Interface, function
@@ -39,7 +39,7 @@ def numba_source(system: System) -> str:
     NotImplementedError
         If an expression uses a function that is not printed, see `clutchid.codegen.language`.
     """
-    plan = layout(apart(system, ()))
+    plan = differentiated(apart(system, ()))
     work, printed = functions(plan)
     text: str = template("kernels.py.j2").render(
         name=system.name,

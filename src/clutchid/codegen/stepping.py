@@ -194,7 +194,7 @@ def _placed(sizes: Mapping[str, int]) -> tuple[dict[str, int], int]:
     return places, end
 
 
-#: What a table gives: value and slope, segment, and the distance from its left breakpoint.
+#: Type of a look-up's result: value and slope, segment, and the distance from its left breakpoint.
 _FOUND = "{double, double, i64, double}"
 
 #: The table's function at an argument; the search starts in segment `last`.

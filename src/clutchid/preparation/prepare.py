@@ -34,7 +34,7 @@ POSITION_MARGIN, SPEED_MARGIN, SPEED_WINDOW = 3e-4, 0.03, 8e-3
 MISSING = 1.5
 
 
-#: What to do with a recording without pressure.
+#: Advice for a recording without pressure.
 FROM_POSITION_ALONE = (
     "From position alone, estimate the load with a calibration: clutchid estimate LOG --start CAL.toml."
 )

@@ -25,7 +25,7 @@ from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.time_grid import in_clock, interpolated, latched
 from clutchid.recordings.signals.duty_cycle import duty_grid, grid_phase, is_slow, on_off, resolves_carrier
 from clutchid.simulation import Partition
-from clutchid.simulation.inputs import carrier
+from clutchid.simulation.inputs import carrier_clock
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.sensors import without_sensors
@@ -112,7 +112,7 @@ def _smooth(values: FloatArray, length: int) -> FloatArray:
 def _explained_variance(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> float:
     """Fraction of the variance of the fast part of the pressure rate that the switching of both valves explains."""
     p = actuator.parameters
-    text, clock = kernels(actuator.model), carrier(log.time, p)
+    text, clock = kernels(actuator.model), carrier_clock(log.time, p)
     pressure = np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0)
     columns = []
     for duty, low, high, drive in (
@@ -212,10 +212,10 @@ def find_phase(log: Log, actuator: Actuator) -> float:
             total += float(np.nansum(np.minimum(np.abs(error), 1e-3) ** 2))
         return total
 
-    coarse = np.arange(10) / 10
-    best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
-    fine = best + np.arange(-4, 5) / 50
-    return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
+    def best(phases: FloatArray) -> float:
+        return float(phases[np.argmin([misfit(phase) for phase in phases])])
+
+    return centred(best(best(np.arange(10) / 10) + np.arange(-4, 5) / 50))
 
 
 def duties_in(log: Log, actuator: Actuator) -> Duties:
@@ -226,17 +226,15 @@ def duties_in(log: Log, actuator: Actuator) -> Duties:
     DataError
         If the recording lacks a duty cycle.
     """
-    carrier, renewed = actuator.parameters.T_pwm, actuator.duty_period
-    renewed = carrier if renewed is None else renewed
-    step = sample_interval(log.time, 0.0)
-    if step == 0.0 or (actuator.duty_period is None and carrier == 0.0):
+    step, period = sample_interval(log.time, 0.0), _period(actuator)
+    if step == 0.0 or (actuator.duty_period is None and period == 0.0):
         return Duties.RECORDED
-    period = carrier or renewed
     if resolves_carrier(log, period) if period else not is_slow(log):
         return Duties.RECORDED
     if on_off(log):
         return Duties.UNKNOWN
-    return Duties.LATCHED if renewed > 0.0 and period >= MIN_PERIOD * step else Duties.INTERPOLATED
+    renewed = actuator.duty_period != 0.0  # by default once in each period of the carrier
+    return Duties.LATCHED if renewed and period >= MIN_PERIOD * step else Duties.INTERPOLATED
 
 
 def lacks_changes(log: Log, actuator: Actuator) -> bool:

@@ -32,7 +32,7 @@ MARGIN = 2e-3
 MOST_OFFSET, MOST_LATE = 5e-3, 0.1
 
 
-#: Whether a position sensor has learned its zero at this vented rest, or keeps that of the new clutch.
+#: Zero of a position sensor: learned at this vented rest, or kept from the new clutch.
 Zero = Literal["learned", "kept"]
 
 

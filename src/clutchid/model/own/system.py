@@ -13,7 +13,7 @@ from clutchid.codegen.system import Expr, Jump, System, symbols_in
 if TYPE_CHECKING:
     from clutchid.model.own.model import OwnModel
 
-#: How the term of the variant is called inside what replaces it.
+#: Name of a term of the variant within the expression that replaces it.
 BEFORE = "{}_base"
 
 

@@ -30,7 +30,7 @@ SI: Mapping[str, tuple[int, ...]] = MappingProxyType({
     "W": (1, 2, -3, 0),
 })  # fmt: skip
 
-#: How units are shown, the simplest name first.
+#: Units in messages, the simplest name first.
 _SHOWN = (
     "1", "kg", "m", "s", "K", "N", "Pa", "J", "W", "1/s", "m/s", "m/s²", "m²", "m³", "kg/s", "kg/m³", "N/m", "N·s/m",
     "N/s", "Pa/s", "K/s", "1/m", "s/m", "N·s²/m²", "m³/(Pa·s)", "J/(kg·K)", "W/(m²·K)",

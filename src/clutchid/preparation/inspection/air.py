@@ -160,7 +160,7 @@ def _plateaus(reading: InspectedRecording) -> FloatArray:
 
 _RECORD = "record it here and in the calibration"
 
-#: What is assumed of a condition that is not recorded, and what it would be worth: docs/derivations.md, "Known
+#: Assumption on a condition that is not recorded, and the worth of recording it: docs/derivations.md, "Known
 #: conditions".
 _MISSING = {
     "pressure_supply": (
