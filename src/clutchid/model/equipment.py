@@ -62,8 +62,7 @@ class Equipment:
             problems.append(f"[actuator] chamber_b = {self.chamber_b!r}: true or false.")
         if self.valves not in list(VALVES):
             problems.append(f"[actuator] {unknown_name(str(self.valves), VALVES, 'set of valves')}")
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
 
     @property
     def recorded(self) -> tuple[str, ...]:

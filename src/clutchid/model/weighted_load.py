@@ -12,7 +12,7 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.model.compiled import functions
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 
 #: Knots in m: dense where the clutch takes hold and where the diaphragm spring turns, as wide as the change allows.
 DEFAULT_KNOTS = tuple(mm * 1e-3 for mm in (0, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 22.5, 25))
@@ -148,8 +148,7 @@ class Load:
 
     def __post_init__(self) -> None:
         problems = []
-        if self.basis not in BASES:
-            raise ParameterError(unknown_name(str(self.basis), BASES, "load basis"))
+        check_names([self.basis], BASES, "load basis")
         if len(self.knots) > MOST_KNOTS:
             raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
         paper = self.basis == "paper"
@@ -166,8 +165,7 @@ class Load:
             )
         if not math.isfinite(self.phi2_slope):
             problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
         object.__setattr__(self, "theta", tuple(float(value) for value in self.theta))
         object.__setattr__(self, "knots", tuple(float(value) for value in self.knots))
 

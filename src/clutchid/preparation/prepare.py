@@ -63,8 +63,7 @@ def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequen
             for name in absent
         ]
         problems += [f"{log.name}: column '{name}' has no finite sample; nothing can be compared." for name in empty]
-    if problems:
-        raise DataError("\n".join(problems))
+    DataError.raise_for(problems)
 
 
 def driven(logs: Sequence[Log], equipment: Equipment) -> list[Log]:

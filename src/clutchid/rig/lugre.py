@@ -15,7 +15,7 @@ from clutchid.estimation.request import ended
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.inference.uncertainty.gaussian import Covariance, sandwich
 from clutchid.log import FloatArray, Log, sample_interval
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 from clutchid.numerics.least_squares import Linearisation, Solution, compress, minimise
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.residual_colour import effective_samples
@@ -357,8 +357,7 @@ def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, f
     if not window > 0.0:
         raise ParameterError(f"window = {window:g} s: must be above 0 s; the default is {WINDOW:g} s.")
     for name in fixed:
-        if name not in FREE:
-            raise ParameterError(unknown_name(name, FREE, "friction parameter"))
+        check_names([name], FREE, "friction parameter")
     Parameters(**{name: value for name, value in fixed.items() if name in NAMES})
     missing = [name for name in ("position", "force") if name not in log or not np.isfinite(log[name]).any()]
     if missing:

@@ -253,8 +253,7 @@ def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple
         problems.append(f"recorder = {recorder!r}: must be controller or bus.")
     if stuck is not None and not 0 <= stuck[0] < stuck[1]:
         problems.append(f"stuck = {stuck}: give start and end in s, with start before end.")
-    if problems:
-        raise ParameterError("\n".join(problems))
+    ParameterError.raise_for(problems)
 
 
 def _check_sensors(offset: float, zero: str, late: float) -> None:
@@ -265,5 +264,4 @@ def _check_sensors(offset: float, zero: str, late: float) -> None:
         problems.append(f"zero = {zero!r}: must be learned or kept.")
     if not (0.0 <= late <= MOST_LATE and abs(late / SAMPLE - round(late / SAMPLE)) < 1e-6):
         problems.append(f"late = {late * 1e3:g} ms: must be a whole number of ms from 0 to {MOST_LATE * 1e3:g}.")
-    if problems:
-        raise ParameterError("\n".join(problems))
+    ParameterError.raise_for(problems)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 from clutchid.truck.family import Family
 from clutchid.truck.first import FIRST
 from clutchid.truck.second import SECOND
@@ -41,9 +41,7 @@ def changed(truck: Vehicle, *changes: str) -> Vehicle:
     '196 N'
     """
     known = family_of(truck).changes
-    unknown = [unknown_name(name, tuple(known), "change") for name in changes if name not in known]
-    if unknown:
-        raise ParameterError("\n".join(unknown))
+    check_names(changes, known, "change")
     for name in changes:
         truck = known[name](truck)
     return truck

@@ -7,7 +7,7 @@ from dataclasses import Field, dataclass, field, fields, replace
 from typing import Any, Self
 
 from clutchid.errors import ParameterError
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 from clutchid.parameters import Row, is_number
 
 FACTS = "truck specification"
@@ -89,8 +89,7 @@ class Vehicle:
         problems = [text for item in fields(self) for text in self._checked(item)]
         if not problems:
             problems = [*self.contradictions()]
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
 
     def _checked(self, item: Field[Any]) -> list[str]:
         name, value = item.name, getattr(self, item.name)
@@ -134,8 +133,7 @@ class Vehicle:
         ParameterError
             If there is no such parameter; the text names the nearest known one.
         """
-        if name not in cls.names():
-            raise ParameterError(unknown_name(name, cls.names(), "parameter of a truck"))
+        check_names([name], cls.names(), "parameter of a truck")
         row: Row = next(item.metadata["row"] for item in fields(cls) if item.name == name)
         return row
 
@@ -147,8 +145,5 @@ class Vehicle:
         ParameterError
             For an unknown name or an impossible value.
         """
-        known = tuple(item.name for item in fields(self))
-        unknown = [unknown_name(name, known, "parameter of a truck") for name in changes if name not in known]
-        if unknown:
-            raise ParameterError("\n".join(unknown))
+        check_names(changes, [item.name for item in fields(self)], "parameter of a truck")
         return replace(self, **changes)

@@ -53,8 +53,7 @@ def check(model: OwnModel) -> None:
         or [*_use_problems(model, base)]
         or [*unit_problems(model, base)]
     )
-    if problems:
-        raise ParameterError("\n".join(problems))
+    ParameterError.raise_for(problems)
 
 
 def _wrong_types(model: OwnModel) -> Iterator[str]:
