@@ -12,7 +12,16 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.log import FloatArray, Log, holes
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.sampled import runs, velocity
-from clutchid.rig.weighted import Component, Equality, Interval, equality, fitted, independent, satterthwaite, student
+from clutchid.rig.weighted import (
+    Component,
+    Equality,
+    StudentEstimate,
+    equality,
+    fitted,
+    independent,
+    satterthwaite,
+    student,
+)
 
 #: Fractions of the reach between which a stroke is averaged: without pre-sliding and the reversals at its ends.
 BAND = (0.3, 0.8)
@@ -158,7 +167,7 @@ class Level:
 
     pressure: float
     swing: float
-    friction: Interval
+    friction: StudentEstimate
     cycles: FloatArray
     speeds: tuple[float, float]
     drifts: bool
@@ -175,11 +184,11 @@ class CoulombFriction:
     """
 
     levels: tuple[Level, ...]
-    area: Interval | None
+    area: StudentEstimate | None
     test: Equality | None
-    constant: Interval | None
-    slope: Interval | None
-    intercept: Interval | None
+    constant: StudentEstimate | None
+    slope: StudentEstimate | None
+    intercept: StudentEstimate | None
     dropped: int
 
 
@@ -250,7 +259,7 @@ def coulomb_friction(
             f"area = {area:g} m²: needs a finite value and recordings with pressure_a, because it corrects for the "
             "pressure difference between the strokes; omit it if the pressure is not measured."
         )
-    known = None if area is None else Interval(area, 0.0, area, area, float("inf"))
+    known = None if area is None else StudentEstimate(area, 0.0, area, area, float("inf"))
     return _result(groups, _area(groups) if known is None and len(groups) > 1 else known, dropped)
 
 
@@ -337,7 +346,7 @@ def _parts(values: Sequence[FloatArray]) -> list[Component]:
     return parts
 
 
-def _area(groups: Sequence[_Group]) -> Interval:
+def _area(groups: Sequence[_Group]) -> StudentEstimate:
     """Slope of the force over the pressure: a line through the mean forces of the levels."""
     repeated = [group for group in groups if len(group.cycles) > 1]
     if len(repeated) < 2:  # single cycles: a line without an interval
@@ -351,7 +360,7 @@ def _line(groups: Sequence[_Group]) -> FloatArray:
     return np.column_stack([np.ones(len(groups)), [group.pressure for group in groups]])
 
 
-def _level(group: _Group, area: Interval | None) -> Level:
+def _level(group: _Group, area: StudentEstimate | None) -> Level:
     values = np.array([cycle.half_difference for cycle in group.cycles])
     shared = 0.0
     if area is not None:
@@ -371,7 +380,7 @@ def _level(group: _Group, area: Interval | None) -> Level:
     )
 
 
-def _result(groups: Sequence[_Group], area: Interval | None, dropped: int) -> CoulombFriction:
+def _result(groups: Sequence[_Group], area: StudentEstimate | None, dropped: int) -> CoulombFriction:
     """Friction of each level, and the estimates over all levels."""
     levels = tuple(_level(group, area) for group in groups)
     usable = [i for i, level in enumerate(levels) if np.isfinite(level.friction.std)]

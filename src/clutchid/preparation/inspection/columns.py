@@ -113,7 +113,7 @@ def _pushed(reading: InspectedRecording, start: float, stop: float) -> bool:
 def _unmoved(reading: InspectedRecording) -> tuple[list[tuple[float, float]], int]:
     """Start and end times of openings without motion although the piston was not at that end; number of tested ones."""
     y, time = reading.log["position"], reading.log.time
-    low, high = reading.reach
+    low, high = reading.extent
     blur, margin = reading.blur("position"), NEAR_END * (high - low)
     found, tested = [], 0
     for supply, needed in zip((True, False), reading.quick, strict=True):
@@ -211,7 +211,7 @@ def motion(reading: InspectedRecording) -> Check:
             "some strokes, and check the unit of the time."
         )
         return Check(MOTION, f"{length:.3g} s", "bad", sentence)
-    low, high = reading.reach
+    low, high = reading.extent
     reach = high - low
     value = f"{shown(reach, 'position')} in {length:.3g} s"
     if reach <= max(REACH * reading.actuator.parameters.y_max, reading.blur("position")):
@@ -237,7 +237,7 @@ def _is_constant(values: FloatArray) -> bool:
 def position_range(reading: InspectedRecording) -> Check:
     """Whether the position lies in the stroke, by `clutchid.simulation.plan.outside_stroke`."""
     title, log = "range of position", reading.log
-    low, high = reading.reach
+    low, high = reading.extent
     value = f"{shown(low, 'position')} to {shown(high, 'position')}"
     sentences, alien = outside_stroke(log, reading.actuator.parameters.y_max)
     if not sentences:

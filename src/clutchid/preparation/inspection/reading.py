@@ -162,7 +162,7 @@ class InspectedRecording:
         }
 
     @cached_property
-    def reach(self) -> Extremes:
+    def extent(self) -> Extremes:
         """Positions in m between which all but 1 % of the samples lie."""
         return Extremes(*np.nanquantile(self.log["position"], (0.005, 0.995)).tolist())
 

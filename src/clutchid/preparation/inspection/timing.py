@@ -165,11 +165,11 @@ def _allowed(reading: InspectedRecording, spread: float, usual: float) -> Allowe
     p = reading.actuator.parameters
     # friction may be twice that of the model and the load 50 % larger: time of an open valve to supply that force
     rise = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / p.V_0A
-    load = float(reading.actuator.load.force(np.array([level(reading)]))[0])
+    load = float(reading.actuator.load.force(np.array([least_travel(reading)]))[0])
     force = math.hypot(p.F_C, load / 2) / p.A_A / rise if rise > 0 else 0.0
-    # half a step in the rest and half a step at the level; a motion that grows with the third power of time is at three
+    # half a step in the rest and half a step in motion; a motion that grows with the third power of time is at three
     # times its mean speed there
-    rounding = reading.quanta["position"] / (3 * level(reading) / usual)
+    rounding = reading.quanta["position"] / (3 * least_travel(reading) / usual)
     either = math.hypot(force, reading.update_interval, rounding, ALIKE * usual)
     valve = 0.0 if p.T_pwm > 0 else VALVE * (reading.carrier_period or PERIOD) / 2
     lag = 0.0 if p.tau_y else LAG / 2
@@ -203,10 +203,10 @@ class Starts:
 def starts(reading: InspectedRecording) -> Starts:
     """Delays of all usable strokes, of a long recording at most `MOST` of them.
 
-    Motion starts where the travel rises through `level`.
+    Motion starts where the travel rises through `least_travel`.
     """
     p, log = reading.actuator.parameters, reading.log
-    least = level(reading)
+    least = least_travel(reading)
     commands = _commands(reading)
     rows = []
     for k in commands[spread_over(commands.size)].tolist():
@@ -214,7 +214,7 @@ def starts(reading: InspectedRecording) -> Starts:
         begin, end = (int(i) for i in np.searchsorted(log.time, (now - BEFORE, now + AFTER)))
         rest = log["position"][int(np.searchsorted(log.time, now - CLOSED)) : begin]
         rest = rest[np.isfinite(rest)]
-        if rest.size < FEWEST_SAMPLES or not _resting(rest, reading.reach.low, least, reading.noisy("position")):
+        if rest.size < FEWEST_SAMPLES or not _resting(rest, reading.extent.low, least, reading.noisy("position")):
             continue
         # the model of a switched valve needs one period of past inputs, so the simulation begins in the rest
         window = log.slice(begin, end)
@@ -227,7 +227,7 @@ def starts(reading: InspectedRecording) -> Starts:
     return Starts(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
 
 
-def level(reading: InspectedRecording) -> float:
+def least_travel(reading: InspectedRecording) -> float:
     """Least travel in m that counts as motion: above noise, quantisation and the seal deflection before sliding."""
     p = reading.actuator.parameters
     return p.F_C / p.K_z + reading.blur("position")
