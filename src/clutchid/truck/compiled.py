@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
 from clutchid.codegen.cache import load_module
-from clutchid.codegen.system import System
 
 _HERE = Path(__file__).parent
 
@@ -17,12 +16,13 @@ _HERE = Path(__file__).parent
 class Loop:
     """Parts of a family's loop: its equations, the functions of its discrete-time parts, and its template.
 
-    `plant` gives the system, with or without a ledger, and is called only where nothing is cached. `laws` are functions
-    and constants by the module of `clutchid.truck` that has them; `files` all sources, relative to this folder.
+    `plant` is the module of `clutchid.truck` with the function ``plant``, imported only where nothing is cached. `laws`
+    are functions by the module that has them, `constants` come with their module; `files` are all sources, relative to
+    this folder.
     """
 
     name: str
-    plant: Callable[[bool], System]
+    plant: str
     laws: tuple[tuple[str, tuple[str, ...]], ...]
     constants: tuple[tuple[str, str], ...]
     settings: tuple[str, ...]
@@ -30,6 +30,7 @@ class Loop:
     files: tuple[str, ...]
 
 
+@cache
 def compiled(parts: Loop, ledger: bool) -> ModuleType:
     """Module with ``drive``; with `ledger`, for the plant with balances of mass and energy across its boundary.
 
@@ -60,7 +61,7 @@ def loop_source(parts: Loop, ledger: bool) -> str:
     from clutchid.codegen.templates import template
     from clutchid.truck import law
 
-    system = parts.plant(ledger)
+    system = import_module(f"clutchid.truck.{parts.plant}").plant(ledger)
     statements, _ = right_hand_side(system)
     split = staged(statements, system.parameters, system.inputs)
     modules = [(import_module(f"clutchid.truck.{module}"), names) for module, names in parts.laws]

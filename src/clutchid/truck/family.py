@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from clutchid.log import FloatArray
+from clutchid.truck.compiled import Loop
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.vehicle import Vehicle
 
@@ -20,7 +21,7 @@ class Family:
     """Functions of a family; trucks are of the type `kind`, and their ranges are in the file `ranges`.
 
     `prepared` completes drawn numbers before the shares are drawn, `finished` after them. `load_curve` gives the load
-    of a truck. `states` names the states of its plant, `loop` is its compiled loop, with or without a ledger, whose
+    of a truck. `states` names the states of its plant, `loop` are the parts of its compiled loop, whose
     arrays are filled by `at_rest` (truck, curve), `plant_parameters` (truck) and `settings` (truck, zero, working).
     `start` draws initial states and whether a compressor runs, `position_noise` and `measured_pressure` belong to the
     sensors. `true_states` are the columns of the truth, from a truck and the states of a run. `changes` are the changes
@@ -33,7 +34,7 @@ class Family:
     finished: Callable[[dict[str, Any]], dict[str, Any]]
     load_curve: Callable[[Any], LoadTable]
     states: tuple[str, ...]
-    loop: Callable[[bool], ModuleType]
+    loop: Loop
     at_rest: Callable[[Any, LoadTable], FloatArray]
     plant_parameters: Callable[[Any], FloatArray]
     settings: Callable[[Any, float, bool], FloatArray]

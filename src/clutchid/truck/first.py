@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from clutchid.codegen.system import System
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck import sensors
 from clutchid.truck.ageing import worn_parameters
-from clutchid.truck.compiled import Loop, compiled
+from clutchid.truck.compiled import Loop
 from clutchid.truck.family import Family, changes_of
 from clutchid.truck.law import SAMPLE, TICK
 from clutchid.truck.load import load_curve
@@ -29,27 +26,15 @@ BANG_PERIOD, BANG_VALVES = 0.002, 0.01
 BANG = 0.3
 
 
-def _plant(ledger: bool) -> System:
-    from clutchid.truck.plant import plant
-
-    return plant(ledger)
-
-
-_PARTS = Loop(
+LOOP = Loop(
     name="truck",
-    plant=_plant,
+    plant="plant",
     laws=(("law", ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")),),
     constants=(),
     settings=SETTINGS,
     template="first.py.j2",
     files=("air.py", "friction.py", "plant.py", "templates/first.py.j2"),
 )
-
-
-@cache
-def loop(ledger: bool = False) -> ModuleType:
-    """The loop of family A, see `clutchid.truck.compiled.compiled`."""
-    return compiled(_PARTS, ledger)
 
 
 def prepared(drawn: dict[str, Any]) -> dict[str, Any]:
@@ -149,7 +134,7 @@ FIRST = Family(
     finished=finished,
     load_curve=load_curve,
     states=STATES,
-    loop=loop,
+    loop=LOOP,
     at_rest=at_rest,
     plant_parameters=plant_parameters,
     settings=settings,

@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.log import FloatArray
+from clutchid.truck.compiled import compiled
 from clutchid.truck.families import family_of
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable, rest_position
@@ -98,7 +99,7 @@ def run(
         x0 = np.concatenate([x0, np.zeros(len(LEDGER))])
     n = course.wanted.size
     states, measured, pressure, duties = np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2))
-    failed = family.loop(ledger).drive(
+    failed = compiled(family.loop, ledger).drive(
         x0, family.plant_parameters(truck), family.settings(truck, zero, working), curve.breakpoints,
         curve.coefficients, course.wanted, course.forced, course.noise, np.array(course.stuck, dtype=np.int64),
         substeps, states, measured, pressure, duties,

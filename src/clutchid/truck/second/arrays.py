@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from clutchid.codegen.system import System
 from clutchid.log import FloatArray
-from clutchid.truck.compiled import Loop, compiled
+from clutchid.truck.compiled import Loop
 from clutchid.truck.family import Family, changes_of
 from clutchid.truck.first import period_in_ticks
 from clutchid.truck.law import SAMPLE
@@ -50,15 +47,9 @@ STEPS = 1000
 START = 0.01
 
 
-def _plant(ledger: bool) -> System:
-    from clutchid.truck.second.plant import plant
-
-    return plant(ledger)
-
-
-_PARTS = Loop(
+LOOP = Loop(
     name="truck_b",
-    plant=_plant,
+    plant="second.plant",
     laws=(
         ("law", ("snapped", "quantised", "lagged", "request", "duty")),
         ("second.law", ("spool", "port", "solenoid", "poppet", "scaled")),
@@ -71,12 +62,6 @@ _PARTS = Loop(
         "templates/second.py.j2",
     ),
 )
-
-
-@cache
-def loop(ledger: bool = False) -> ModuleType:
-    """The loop of family B, see `clutchid.truck.compiled.compiled`."""
-    return compiled(_PARTS, ledger)
 
 
 def prepared(drawn: dict[str, Any]) -> dict[str, Any]:
@@ -164,7 +149,7 @@ SECOND = Family(
     finished=finished,
     load_curve=load_curve,
     states=STATES,
-    loop=loop,
+    loop=LOOP,
     at_rest=at_rest,
     plant_parameters=plant_parameters,
     settings=settings,
