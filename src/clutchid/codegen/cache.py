@@ -70,6 +70,12 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
     return _unwritten(name, build())
 
 
+def generator_files(*folders: Path) -> list[Path]:
+    """Python files and templates of this package, on which every generated text depends, and of `folders`."""
+    files = (path for folder in (Path(__file__).parent, *folders) for path in folder.rglob("*"))
+    return [path for path in files if path.suffix in (".py", ".j2")]
+
+
 def _found(folder: Path, name: str, sources: Sequence[Path]) -> tuple[Path | None, list[Path]]:
     """The module's file, found by the files as they are or else by what they mean, and the signs that were missing."""
     signs: list[Path] = []

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias
 
-from clutchid.codegen.cache import load_module
+from clutchid.codegen.cache import generator_files, load_module
 from clutchid.codegen.system import System
 from clutchid.log.states import STATES, State
 from clutchid.model.own.model import OwnModel
@@ -166,8 +166,7 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
 
 def _sources() -> list[Path]:
     """The files that the generated text depends on."""
-    code = [path for folder in (_HERE, _HERE.parent / "codegen") for path in folder.rglob("*") if path.is_file()]
-    return [*(path for path in code if path.suffix in (".py", ".j2")), _HERE.parent / "parameters.py"]
+    return [*generator_files(_HERE), _HERE.parent / "parameters.py"]
 
 
 def _kernels_text(model: Model) -> str:

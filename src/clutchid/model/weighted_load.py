@@ -10,7 +10,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, read_only
 from clutchid.model.compiled import functions
 from clutchid.names import check_names
 
@@ -214,8 +214,10 @@ class Load:
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        table = _paper_table(self.knots, self.phi2_slope) if self.basis == "paper" else _b_splines(self.knots)
-        return _frozen(table[0], np.tensordot(self.functions, table[1], axes=1)) if self.functions else table
+        breakpoints, coefficients = _basis_table(self.basis, self.knots, self.phi2_slope)
+        if self.functions:
+            coefficients = read_only(np.tensordot(self.functions, coefficients, axes=1))
+        return breakpoints, coefficients
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -246,18 +248,6 @@ class Load:
 
 
 @cache
-def _paper_table(knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
-    breakpoints, coefficients = functions().paper_table(*knots, phi2_slope)
-    return _frozen(np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64))
-
-
-@cache
-def _b_splines(knots: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    return _frozen(*b_spline_table(knots))
-
-
-def _frozen(*table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    breakpoints, coefficients = (np.ascontiguousarray(array) for array in table)  # the layout that kernels read
-    for array in (breakpoints, coefficients):
-        array.flags.writeable = False
-    return breakpoints, coefficients
+def _basis_table(basis: str, knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
+    table = functions().paper_table(*knots, phi2_slope) if basis == "paper" else b_spline_table(knots)
+    return read_only(table[0]), read_only(table[1])

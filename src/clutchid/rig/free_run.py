@@ -11,7 +11,7 @@ from types import ModuleType
 
 import numpy as np
 
-from clutchid.codegen.cache import load_module
+from clutchid.codegen.cache import generator_files, load_module
 from clutchid.log import FloatArray, Log, holes
 from clutchid.recordings.signals.sampled import runs, velocity
 
@@ -37,9 +37,8 @@ def kernels() -> ModuleType:
     OSError
         If neither the cache folder nor a temporary folder can be written.
     """
-    package = _HERE.parent.parent
-    codegen = [path for path in (package / "codegen").rglob("*") if path.suffix in (".py", ".j2")]
-    return load_module("rig_lugre", [_HERE, package / "model" / "friction.py", *codegen], _source)
+    friction = _HERE.parents[1] / "model" / "friction.py"
+    return load_module("rig_lugre", [_HERE, friction, *generator_files()], _source)
 
 
 def _source() -> str:

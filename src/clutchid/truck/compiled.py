@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from clutchid.codegen.cache import load_module
+from clutchid.codegen.cache import generator_files, load_module
 
 _HERE = Path(__file__).parent
 
@@ -41,8 +41,7 @@ def compiled(parts: Loop, ledger: bool) -> ModuleType:
     OSError
         If neither the cache folder nor a temporary folder can be written.
     """
-    codegen = [path for path in (_HERE.parent / "codegen").rglob("*.py") if path.is_file()]
-    sources = [*(_HERE / file for file in (*parts.files, *SHARED)), *codegen]
+    sources = [*(_HERE / file for file in (*parts.files, *SHARED)), *generator_files()]
     name = f"{parts.name}_ledger" if ledger else parts.name
     return load_module(name, sources, lambda: loop_source(parts, ledger))
 
