@@ -33,12 +33,12 @@ _listeners: list[Callable[[str], None]] = []
 
 
 def when_compiling(say: Callable[[str], None]) -> None:
-    """Have `say` called with a sentence when this process compiles for the first time; None must wait in silence."""
+    """Have `say` called with a sentence when this process compiles for the first time."""
     _listeners[:] = [say]
 
 
 def announce() -> None:
-    """Say, once a process, that somebody has to wait for the compiler."""
+    """Report, once a process, that the compiler takes some time."""
     for say in _listeners[:]:
         _listeners.remove(say)
         say("compiling the model, once per machine ...")

@@ -17,7 +17,7 @@ from clutchid.simulation.inputs import held_inputs, input_span
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 
-#: Shorter stretches between holes tell less than their own unknown start takes.
+#: Least number of samples between holes: a shorter stretch determines less than its own unknown start needs.
 SHORTEST = 10
 
 #: A position further outside the stroke than this, in m, is no position of a piston: start and resets stop there.
@@ -89,7 +89,7 @@ def plan(
     log : Log
         With both duty cycles; resets and starts need the position, `use_pressure` the pressure.
     actuator : Actuator
-        Ambient pressure and closing of the valves, to tell a vented start.
+        Its ambient pressure and the closing of its valves show a vented start.
     rate : 1/s
         Stiffness that the integration steps must follow, see `clutchid.simulation.stiffness`.
     partition : Partition, optional

@@ -187,7 +187,7 @@ def _bad_unit(unit: str) -> Iterator[str]:
 
 
 def _equation_problems(model: OwnModel, base: System) -> Iterator[str]:
-    """Rates that are missing or belong to nothing, and symbols and functions that nobody knows."""
+    """Rates that are missing or belong to no state, and unknown symbols and functions."""
     states = [str(s) for s in base.states if str(s) not in model.without] + list(model.states)
     lacking = [name for name in model.states if name not in model.rates]
     yield from (f"rates: {name}: missing; give the rate of change of every new state." for name in lacking)
