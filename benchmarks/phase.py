@@ -19,7 +19,7 @@ from widening import CASES, WEAR
 import clutchid
 from clutchid.estimation import phase as estimated
 from clutchid.preparation import pulses
-from clutchid.preparation.carrier import centred
+from clutchid.preparation.pulses import centred
 from clutchid.recordings.signals.duty_cycle import grid_phase
 from clutchid.study.proving.ground import STROKES
 from clutchid.study.proving.scores import Answer, score

@@ -26,7 +26,7 @@ COMMANDS = {
 
 def seconds(arguments: tuple[str, ...], cache: Path) -> float:
     """Wall time in s of `clutchid fit` as a process of its own."""
-    recording = Path(clutchid.__file__).parent / "data" / "truck1_calibration.csv"
+    recording = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
     command = [sys.executable, "-m", "clutchid", "fit", str(recording), *arguments]
     begin = time.perf_counter()
     subprocess.run(command, check=True, capture_output=True, env={**os.environ, "CLUTCHID_CACHE": str(cache)})

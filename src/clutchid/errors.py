@@ -5,11 +5,18 @@ Each one is also a built-in exception, so that code without knowledge of clutchi
 
 import re
 import sys
+from collections.abc import Iterable
 from importlib.util import find_spec
 
 
 class ClutchidError(Exception):
     """Base class of all errors that clutchid raises; the text is written for the user."""
+
+    @classmethod
+    def raise_for(cls, problems: Iterable[str]) -> None:
+        """Raise one error that lists all `problems`, if there are any."""
+        if text := "\n".join(problems):
+            raise cls(text)
 
 
 class ParameterError(ClutchidError, ValueError):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
+
+from clutchid.errors import ParameterError
 
 #: Unknown names that a message lists; a file may have any number of them.
 _SHOWN = 5
@@ -71,6 +73,17 @@ def unknown_name(name: str, known: Iterable[str], what: str = "parameter") -> st
     near = difflib.get_close_matches(name, same or names, n=1, cutoff=0.0 if same else 0.4)
     hint = f"; did you mean '{near[0]}'?" if near else "."
     return f"no {what} '{name}'{hint} Known are {', '.join(names)}."
+
+
+def check_names(names: Iterable[str], known: Collection[str], what: str = "parameter") -> None:
+    """Refuse names that are not among `known`.
+
+    Raises
+    ------
+    ParameterError
+        With the message of `unknown_name` for each of them.
+    """
+    ParameterError.raise_for(unknown_name(str(name), known, what) for name in names if name not in known)
 
 
 def unknown_names(names: Iterable[str], known: Sequence[str], what: str = "parameter") -> list[str]:

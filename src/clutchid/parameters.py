@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 
 _APPENDIX = "Appendix A"
 _ERRATA = "not in the paper, docs/deviations.md"
@@ -70,13 +70,13 @@ class Drift(NamedTuple):
 
 
 class Freed(NamedTuple):
-    """That a calibration frees a parameter, if it acts."""
+    """Mark of a parameter that a calibration frees, if it acts."""
 
     order: float = math.inf
 
 
 class Adapting(NamedTuple):
-    """That a parameter adapts on line, if it acts; `std` of its change within hours, by default that of its drift."""
+    """Mark of a parameter that adapts on line, if it acts; `std` of its change within hours, else that of its drift."""
 
     order: float = math.inf
     std: float | None = None
@@ -500,8 +500,7 @@ class Parameters:
                     f"A_B = {self.A_B:g} m² must not exceed A_A = {self.A_A:g} m²: the rod reduces the area of chamber "
                     "B."
                 )
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
 
     def __repr__(self) -> str:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
@@ -529,8 +528,7 @@ class Parameters:
         ParameterError
             If there is no such parameter; the text names the nearest known one.
         """
-        if name not in cls.rows():
-            raise ParameterError(unknown_name(name, cls.names()))
+        check_names([name], cls.rows())
         return cls.rows()[name]
 
     def array(self) -> NDArray[np.float64]:
@@ -545,10 +543,8 @@ class Parameters:
         ParameterError
             For an unknown name or a value outside its range.
         """
-        changes, known = {**(changes or {}), **by_name}, self.names()
-        unknown = [unknown_name(name, known) for name in changes if name not in known]
-        if unknown:
-            raise ParameterError("\n".join(unknown))
+        changes = {**(changes or {}), **by_name}
+        check_names(changes, self.names())
         return replace(self, **changes)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numba import njit, types
 
-from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.linked import Callback
 from clutchid.inference.filter.joint_c99 import JointSize, joint_c99
 from clutchid.inference.filter.setup import (
     LEAST,

@@ -21,7 +21,7 @@ from clutchid.estimation.assess import evidence, verdict
 pytestmark = pytest.mark.slow
 
 KEYS = {"status", "message", "parameters", "load_curve", "errors", "logs", "warnings"}
-EXAMPLE = Path(clutchid.__file__).parent / "data" / "truck1_calibration.csv"
+EXAMPLE = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
 
 
 def call(

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from clutchid.codegen.numba_source import elementwise_source, numba_source
+from clutchid.codegen.numba_source import elementwise_source, numba_source, terms_source
 from clutchid.codegen.system import System
-from clutchid.codegen.terms import terms_source
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from clutchid.estimation.automatic import (
 from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
-from clutchid.preparation.carrier import centred
+from clutchid.preparation.pulses import centred
 from clutchid.recordings.signals.duty_cycle import duty_grid
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged

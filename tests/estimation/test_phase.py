@@ -7,8 +7,7 @@ import clutchid
 from clutchid.estimation.phase import filtered_phase, phase_finder
 from clutchid.estimation.request import FreeParameters
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.preparation.carrier import centred
-from clutchid.preparation.pulses import find_phase
+from clutchid.preparation.pulses import centred, find_phase
 
 EXACT = Calibration((), np.zeros((0, 0)))
 PHASE = 0.3

@@ -19,7 +19,6 @@ ONE_LINE = {
     "load.py:phi_3",
     "load.py:paper_basis",
     "load.py:table_expressions",
-    "isothermal.py:resets",
 }
 
 

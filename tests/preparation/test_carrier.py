@@ -8,13 +8,14 @@ from clutchid.errors import DataError
 from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.preparation.carrier import (
+from clutchid.preparation.pulses import (
     PERIODS,
     centred,
     find_carrier,
+    find_phase,
     on_off,
+    pulsed,
 )
-from clutchid.preparation.pulses import find_phase, pulsed
 from clutchid.study.proving.ground import proof
 from fixtures.duty_cycles import commanded
 

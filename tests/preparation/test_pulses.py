@@ -12,8 +12,16 @@ from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.estimation.verification import on_samples
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.preparation.carrier import centred
-from clutchid.preparation.pulses import GRID_STEP, STAMP_STD, Duties, duties_in, find_phase, lacks_changes, pulsed
+from clutchid.preparation.pulses import (
+    GRID_STEP,
+    STAMP_STD,
+    Duties,
+    centred,
+    duties_in,
+    find_phase,
+    lacks_changes,
+    pulsed,
+)
 from clutchid.simulation.sensors import lagged
 
 #: The carrier of the drives in these tests: a new duty cycle every 10 ms.

@@ -12,7 +12,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.rig import fit_lugre
 from clutchid.rig.free_run import NAMES, free_run, segments
-from clutchid.rig.lugre_problem import resolution
+from clutchid.rig.lugre import resolution
 
 pytestmark = pytest.mark.slow
 

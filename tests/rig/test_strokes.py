@@ -3,7 +3,7 @@
 import numpy as np
 
 from clutchid.log import Log
-from clutchid.rig.strokes import cycles, strokes
+from clutchid.rig.coulomb import cycles, strokes
 
 
 def test_ten_cycles_are_twenty_strokes_with_the_speeds_and_forces_of_the_rig(cylinder):

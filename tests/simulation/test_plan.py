@@ -8,7 +8,7 @@ import pytest
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.simulation import Partition
-from clutchid.simulation.inputs import carrier
+from clutchid.simulation.inputs import carrier_clock
 from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST, Segment, outside_stroke, plan
 
 N = 1000
@@ -136,7 +136,7 @@ def test_a_pulse_is_the_same_in_whichever_period_of_a_recording_it_lies(period):
     actuator = Actuator(model="energy-balance").replace({"T_pwm": period, "s_pwm": 0.2, "s_vs": 0.1})
     first = np.arange(0.0, 0.4, 1e-3)
     for later in (7, 1003):
-        phases = [carrier(time, actuator.parameters)[0] for time in (first, first + later * period)]
+        phases = [carrier_clock(time, actuator.parameters)[0] for time in (first, first + later * period)]
         # without a lost sample the phases differ by rounding, never by a whole period
         assert np.abs(phases[1] - phases[0]).max() < 1e-6
 

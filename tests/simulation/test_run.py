@@ -103,7 +103,7 @@ def test_after_a_failure_states_and_derivatives_are_missing(name):
     (segment,) = plan(log, actuator, RATE).segments
     which = columns(actuator, (name,))
     start = start_state(segment, actuator), start_sensitivities(segment, actuator, which, False)
-    states, sens, failed = run_with_sensitivities(segment, KernelArrays.of(actuator), start, which, range(5))
+    states, sens, _, failed = run_with_sensitivities(segment, KernelArrays.of(actuator), start, which, range(5))
     assert 0 < failed < n - 1
     assert np.isfinite(states[:failed]).all()
     assert np.isfinite(sens[:failed]).all()

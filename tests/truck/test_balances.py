@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.truck import Truck, aged
-from clutchid.truck.compiled import loop
-from clutchid.truck.first import at_rest
+from clutchid.truck.compiled import compiled
+from clutchid.truck.first import LOOP, at_rest
 from clutchid.truck.flow import flow_function, line_flow, orifice_flow, slit_flow, valve_flow
 from clutchid.truck.load import load_curve
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.motion import stop_force
-from clutchid.truck.order import LEDGER, STATES
+from clutchid.truck.parameters import LEDGER, STATES
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +22,7 @@ LEAKY = Truck(C_AB=2e-11, C_A0=1e-11)
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled_books() -> None:
-    loop(True)
+    compiled(LOOP, True)
 
 
 def books(states: np.ndarray, truck: Truck) -> tuple[np.ndarray, np.ndarray, float]:

@@ -12,7 +12,7 @@ from clutchid.truck.flow import orifice_flow, slit_flow, valve_flow
 from clutchid.truck.friction import bearing_force, coulomb_force, seal_force, stribeck_force, viscous_friction
 from clutchid.truck.load import load_curve
 from clutchid.truck.motion import acceleration, stop_force
-from clutchid.truck.order import STATES
+from clutchid.truck.parameters import STATES
 from clutchid.truck.running import Course, run
 
 

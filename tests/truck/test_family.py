@@ -8,8 +8,7 @@ from clutchid.errors import ParameterError
 from clutchid.preparation.inspection import inspect
 from clutchid.recordings import read
 from clutchid.truck import CHANGES, GRID, Truck, TruckB, aged, changed, drive, life, respond, truck
-from clutchid.truck.families import FAMILIES, family_of
-from clutchid.truck.fleet import ranges
+from clutchid.truck.families import FAMILIES, family_of, ranges
 
 NUMBERS = range(24)
 

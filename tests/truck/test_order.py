@@ -6,7 +6,7 @@ import pytest
 from clutchid.truck import Truck
 from clutchid.truck.first import at_rest
 from clutchid.truck.load import load_curve
-from clutchid.truck.order import STATES
+from clutchid.truck.parameters import STATES
 
 #: A stretch without kinks but those of the valve: chamber B sealed, no choking, always forwards, a smooth load.
 SMOOTH = Truck(

@@ -10,7 +10,7 @@ from clutchid.truck.first import at_rest
 from clutchid.truck.law import SAMPLE, TICK, lagged
 from clutchid.truck.load import load_curve
 from clutchid.truck.load_table import rest_position
-from clutchid.truck.order import STATES
+from clutchid.truck.parameters import STATES
 
 
 def test_at_rest_both_chambers_hold_ambient_air_of_the_walls_and_the_reservoir_air_of_the_ambience():

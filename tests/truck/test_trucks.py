@@ -9,7 +9,7 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.truck import Truck, aged, truck
 from clutchid.truck.ageing import worn_parameters
-from clutchid.truck.fleet import ranges
+from clutchid.truck.families import ranges
 from clutchid.truck.load import load_curve
 
 NUMBERS = [*range(24), *range(1000, 1024)]

@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from clutchid.codegen.differentiation import DifferentiatedProgram, Entry, differentiated
 from clutchid.codegen.language import C_DOUBLE, C_FLOAT, C_WORDS, Language, apart
-from clutchid.codegen.layout import DifferentiatedProgram, Entry, layout
 from clutchid.codegen.program import Assign, Branch, Lookup, Statement, live, targets
 from clutchid.codegen.staging import Parts, positions, read
 from clutchid.codegen.system import Expr, System
@@ -182,7 +182,7 @@ def c99_source(
     unknown = sorted(set(derivatives or ()) - set(system.parameter_names()))
     if unknown:
         raise ValueError(f"{system.name} has no parameter {', '.join(unknown)}, so no derivatives to it.")
-    plan, language = layout(apart(system, C_WORDS)), _LANGUAGES[real]
+    plan, language = differentiated(apart(system, C_WORDS)), _LANGUAGES[real]
     places = None if derivatives is None else [system.parameter_names().index(name) for name in derivatives]
     columns = None if places is None else ColumnCode.of(plan, places, language)
     parts = columns.parts if columns else Parts.of(plan.system, plan.plain, plan.rates)

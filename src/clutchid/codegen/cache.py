@@ -33,12 +33,12 @@ _listeners: list[Callable[[str], None]] = []
 
 
 def when_compiling(say: Callable[[str], None]) -> None:
-    """Have `say` called with a sentence when this process compiles for the first time; None must wait in silence."""
+    """Have `say` called with a sentence when this process compiles for the first time."""
     _listeners[:] = [say]
 
 
 def announce() -> None:
-    """Say, once a process, that somebody has to wait for the compiler."""
+    """Report, once a process, that the compiler takes some time."""
     for say in _listeners[:]:
         _listeners.remove(say)
         say("compiling the model, once per machine ...")
@@ -68,6 +68,12 @@ def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) ->
         except OSError as problem:  # a full disk
             warnings.warn(f"{folder} cannot keep compiled models: {problem}.", RuntimeWarning, stacklevel=2)
     return _unwritten(name, build())
+
+
+def generator_files(*folders: Path) -> list[Path]:
+    """Python files and templates of this package, on which every generated text depends, and of `folders`."""
+    files = (path for folder in (Path(__file__).parent, *folders) for path in folder.rglob("*"))
+    return [path for path in files if path.suffix in (".py", ".j2")]
 
 
 def _found(folder: Path, name: str, sources: Sequence[Path]) -> tuple[Path | None, list[Path]]:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 
-import sympy as sp
-
-from clutchid.codegen.lanes import Rows, Work, map_columns, move_columns
-from clutchid.codegen.layout import JUMP, DifferentiatedProgram, Entry
+from clutchid.codegen.differentiation import JUMP, DifferentiatedProgram, Entry
 from clutchid.codegen.llvm import ArrayElement, Function, Interface, function
 from clutchid.codegen.program import live
-from clutchid.codegen.staging import Parts, positions, read
-from clutchid.codegen.stepping import step_function
-from clutchid.codegen.system import Expr
+from clutchid.codegen.staging import Parts
+from clutchid.codegen.stepping import Rows, Work, map_columns, move_columns, step_function
+from clutchid.codegen.system import Expr, symbols_in
 
 
 def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
@@ -22,7 +18,7 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
     ``constants_NAME(p, work)``, ``hold_NAME(u, u_at, p, work)`` and ``step_NAME(x, x_at, p, work, h)``, which ends with
     the table's ``breakpoints, count, load``, compute the states, where NAME is "plain", with the Jacobian for
     "jacobian", with the derivatives to parameters too for "all"; ``jump_NAME(x, measured, measured_at, p, work,
-    number)`` what a jump does. The columns are moved by `lanes`.
+    number)`` what a jump does. `move_columns` and `map_columns` move the sensitivities.
 
     Raises
     ------
@@ -39,88 +35,47 @@ def functions(plan: DifferentiatedProgram) -> tuple[Work, dict[str, Function]]:
     work = Work.of(plan, list(parts.values()))
     out: dict[str, Function] = {}
     for name, part in parts.items():
-        out |= _Program(plan, work, name, part).functions()
+        out |= _program(plan, work, name, part)
     return work, out | _columns(plan, work) | (_jumps(plan, work) if plan.system.jumps else {})
 
 
-@dataclass(frozen=True, slots=True)
-class _Program:
-    """One staged program: its parts, and how the results of one reach the next."""
-
-    plan: DifferentiatedProgram
-    work: Work
-    name: str
-    parts: Parts
-
-    def functions(self) -> dict[str, Function]:
-        made = {"constants": self.constants, "hold": self.hold, "step": self.step}
-        return {f"{part}_{self.name}": make(f"{part}_{self.name}") for part, make in made.items()}
-
-    def constants(self, name: str) -> Function:
-        statements = self.parts.program.constants
-        loads = _from("p", self.plan.system.parameters, read(statements))
-        return function(
-            name,
-            Interface(("p", "work"), inline=self.name == "plain"),
-            statements,
-            loads,
-            _stored(self.stored_constants()),
-        )
-
-    def hold(self, name: str) -> Function:
-        statements = self.parts.program.held
-        needed = read(statements)
-        loads = _from("u", self.plan.system.inputs, {*needed, *self.parts.inputs})
-        loads |= _from("p", self.plan.system.parameters, needed) | _only(self.stored_constants(), needed)
-        interface = Interface(("u", "p", "work"), moving=("u",), inline=self.name == "plain")
-        return function(name, interface, statements, loads, _stored(self.stored_held()))
-
-    def step(self, name: str) -> Function:
-        system, plan, needed = self.plan.system, self.plan, self.parts.in_stage
-        loads = _from("p", system.parameters, needed)
-        loads |= _only(self.stored_constants(), needed) | _only(self.stored_held(), needed)
-        stores = _stores(self.work.rates, plan.rates) if self.name == "jacobian" else []
-        if self.name != "plain":
-            stores += _stores(self.work.jacobian, _values(plan.jacobian))
-            stores += _stores(self.work.table, _values(plan.table_entries))
-        if self.name == "all":
-            stores += _stores(self.work.slots, plan.slot_values)
-        return step_function(
-            name, plan, self.work, self.parts.program.stage, (loads, stores), inline=self.name == "plain"
-        )
-
-    def stored_constants(self) -> dict[Expr, ArrayElement]:
-        return _placed(self.work.constants, self.parts.constants)
-
-    def stored_held(self) -> dict[Expr, ArrayElement]:
-        return _placed(self.work.held, (*self.parts.inputs, *self.parts.held))
+def _program(plan: DifferentiatedProgram, work: Work, name: str, parts: Parts) -> dict[str, Function]:
+    """Functions of one staged program; the results of each are read by the next from the work array."""
+    inline, program, held = name == "plain", parts.program, (*parts.inputs, *parts.held)
+    of_run = _placed("p", plan.system.parameters)
+    of_sample = of_run | _placed("work", parts.constants, work.constants)
+    of_stage = of_sample | _placed("work", held, work.held)
+    stores = _stores("work", parts.constants, work.constants)
+    once = function(f"constants_{name}", Interface(("p", "work"), (), inline=inline), program.constants, of_run, stores)
+    interface, stores = Interface(("u", "p", "work"), ("u",), inline=inline), _stores("work", held, work.held)
+    hold = function(f"hold_{name}", interface, program.held, of_sample | _placed("u", plan.system.inputs), stores)
+    stores = _stores("stage", plan.rates, work.rates) if name == "jacobian" else []
+    if name != "plain":
+        stores += _stores("stage", _values(plan.jacobian), work.jacobian)
+        stores += _stores("stage", _values(plan.table_entries), work.table)
+    if name == "all":
+        stores += _stores("stage", plan.slot_values, work.slots)
+    step = step_function(f"step_{name}", plan, work, program.stage, (of_stage, stores), inline)
+    return {f"constants_{name}": once, f"hold_{name}": hold, f"step_{name}": step}
 
 
 def _jumps(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
     """New states into the places of the first stage's rates; their derivatives into those of its derivatives."""
-    states = _stores(work.rates, plan.jump.states)
-    after = [*_stores(work.jacobian, _values(plan.jump.jacobian)), *_stores(work.slots, plan.jump.slots)]
+    states = _stores("work", plan.jump.states, work.stages + work.rates)
+    after = _stores("work", _values(plan.jump.jacobian), work.stages + work.jacobian)
+    after += _stores("work", plan.jump.slots, work.stages + work.slots)
     return {
-        "jump_plain": _jump(plan, work, "jump_plain", states),
-        "jump_all": _jump(plan, work, "jump_all", [*states, *after]),
+        "jump_plain": _jump(plan, "jump_plain", states),
+        "jump_all": _jump(plan, "jump_all", [*states, *after]),
     }
 
 
-def _jump(plan: DifferentiatedProgram, work: Work, name: str, stores: Sequence[tuple[ArrayElement, Expr]]) -> Function:
-    results = {symbol for _, value in stores for symbol in sp.sympify(value).free_symbols}
-    statements = live(plan.jump.statements, results)
-    needed = read(statements) | results
-    system = plan.system
-    loads = _from("x", system.states, needed) | _from("p", system.parameters, needed)
-    loads |= _from("measured", system.measured, needed)
-    interface = Interface(
-        ("x", "measured", "p", "work"),
-        moving=("measured",),
-        numbers=(("number", JUMP),),
-        inline=name == "jump_plain",
-    )
-    first = [(ArrayElement("work", work.stages + place.index), value) for place, value in stores]
-    return function(name, interface, statements, loads, first)
+def _jump(plan: DifferentiatedProgram, name: str, stores: Sequence[tuple[ArrayElement, Expr]]) -> Function:
+    system, number = plan.system, (("number", JUMP),)
+    interface = Interface(("x", "measured", "p", "work"), ("measured",), number, inline=name == "jump_plain")
+    statements = live(plan.jump.statements, symbols_in(value for _, value in stores))
+    loads = _placed("x", system.states) | _placed("p", system.parameters) | _placed("measured", system.measured)
+    return function(name, interface, statements, loads, stores)
 
 
 def _columns(plan: DifferentiatedProgram, work: Work) -> dict[str, Function]:
@@ -136,23 +91,11 @@ def _values(entries: Iterable[Entry]) -> list[Expr]:
     return [entry.value for entry in entries]
 
 
-def _from(array: str, symbols: Sequence[Expr], needed: Collection[Expr]) -> dict[Expr, ArrayElement]:
-    """Places of those `symbols` that are needed, whose numbers stand in `array` one after the other."""
-    return {symbol: ArrayElement(array, position) for position, symbol in positions(symbols, needed)}
+def _stores(array: str, values: Iterable[Expr], first: int) -> list[tuple[ArrayElement, Expr]]:
+    """Values one after the other in `array`, from its element `first` on."""
+    return [(ArrayElement(array, first + position), value) for position, value in enumerate(values)]
 
 
-def _placed(first: int, symbols: Iterable[Expr]) -> dict[Expr, ArrayElement]:
-    return {symbol: ArrayElement("work", first + position) for position, symbol in enumerate(symbols)}
-
-
-def _only(places: Mapping[Expr, ArrayElement], needed: Collection[Expr]) -> dict[Expr, ArrayElement]:
-    return {symbol: place for symbol, place in places.items() if symbol in needed}
-
-
-def _stored(places: Mapping[Expr, ArrayElement]) -> list[tuple[ArrayElement, Expr]]:
-    return [(place, symbol) for symbol, place in places.items()]
-
-
-def _stores(first: int, values: Iterable[Expr]) -> list[tuple[ArrayElement, Expr]]:
-    """Values one after the other from `first` on, among the results of a stage."""
-    return [(ArrayElement("stage", first + position), value) for position, value in enumerate(values)]
+def _placed(array: str, symbols: Iterable[Expr], first: int = 0) -> dict[Expr, ArrayElement]:
+    """Places of symbols that stand in `array` one after the other."""
+    return {symbol: place for place, symbol in _stores(array, symbols, first)}

@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast
 
 from clutchid.codegen.cache import load_module, meaning
 
-#: What a compiler may do with sums and products of a generated kernel, in LLVM's words. Without nnan and ninf: a run
+#: Liberties of the compiler with sums and products of a generated kernel, in LLVM's words. Without nnan and ninf: a run
 #: that leaves the finite numbers must be seen.
 FAST = "reassoc nsz arcp contract afn"
 

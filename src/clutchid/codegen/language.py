@@ -128,10 +128,10 @@ _C = """
     isfinite fabs fabsf INFINITY NAN
 """
 
-#: What the generated Python calls its arguments, locals and modules.
+#: Names of arguments, locals and modules in the generated Python.
 PYTHON_WORDS = frozenset(_PYTHON.split()) | frozenset(keyword.kwlist)
 
-#: What the generated C calls its arguments, locals and functions, and the words of C99 and its mathematics.
+#: Names of arguments, locals and functions in the generated C, and the words of C99 and its mathematics.
 C_WORDS = frozenset(_C.split()) | frozenset(name + suffix for name in FUNCTIONS for suffix in ("", "f"))
 
 _GENERATED = re.compile(r"(const|held)_\d+|_.*|.*__.*")
@@ -142,36 +142,23 @@ def apart(system: System, words: Collection[str]) -> System:
 
     A parameter ``k`` becomes ``k_``; symbols without a conflict keep their names, so the code stays readable.
     """
-    symbols = [
-        *(*system.states, *system.inputs, *system.parameters, *system.measured),
-        *(symbol for symbol, _ in system.definitions),
-        *([system.table.value] if system.table else []),
-    ]
-    taken = {str(symbol) for symbol in symbols}
+    taken = {str(symbol) for symbol in system.symbols}
     renamed: dict[Expr, Expr] = {}
-    for number, symbol in enumerate(symbols):
+    for symbol in system.symbols:
         name = re.sub("__+", "_", str(symbol)).lstrip("_") or "a"
-        made = _derived if number < len(system.states) else _nothing
-        while name in words or _GENERATED.fullmatch(name) or made(name) & taken or name in taken - {str(symbol)}:
-            name = _longer(name)
-        taken |= {name} | made(name)
+        others, prefixes = taken - {str(symbol)}, ("d_", "new_") if symbol in system.states else ()
+        while (
+            name in words
+            or name in others
+            or _GENERATED.fullmatch(name)
+            or any(prefix + name in taken for prefix in prefixes)
+        ):
+            # two underscores in a row mark derivatives
+            name += "a" if name.endswith("_") else "_"
+        taken |= {name, *(prefix + name for prefix in prefixes)}
         if name != str(symbol):
             renamed[symbol] = sp.Symbol(name, **symbol.assumptions0)
     return _renamed(system, renamed) if renamed else system
-
-
-def _longer(name: str) -> str:
-    """Another name: one underscore at the end, then letters, because two in a row mark derivatives."""
-    return name + ("_" if not name.endswith("_") else "a")
-
-
-def _derived(state: str) -> set[str]:
-    """Variables that the generated code makes of a state."""
-    return {f"d_{state}", f"new_{state}"}
-
-
-def _nothing(_: str) -> set[str]:
-    return set()
 
 
 def _renamed(system: System, renamed: dict[Expr, Expr]) -> System:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import sympy as sp
 
+from clutchid.codegen.differentiation import differentiated
 from clutchid.codegen.functions import functions
-from clutchid.codegen.lanes import WIDTH
-from clutchid.codegen.language import PYTHON, apart
-from clutchid.codegen.layout import layout
+from clutchid.codegen.language import PYTHON, PYTHON_WORDS, apart
 from clutchid.codegen.llvm import ArrayElement, Interface, function
 from clutchid.codegen.program import Assign, Lookup, Statement, lower
-from clutchid.codegen.system import Expr, System
+from clutchid.codegen.stepping import WIDTH
+from clutchid.codegen.system import Expr, System, symbols_in
 from clutchid.codegen.templates import template
 
 _LOOKUP = """\
@@ -39,7 +39,7 @@ def numba_source(system: System) -> str:
     NotImplementedError
         If an expression uses a function that is not printed, see `clutchid.codegen.language`.
     """
-    plan = layout(apart(system, ()))
+    plan = differentiated(apart(system, ()))
     work, printed = functions(plan)
     text: str = template("kernels.py.j2").render(
         name=system.name,
@@ -127,3 +127,50 @@ def block(statements: Sequence[Statement], indent: str = "") -> str:
                 lines.append(f"{indent}{word}:")
                 lines.append(block(arm, indent + "    ") or f"{indent}    pass")
     return "\n".join(lines)
+
+
+#: Names that the text of `terms_source` needs for itself.
+_WORDS = PYTHON_WORDS | {"terms", "TERMS"}
+
+
+def terms_source(system: System) -> str:
+    """Source of a generator ``terms(x, u, p, table value)`` and of the names of what it yields, ``TERMS``.
+
+    It yields the definitions of `system` in their order, then the derivatives of its states. It is no kernel: a term
+    that cannot be computed raises at its turn, as Python's arithmetic does. Each row of ``TERMS`` has the name of a
+    term, d_NAME for a derivative, the parameters that stand in it, and the states and terms that do.
+
+    Raises
+    ------
+    ValueError
+        If a piecewise expression does not cover every case.
+    NotImplementedError
+        If an expression uses a function that is not printed, see `clutchid.codegen.language`.
+    """
+    defined = dict(system.definitions)
+    others = [*system.states, *system.tabulated, *defined]
+    # a derivative that is a definition itself has what stands in that one
+    rows = [*system.definitions, *((rate, defined.get(value, value)) for rate, value in _rates(system))]
+    listed = [f'    ("{name}", {_used(value, system.parameters)}, {_used(value, others)}),' for name, value in rows]
+    inside = apart(system, _WORDS)
+    taken = {str(symbol) for symbol in inside.symbols} | _WORDS
+    lines = [*_unpacked(inside.states, "x"), *_unpacked(inside.inputs, "u"), *_unpacked(inside.parameters, "p")]
+    for symbol, value in (*inside.definitions, *_rates(inside)):
+        lines += [block(lower(symbol, value, taken), "    "), f"    yield {symbol}"]
+    head = f"def terms({', '.join(['x', 'u', 'p', *map(str, inside.tabulated)])}):"
+    return "\n".join(["", "", "TERMS = (", *listed, ")", "", "", head, *lines, ""])
+
+
+def _rates(system: System) -> list[tuple[Expr, Expr]]:
+    rates = zip(system.states, system.derivatives, strict=True)
+    return [(sp.Symbol(f"d_{state}", real=True), value) for state, value in rates]
+
+
+def _used(value: Expr, symbols: Iterable[Expr]) -> tuple[str, ...]:
+    """Names of those `symbols` that stand in `value`."""
+    used = symbols_in([value])
+    return tuple(str(symbol) for symbol in symbols if symbol in used)
+
+
+def _unpacked(symbols: Sequence[Expr], array: str) -> list[str]:
+    return [f"    ({', '.join(map(str, symbols))},) = {array}"] if symbols else []

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 #: A SymPy expression, a number, or (for plain arithmetic) an array.
 Expr: TypeAlias = Any
+
+
+def symbols_in(values: Iterable[Expr]) -> set[Expr]:
+    """All symbols of expressions; plain numbers have none."""
+    return {symbol for value in values for symbol in getattr(value, "free_symbols", ())}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +62,13 @@ class System:
     def __post_init__(self) -> None:
         if len(self.states) != len(self.derivatives):
             raise ValueError(f"{self.name}: {len(self.states)} states but {len(self.derivatives)} derivatives.")
-        defined = (*(symbol for symbol, _ in self.definitions), *([self.table.value] if self.table else []))
-        names = [str(s) for s in (*self.states, *self.inputs, *self.parameters, *self.measured, *defined)]
+        names = [str(s) for s in self.symbols]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{self.name}: {', '.join(twice)} named twice.")
-        known = {*self.states, *self.inputs, *self.parameters, *([self.table.value] if self.table else [])}
+        known = {*self.states, *self.inputs, *self.parameters, *self.tabulated}
         for symbol, expression in (*self.definitions, *zip(self.states, self.derivatives, strict=True)):
-            unknown = sorted(str(s) for s in getattr(expression, "free_symbols", set()) - known)
+            unknown = sorted(str(s) for s in symbols_in([expression]) - known)
             if unknown:
                 raise ValueError(f"{self.name}: {symbol} uses {', '.join(unknown)} before it is defined.")
             known.add(symbol)
@@ -74,12 +79,22 @@ class System:
         for jump in self.jumps:
             if len(jump.states) != len(self.states):
                 raise ValueError(f"{self.name}, jump {jump.name}: {len(jump.states)} of {len(self.states)} states.")
-            used = {symbol for value in jump.states for symbol in getattr(value, "free_symbols", set())}
-            unknown = sorted(str(symbol) for symbol in used - known)
+            unknown = sorted(str(s) for s in symbols_in(jump.states) - known)
             if unknown:
                 raise ValueError(
                     f"{self.name}, jump {jump.name} uses {', '.join(unknown)}; jumps know states, parameters, measured."
                 )
+
+    @property
+    def tabulated(self) -> tuple[Expr, ...]:
+        """The value of the table, if there is one."""
+        return (self.table.value,) if self.table else ()
+
+    @property
+    def symbols(self) -> tuple[Expr, ...]:
+        """All symbols: those that are given, and those that are defined."""
+        defined = (symbol for symbol, _ in self.definitions)
+        return (*self.states, *self.inputs, *self.parameters, *self.measured, *defined, *self.tabulated)
 
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of the kernels' parameter array."""

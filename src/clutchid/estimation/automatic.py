@@ -13,8 +13,8 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.parameters import in_order
-from clutchid.preparation.carrier import centred, find_carrier
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
+from clutchid.preparation.pulses import centred, find_carrier
 from clutchid.recordings.signals.duty_cycle import duty_grid, duty_period, grid_phase, on_off
 from clutchid.recordings.signals.excitation import VENTED_POSITION
 from clutchid.recordings.signals.sampled import runs

@@ -18,9 +18,8 @@ from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
-from clutchid.preparation.carrier import centred
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare
-from clutchid.preparation.pulses import Duties, FindPhase, duties_in, find_phase
+from clutchid.preparation.pulses import Duties, FindPhase, centred, duties_in, find_phase
 from clutchid.simulation.stiffness import stiffness
 from clutchid.simulation.windows import tracks, with_window_steps
 

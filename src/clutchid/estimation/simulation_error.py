@@ -280,7 +280,7 @@ def residuals(problem: Problem, x: FloatArray) -> Iterator[SegmentResiduals | Fa
         which = columns(actuator, [*shared, *(problem.coordinates[i].base for i in at)])
         x0 = start_state(segment, actuator, _start(problem, segment, at, x, actuator))
         start = x0, start_sensitivities(segment, actuator, which, estimated=bool(at))
-        states, sens, failed = run_with_sensitivities(segment, arrays, start, which, watched)
+        states, sens, _, failed = run_with_sensitivities(segment, arrays, start, which, watched)
         if failed >= 0:
             yield Failure(failure_message(one.log, segment, states, failed, actuator.states, actuator))
             return

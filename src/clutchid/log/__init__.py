@@ -73,10 +73,10 @@ class Log:
     edges: Mapping[str, Samples] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        time = _frozen(self.time)
-        edges = {name: (_frozen(stamps), _frozen(values)) for name, (stamps, values) in self.edges.items()}
+        time = read_only(self.time)
+        edges = {name: (read_only(stamps), read_only(values)) for name, (stamps, values) in self.edges.items()}
         object.__setattr__(self, "edges", MappingProxyType(edges))
-        columns = {name: _frozen(values) for name, values in self.columns.items()}
+        columns = {name: read_only(values) for name, values in self.columns.items()}
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
         object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
@@ -158,6 +158,13 @@ def concatenated(logs: Sequence[Log]) -> Log:
     return Log(np.concatenate([log.time for log in logs]), columns, first.name, first.metadata)
 
 
+def read_only(values: FloatArray) -> FloatArray:
+    """`values` as an array that kernels can read and nobody can write to; a view, if possible."""
+    array = np.ascontiguousarray(values, dtype=np.float64).view()
+    array.flags.writeable = False
+    return array
+
+
 def sample_interval(time: FloatArray, otherwise: float = math.nan) -> float:
     """Median interval between samples in s; `otherwise` where there are fewer than two.
 
@@ -167,6 +174,18 @@ def sample_interval(time: FloatArray, otherwise: float = math.nan) -> float:
     0.01
     """
     return float(np.median(np.diff(time))) if time.size > 1 else otherwise
+
+
+def holes(time: FloatArray) -> NDArray[np.bool_]:
+    """Whether each interval between samples is a hole, shape (n - 1,).
+
+    Examples
+    --------
+    >>> holes(np.array([0.0, 0.01, 0.02, 0.5])).tolist()
+    [False, False, True]
+    """
+    mask: NDArray[np.bool_] = np.diff(time) > HOLE * sample_interval(time, 0.0)
+    return mask
 
 
 def name_and_unit(column: str) -> tuple[str, str]:
@@ -193,9 +212,3 @@ def _wrong_edges(name: str, samples: Samples, has_column: bool) -> str:
         before, after = stamps[wrong[0]], stamps[wrong[0] + 1]
         return f"edges of '{name}' go from {before:.6g} s to {after:.6g} s: their time stamps must increase strictly."
     return "" if np.isfinite(stamps).all() else f"edges of '{name}': a time stamp is not finite."
-
-
-def _frozen(values: FloatArray) -> FloatArray:
-    array = np.ascontiguousarray(values, dtype=np.float64).view()
-    array.flags.writeable = False
-    return array

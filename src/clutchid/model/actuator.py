@@ -14,7 +14,7 @@ from clutchid.model.compiled import Model, check_model, kernels, parameter_names
 from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter
 from clutchid.model.weighted_load import Load, in_metres
-from clutchid.names import unknown_name
+from clutchid.names import check_names, unknown_name
 from clutchid.parameters import Parameters, Row
 
 
@@ -75,8 +75,7 @@ class Actuator:
             for (name, row), value in zip(rows.items(), values, strict=True)
             if not row.row.admits(value)
         ]
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
         object.__setattr__(self, "own", values)
 
     def __repr__(self) -> str:
@@ -143,10 +142,9 @@ class Actuator:
         ParameterError
             If there is no such parameter; the text names the nearest known one.
         """
-        own = self.own_row(name)
-        if own is None and name not in Parameters.names():
-            raise ParameterError(unknown_name(name, self.parameter_names))
-        return Parameters.row(name) if own is None else own.row
+        rows = self.rows
+        check_names([name], rows)
+        return rows[name]
 
     def own_row(self, name: str) -> OwnParameter | None:
         """The row of a parameter of an `OwnModel`; None for any other name."""
@@ -203,8 +201,7 @@ class Actuator:
         others = {name: value for name, value in changes.items() if name not in self.load.names}
         problems = [unknown_name(name, self.names) for name in others if name not in self.parameter_names]
         problems += [sentence for name in others if (sentence := self.equipment.missing(name))]
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
         rows = self._own_rows
         own = tuple(others.pop(name, value) for name, value in zip(rows, self.own, strict=True))
         load = replace(self.load, theta=theta)

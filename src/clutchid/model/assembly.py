@@ -1,10 +1,13 @@
-"""Common parts of the model variants: symbols, named definitions, flows through valves, forces on the piston."""
+"""Common parts of the model variants: symbols, named definitions, openings of valves, forces on the piston, resets."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy as sp
 
-from clutchid.codegen.system import Expr
+from clutchid.codegen.system import Expr, Jump, System, TabulatedFunction
+from clutchid.model.chambers import volume_a, volume_b
 from clutchid.model.friction import coulomb_force, deflection_rate, friction_force, stribeck_force
 from clutchid.model.motion import stop_force
 from clutchid.model.opening import (
@@ -29,6 +32,7 @@ class Book:
     def __init__(self, states: tuple[str, ...]) -> None:
         names = (*states, *Parameters.names(), *INPUTS, "f_l", "y_measured", "p_A_measured")
         self._symbols: dict[str, Expr] = {name: sp.Symbol(name, real=True) for name in names}
+        self.states = states
         self.rows: list[tuple[Expr, Expr]] = []
 
     def __getitem__(self, name: str) -> Expr:
@@ -88,3 +92,29 @@ def friction_and_stops(b: Book, stribeck: bool) -> None:
     b.define("f_f", friction_force(v, z, z_dot, *b.all("D_v", "K_z", "D_zdot")))
     stop = b.all("K_stop", "D_stop", "d_stop")
     b.define("f_s", stop_force(y - b["y_max"], v, *stop) - stop_force(-y, -v, *stop))
+
+
+def assembled(b: Book, name: str, inputs: Sequence[str], rates: tuple[Expr, ...]) -> System:
+    """The system of the states and definitions of `b`, with the load as a table and the resets of partitions."""
+    return System(
+        name=name,
+        states=b.all(*b.states),
+        inputs=b.all(*inputs),
+        parameters=b.all(*Parameters.names()),
+        definitions=tuple(b.rows),
+        derivatives=rates,
+        table=TabulatedFunction(b["f_l"], b["y"]),
+        measured=b.all("y_measured", "p_A_measured"),
+        jumps=_resets(b),
+    )
+
+
+def _resets(b: Book) -> tuple[Jump, ...]:
+    """Resets of partitioned simulation: the pressures (p) or the masses of air (q) go on; docs/deviations.md."""
+    squeeze_a = volume_a(*b.all("y", "V_0A", "A_A")) / volume_a(*b.all("y_measured", "V_0A", "A_A"))
+    squeeze_b = volume_b(*b.all("y", "V_0B", "A_B", "y_max")) / volume_b(*b.all("y_measured", "V_0B", "A_B", "y_max"))
+    taken = {"y": b["y_measured"]}
+    carried = {**taken, "p_A": b["p_A"] * squeeze_a, "p_B": b["p_B"] * squeeze_b}
+    pressure = {"p_A": b["p_A_measured"]}
+    kinds = {"p": taken, "q": carried, "p, pressure": taken | pressure, "q, pressure": carried | pressure}
+    return tuple(Jump(name, tuple(new.get(x, b[x]) for x in b.states)) for name, new in kinds.items())

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias
 
-from clutchid.codegen.cache import load_module
+from clutchid.codegen.cache import generator_files, load_module
 from clutchid.codegen.system import System
 from clutchid.log.states import STATES, State
 from clutchid.model.own.model import OwnModel
@@ -102,7 +102,7 @@ def step(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.callback import Callback
+    from clutchid.codegen.linked import Callback
 
     x, S = (types.Array(types.float64, n, "C") for n in (1, 2))
     fixed, load, basis = (types.Array(types.float64, n, "C", readonly=True) for n in (1, 2, 3))
@@ -122,7 +122,7 @@ def prepare(model: Model) -> Any:
     """
     from numba import types
 
-    from clutchid.codegen.callback import Callback
+    from clutchid.codegen.linked import Callback
 
     x, places = types.Array(types.float64, 1, "C"), types.Array(types.int64, 1, "C")
     return Callback(kernels(model).prepare, (x, places, x))
@@ -166,13 +166,11 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
 
 def _sources() -> list[Path]:
     """The files that the generated text depends on."""
-    code = [path for folder in (_HERE, _HERE.parent / "codegen") for path in folder.rglob("*") if path.is_file()]
-    return [*(path for path in code if path.suffix in (".py", ".j2")), _HERE.parent / "parameters.py"]
+    return [*generator_files(_HERE), _HERE.parent / "parameters.py"]
 
 
 def _kernels_text(model: Model) -> str:
-    from clutchid.codegen.numba_source import numba_source
-    from clutchid.codegen.terms import terms_source
+    from clutchid.codegen.numba_source import numba_source, terms_source
 
     text = system(model)
     return numba_source(text) + terms_source(text)

@@ -6,8 +6,8 @@ from functools import cache
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, System, TabulatedFunction
-from clutchid.model.assembly import INPUTS, Book, friction_and_stops, gated, openings, spool_openings
+from clutchid.codegen.system import Expr, System
+from clutchid.model.assembly import INPUTS, Book, assembled, friction_and_stops, gated, openings, spool_openings
 from clutchid.model.chambers import (
     heat_flow,
     heated_pressure_rate,
@@ -17,12 +17,10 @@ from clutchid.model.chambers import (
     wall_area,
 )
 from clutchid.model.friction import bearing_force, deflection_rate
-from clutchid.model.isothermal import resets
 from clutchid.model.motion import acceleration
 from clutchid.model.opening import spool_rate
 from clutchid.model.supply import governor_rate, reservoir_rate
 from clutchid.model.valves import iso_flow, leak_flow, orifice_flow, thermal_factor
-from clutchid.parameters import Parameters
 
 STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h")
 SPOOLS = ("x_vs", "x_ve")
@@ -84,17 +82,7 @@ def energy_balance(stribeck: bool = False, proportional: bool = False) -> System
         deflection_rate(b["v"], b["z_h"], b["K_h"], slips_at),
         *(spool_rate(b[f"u_{valve}"], b[f"x_{valve}"], b[f"tau_{valve}"]) for valve in ("vs", "ve") if proportional),
     )
-    return System(
-        name="energy_balance" + "_stribeck" * stribeck + "_proportional" * proportional,
-        states=b.all(*states),
-        inputs=b.all(*INPUTS),
-        parameters=b.all(*Parameters.names()),
-        definitions=tuple(b.rows),
-        derivatives=rates,
-        table=TabulatedFunction(b["f_l"], b["y"]),
-        measured=b.all("y_measured", "p_A_measured"),
-        jumps=resets(b, states),
-    )
+    return assembled(b, "energy_balance" + "_stribeck" * stribeck + "_proportional" * proportional, INPUTS, rates)
 
 
 def _gas_rates(b: Book) -> tuple[Expr, Expr, Expr, Expr]:

@@ -17,7 +17,7 @@ VALVES = MappingProxyType(
     {"supply and exhaust": INPUTS, "supply": INPUTS[:1], "exhaust": INPUTS[1:], "3/2": INPUTS[:1]}
 )
 
-#: What the equations take for a chamber B that does not exist. Its pressure then is P_0, always: a reservoir of 1 m³
+#: Parameters that stand for a chamber B that does not exist. Its pressure then is P_0, always: a reservoir of 1 m³
 #: that the piston does not squeeze, neither breathes nor warms. The area is not 0, as formulas divide by it.
 NO_CHAMBER_B = MappingProxyType({"A_B": 1e-9, "V_0B": 1.0, "C_r": 0.0, "h_B": 0.0})
 
@@ -62,8 +62,7 @@ class Equipment:
             problems.append(f"[actuator] chamber_b = {self.chamber_b!r}: true or false.")
         if self.valves not in list(VALVES):
             problems.append(f"[actuator] {unknown_name(str(self.valves), VALVES, 'set of valves')}")
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
 
     @property
     def recorded(self) -> tuple[str, ...]:

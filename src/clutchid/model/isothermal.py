@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
-from clutchid.codegen.system import Jump, System, TabulatedFunction
-from clutchid.model.assembly import Book, friction_and_stops, gated, openings
+from clutchid.codegen.system import System
+from clutchid.model.assembly import Book, assembled, friction_and_stops, gated, openings
 from clutchid.model.chambers import pressure_rate, volume_a, volume_b
 from clutchid.model.motion import acceleration
 from clutchid.model.valves import breathing_flow, orifice_flow
-from clutchid.parameters import Parameters
 
 STATES = ("y", "v", "p_A", "p_B", "z")
 
@@ -56,25 +55,4 @@ def isothermal(stribeck: bool = False) -> System:
         pressure_rate(b["p_B"], V_B, -b["A_B"] * b["v"], w_r, b["R"], b["T_0"]),
         b["z_dot"],
     )
-    return System(
-        name="isothermal_stribeck" if stribeck else "isothermal",
-        states=b.all(*STATES),
-        inputs=b.all("u_vs", "u_ve"),
-        parameters=b.all(*Parameters.names()),
-        definitions=tuple(b.rows),
-        derivatives=rates,
-        table=TabulatedFunction(b["f_l"], b["y"]),
-        measured=b.all("y_measured", "p_A_measured"),
-        jumps=resets(b, STATES),
-    )
-
-
-def resets(b: Book, states: tuple[str, ...]) -> tuple[Jump, ...]:
-    """Resets of partitioned simulation: the pressures (p) or the masses of air (q) go on; docs/deviations.md."""
-    squeeze_a = volume_a(*b.all("y", "V_0A", "A_A")) / volume_a(*b.all("y_measured", "V_0A", "A_A"))
-    squeeze_b = volume_b(*b.all("y", "V_0B", "A_B", "y_max")) / volume_b(*b.all("y_measured", "V_0B", "A_B", "y_max"))
-    taken = {"y": b["y_measured"]}
-    carried = {**taken, "p_A": b["p_A"] * squeeze_a, "p_B": b["p_B"] * squeeze_b}
-    pressure = {"p_A": b["p_A_measured"]}
-    kinds = {"p": taken, "q": carried, "p, pressure": taken | pressure, "q, pressure": carried | pressure}
-    return tuple(Jump(name, tuple(new.get(x, b[x]) for x in states)) for name, new in kinds.items())
+    return assembled(b, "isothermal" + "_stribeck" * stribeck, ("u_vs", "u_ve"), rates)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from clutchid.codegen.system import System
-from clutchid.errors import ParameterError
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 
 #: States of each gas model, in the order of the kernels; a variant is a gas model, with or without Stribeck friction.
 _GAS = {
@@ -47,5 +46,4 @@ def check_variant(variant: str) -> None:
     ParameterError
         The text has the nearest known one.
     """
-    if variant not in VARIANTS:
-        raise ParameterError(unknown_name(str(variant), VARIANTS, "model"))
+    check_names([variant], VARIANTS, "model")

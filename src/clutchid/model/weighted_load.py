@@ -10,36 +10,12 @@ from functools import cache, cached_property
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, read_only
 from clutchid.model.compiled import functions
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 
 #: Knots in m: dense where the clutch takes hold and where the diaphragm spring turns, as wide as the change allows.
-DEFAULT_KNOTS = tuple(
-    mm * 1e-3
-    for mm in (
-        0.0,
-        0.5,
-        1.0,
-        1.5,
-        2.0,
-        3.0,
-        4.0,
-        5.0,
-        6.0,
-        7.0,
-        8.0,
-        9.0,
-        10.0,
-        12.0,
-        14.0,
-        16.0,
-        18.0,
-        20.0,
-        22.5,
-        25.0,
-    )
-)
+DEFAULT_KNOTS = tuple(mm * 1e-3 for mm in (0, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 16, 18, 20, 22.5, 25))
 
 
 def b_spline_table(knots: Sequence[float]) -> tuple[FloatArray, FloatArray]:
@@ -172,8 +148,7 @@ class Load:
 
     def __post_init__(self) -> None:
         problems = []
-        if self.basis not in BASES:
-            raise ParameterError(unknown_name(str(self.basis), BASES, "load basis"))
+        check_names([self.basis], BASES, "load basis")
         if len(self.knots) > MOST_KNOTS:
             raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
         paper = self.basis == "paper"
@@ -190,8 +165,7 @@ class Load:
             )
         if not math.isfinite(self.phi2_slope):
             problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
         object.__setattr__(self, "theta", tuple(float(value) for value in self.theta))
         object.__setattr__(self, "knots", tuple(float(value) for value in self.knots))
 
@@ -228,17 +202,22 @@ class Load:
 
     def curvature(self, y: FloatArray) -> FloatArray:
         """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
-        y = np.asarray(y, dtype=np.float64)
-        segment = np.searchsorted(self.breakpoints, y, side="right")
-        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
-        c = self.coefficients[:, segment]
+        offset, c = self._pieces(y)
         result: FloatArray = (2 * c[..., 2] + 6 * offset * c[..., 3]).T
         return result
 
+    def _pieces(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances of positions to the breakpoints on their left, and coefficients of all basis functions there."""
+        y = np.asarray(y, dtype=np.float64)
+        segment = np.searchsorted(self.breakpoints, y, side="right")
+        return y - self.breakpoints[np.maximum(segment - 1, 0)], self.coefficients[:, segment]
+
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        table = _paper_table(self.knots, self.phi2_slope) if self.basis == "paper" else _b_splines(self.knots)
-        return _frozen(table[0], np.tensordot(self.functions, table[1], axes=1)) if self.functions else table
+        breakpoints, coefficients = _basis_table(self.basis, self.knots, self.phi2_slope)
+        if self.functions:
+            coefficients = read_only(np.tensordot(self.functions, coefficients, axes=1))
+        return breakpoints, coefficients
 
     @property
     def breakpoints(self) -> FloatArray:
@@ -258,10 +237,7 @@ class Load:
 
     def phi(self, y: FloatArray) -> FloatArray:
         """Basis functions in m at the positions `y` in m, shape (n, n_theta)."""
-        y = np.asarray(y, dtype=np.float64)
-        segment = np.searchsorted(self.breakpoints, y, side="right")
-        offset = y - self.breakpoints[np.maximum(segment - 1, 0)]
-        c = self.coefficients[:, segment]
+        offset, c = self._pieces(y)
         result: FloatArray = (c[..., 0] + offset * (c[..., 1] + offset * (c[..., 2] + offset * c[..., 3]))).T
         return result
 
@@ -272,18 +248,6 @@ class Load:
 
 
 @cache
-def _paper_table(knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
-    breakpoints, coefficients = functions().paper_table(*knots, phi2_slope)
-    return _frozen(np.array(breakpoints, dtype=np.float64), np.array(coefficients, dtype=np.float64))
-
-
-@cache
-def _b_splines(knots: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-    return _frozen(*b_spline_table(knots))
-
-
-def _frozen(*table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    breakpoints, coefficients = (np.ascontiguousarray(array) for array in table)  # the layout that kernels read
-    for array in (breakpoints, coefficients):
-        array.flags.writeable = False
-    return breakpoints, coefficients
+def _basis_table(basis: str, knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
+    table = functions().paper_table(*knots, phi2_slope) if basis == "paper" else b_spline_table(knots)
+    return read_only(table[0]), read_only(table[1])

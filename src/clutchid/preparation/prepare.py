@@ -12,8 +12,7 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.equipment import Equipment
-from clutchid.preparation.pulses import FindPhase, find_phase, pulsed
-from clutchid.simulation import Partition
+from clutchid.preparation.pulses import FindPhase, find_phase, frequent_resets, pulsed
 from clutchid.simulation.plan import Plan, Segment, outside_stroke, plan
 from clutchid.simulation.stiffness import TOP_SPEED, local_stiffness, stiffness, substeps
 from clutchid.simulation.windows import RESET_INTERVAL, Track, samples, tracks
@@ -35,7 +34,7 @@ POSITION_MARGIN, SPEED_MARGIN, SPEED_WINDOW = 3e-4, 0.03, 8e-3
 MISSING = 1.5
 
 
-#: What to do with a recording without pressure.
+#: Advice for a recording without pressure.
 FROM_POSITION_ALONE = (
     "From position alone, estimate the load with a calibration: clutchid estimate LOG --start CAL.toml."
 )
@@ -64,8 +63,7 @@ def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequen
             for name in absent
         ]
         problems += [f"{log.name}: column '{name}' has no finite sample; nothing can be compared." for name in empty]
-    if problems:
-        raise DataError("\n".join(problems))
+    DataError.raise_for(problems)
 
 
 def driven(logs: Sequence[Log], equipment: Equipment) -> list[Log]:
@@ -118,9 +116,10 @@ def prepare(
     if pulsed_log.warning:
         raise DataError(pulsed_log.warning)
     step = sample_interval(pulsed_log.log.time, RESET_INTERVAL)
-    resets = Partition(every=max(2, round(RESET_INTERVAL / step)))
     rate = MARGIN * stiffness(pulsed_log.actuator) if rate is None else rate
-    prepared = plan(pulsed_log.log, pulsed_log.actuator, rate, resets, with_pressure, pulsed_log.open_std)
+    prepared = plan(
+        pulsed_log.log, pulsed_log.actuator, rate, frequent_resets(step), with_pressure, pulsed_log.open_std
+    )
     found = prepared.actuator.replace({"T_pwm": actuator.parameters.T_pwm})
     return replace(prepared, actuator=found, phase_std=pulsed_log.phase_std)
 

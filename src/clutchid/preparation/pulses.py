@@ -1,14 +1,17 @@
-"""Pulses of the valves in a recording: phase of the carrier, and a time grid that resolves it.
+"""Pulses of the valves in a recording: period and phase of the carrier, and a time grid that resolves it.
 
 A recording slower than the changes of the duty cycles, such as that of a bus at 100 Hz, is put on a finer time grid, on
 which the position is missing between the samples; its positions determine the load as well as ten times more samples
 do. Where the control unit renews the duty cycles once a period, each period has its own; otherwise they are
 interpolated, and what the recording does not show of them is process noise.
+
+A control unit applies a new duty cycle at the start of a period. If the recorded duty cycles change on a time grid,
+the grid gives the phase exactly; otherwise it is estimated from pressure or position.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -17,14 +20,123 @@ import numpy as np
 from clutchid.inference.uncertainty.coordinates import coordinates
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
-from clutchid.preparation.carrier import MAX_DURATION, centred, find_carrier
+from clutchid.model.compiled import kernels
+from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.time_grid import in_clock, interpolated, latched
-from clutchid.recordings.signals.duty_cycle import grid_phase, is_slow, on_off, resolves_carrier
+from clutchid.recordings.signals.duty_cycle import duty_grid, grid_phase, is_slow, on_off, resolves_carrier
 from clutchid.simulation import Partition
+from clutchid.simulation.inputs import carrier_clock
 from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.sensors import without_sensors
 from clutchid.simulation.stiffness import stiffness
+from clutchid.simulation.windows import RESET_INTERVAL
+
+#: Periods in s that are tried: 200 to 20 Hz, as solenoid valves are driven.
+PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
+
+#: Number of phases that are tried, and the least contrast: explained variance of the fast part of the pressure rate by
+#: the best phase beyond that by the median one, which is due to the changing duty cycle and not to the carrier.
+PHASES, CONTRAST = 20, 0.01
+
+#: Least contrast for a period that is known from the duty cycles, with a single trial.
+CONTRAST_ON_GRID = 0.001
+
+#: Another period must explain the variance of that of the grid by this factor: with the same duty cycles, half or twice
+#: the true period explains up to the same variance.
+GRID_ADVANTAGE = 2.0
+
+#: Assumed travel time of a valve in carrier periods.
+SHORT_TRAVEL = 0.01
+
+#: Longest part of a recording that is used for the phase, in s.
+MAX_DURATION = 15.0
+
+
+def find_carrier(log: Log, actuator: Actuator, periods: Sequence[float] = PERIODS) -> tuple[float, float]:
+    """Carrier period in s and phase at which the valves open, from a recording with pressure; (0, 0) without a carrier.
+
+    An open valve changes the pressure immediately, so that the pressure rate within a period shows when it is open. For
+    every period and phase, the rate is regressed on the predicted opening, both without their moving average. Detected
+    periods are compared by the variance that they explain of the same part of the rate, because a longer period
+    contains more of it. The period of the grid of the duty cycles needs less evidence, and is chosen unless another
+    explains `GRID_ADVANTAGE` times its variance. An on/off unit has no carrier: its edges are those of its commands.
+
+    Raises
+    ------
+    DataError
+        If the recording has no pressure.
+    """
+    step = sample_interval(log.time)
+    log = log.slice(0, min(len(log), round(MAX_DURATION / step)))
+    if on_off(log):
+        return 0.0, 0.0
+    grid = duty_grid(log).period
+    common = max(1, round(max(periods) / step))
+    candidates: dict[float, tuple[float, float]] = {}
+    for period in (*periods, grid) if periods is PERIODS and grid not in PERIODS else periods:
+        if not resolves_carrier(log, period):
+            continue
+        contrast, phase = _contrast(log, actuator, period, max(1, round(period / step)))
+        if contrast > (CONTRAST_ON_GRID if _same(period, grid) else CONTRAST):
+            candidates[period] = (contrast if len(periods) == 1 else _contrast(log, actuator, period, common)[0], phase)
+    if not candidates:
+        return 0.0, 0.0
+    best = max(candidates, key=lambda period: candidates[period][0])
+    on_grid = next((period for period in candidates if _same(period, grid)), best)
+    chosen = best if candidates[best][0] > GRID_ADVANTAGE * candidates[on_grid][0] else on_grid
+    return chosen, candidates[chosen][1]
+
+
+def _same(period: float, grid: float) -> bool:
+    return abs(period - grid) < 1e-3 * period
+
+
+def _contrast(log: Log, actuator: Actuator, period: float, length: int) -> tuple[float, float]:
+    """Explained variance by the best phase of a period beyond that by the median phase, and the best phase.
+
+    Moving averages over `length` samples are removed from the pressure rate.
+    """
+    rate = np.diff(log["pressure_a"])
+    fast = rate - _smooth(rate, length)
+    phases = np.arange(PHASES) / PHASES
+    actuators = [actuator.replace({"T_pwm": period, "s_pwm": centred(float(phase))}) for phase in phases]
+    shares = np.array(map_pairs(lambda one, _: _explained_variance(log, one, fast, length), actuators, phases))
+    return float(shares.max() - np.median(shares)), float(phases[np.argmax(shares)])
+
+
+def _smooth(values: FloatArray, length: int) -> FloatArray:
+    return np.convolve(np.nan_to_num(values), np.ones(length) / length, "same")
+
+
+def _explained_variance(log: Log, actuator: Actuator, fast: FloatArray, length: int) -> float:
+    """Fraction of the variance of the fast part of the pressure rate that the switching of both valves explains."""
+    p = actuator.parameters
+    text, clock = kernels(actuator.model), carrier_clock(log.time, p)
+    pressure = np.nan_to_num(log["pressure_a"][:-1], nan=p.P_0)
+    columns = []
+    for duty, low, high, drive in (
+        ("duty_supply", p.R_0vs, p.R_1vs, np.ones_like(pressure)),
+        ("duty_exhaust", p.R_0ve, p.R_1ve, pressure / p.P_S),
+    ):
+        share = text.opening(log[duty], low, high)
+        # the search for the phase of a valve starts at the duty cycle where it starts to open
+        opened = text.passed_pulses(share, share, *clock, (p.s_pwm + low) % 1.0, SHORT_TRAVEL)
+        switched = np.where(np.isfinite(share), opened, np.nan)[:-1] * drive
+        columns.append(switched - _smooth(switched, length))
+    A = np.nan_to_num(np.column_stack(columns))
+    known = np.isfinite(fast) & (np.abs(A).sum(axis=1) > 0)
+    total = float(np.sum(fast[known] ** 2))
+    if known.sum() < 100 or total == 0.0:
+        return 0.0
+    weights, *_ = np.linalg.lstsq(A[known], fast[known], rcond=None)
+    return 1.0 - float(np.sum((fast[known] - A[known] @ weights) ** 2)) / total
+
+
+def centred(phase: float) -> float:
+    """The same phase in [-0.5, 0.5)."""
+    return (phase + 0.5) % 1.0 - 0.5
+
 
 #: Shortest period in samples with duty cycles of its own: in a sample of 10 ms the middle of a period of 2 ms is known
 #: to 1 ms, as are the time stamps.
@@ -41,10 +153,6 @@ CONTROL_STEP = 1e-3
 
 #: Standard deviation in s of the time stamps of a slow recording: messages on the bus wait for each other.
 STAMP_STD = 1e-3
-
-#: Interval in s between resets in the simulations that determine the phase.
-RESET_INTERVAL = 0.02
-
 
 #: Estimates the phase of the carrier of an actuator in a recording with position alone.
 FindPhase = Callable[[Log, Actuator], float]
@@ -72,6 +180,11 @@ class Pulsed:
     warning: str | None = None
 
 
+def frequent_resets(step: float) -> Partition:
+    """Resets to the measured position every `RESET_INTERVAL`, on a time grid of `step` s."""
+    return Partition(every=max(2, round(RESET_INTERVAL / step)))
+
+
 def find_phase(log: Log, actuator: Actuator) -> float:
     """Phase of a carrier of known period in a recording with position alone: the one that predicts the motion best.
 
@@ -86,23 +199,23 @@ def find_phase(log: Log, actuator: Actuator) -> float:
     part, rate = log.slice(0, min(len(log), round(MAX_DURATION / step))), stiffness(actuator)
     slow = duties_in(log, actuator) is not Duties.RECORDED
     part = part.with_columns(position=part["position"] - p.e_y) if slow else without_sensors(part, p)
-    every = Partition(every=max(2, round(RESET_INTERVAL / (GRID_STEP if slow else step))))
+    resets = frequent_resets(GRID_STEP if slow else step)
 
     def misfit(phase: float) -> float:
         # compensate the lag of the sensor, which acts like another phase
         compared, _ = on_time_grid(part, actuator.replace({"s_pwm": centred(phase)}), p.tau_y)
         candidate = actuator.replace({"s_pwm": centred(phase + p.tau_y / period if slow else phase)})
         total = 0.0
-        for segment in plan(compared, candidate, rate, every).segments:
+        for segment in plan(compared, candidate, rate, resets).segments:
             states, _ = run(segment, KernelArrays.of(candidate), start_state(segment, candidate))
             error = states[:, 0] - compared["position"][segment.start : segment.stop]
             total += float(np.nansum(np.minimum(np.abs(error), 1e-3) ** 2))
         return total
 
-    coarse = np.arange(10) / 10
-    best = float(coarse[int(np.argmin([misfit(phase) for phase in coarse]))])
-    fine = best + np.arange(-4, 5) / 50
-    return centred(float(fine[int(np.argmin([misfit(phase) for phase in fine]))]))
+    def best(phases: FloatArray) -> float:
+        return float(phases[np.argmin([misfit(phase) for phase in phases])])
+
+    return centred(best(best(np.arange(10) / 10) + np.arange(-4, 5) / 50))
 
 
 def duties_in(log: Log, actuator: Actuator) -> Duties:
@@ -113,17 +226,15 @@ def duties_in(log: Log, actuator: Actuator) -> Duties:
     DataError
         If the recording lacks a duty cycle.
     """
-    carrier, renewed = actuator.parameters.T_pwm, actuator.duty_period
-    renewed = carrier if renewed is None else renewed
-    step = sample_interval(log.time, 0.0)
-    if step == 0.0 or (actuator.duty_period is None and carrier == 0.0):
+    step, period = sample_interval(log.time, 0.0), _period(actuator)
+    if step == 0.0 or (actuator.duty_period is None and period == 0.0):
         return Duties.RECORDED
-    period = carrier or renewed
     if resolves_carrier(log, period) if period else not is_slow(log):
         return Duties.RECORDED
     if on_off(log):
         return Duties.UNKNOWN
-    return Duties.LATCHED if renewed > 0.0 and period >= MIN_PERIOD * step else Duties.INTERPOLATED
+    renewed = actuator.duty_period != 0.0  # by default once in each period of the carrier
+    return Duties.LATCHED if renewed and period >= MIN_PERIOD * step else Duties.INTERPOLATED
 
 
 def lacks_changes(log: Log, actuator: Actuator) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
+from clutchid.log import INPUTS, FloatArray, Log, holes
 
 IntArray = NDArray[np.intp]
 
@@ -158,7 +158,7 @@ class _Grid:
         added = np.zeros(0) if breaks is None else breaks[_apart(breaks, log.time)]
         points = np.sort(np.concatenate([log.time, added]))
         gaps, at = np.diff(points), np.searchsorted(points, log.time)
-        hole = np.repeat(np.diff(log.time) > HOLE * sample_interval(log.time), np.diff(at))
+        hole = np.repeat(holes(log.time), np.diff(at))
         parts: IntArray = np.where(hole, 1, np.ceil(gaps / step * (1.0 - GRID_ROUNDING))).astype(np.intp)
         start = np.concatenate([[0], np.cumsum(parts)])
         of = np.repeat(np.arange(gaps.size), parts)
@@ -190,8 +190,7 @@ def _apart(breaks: FloatArray, time: FloatArray) -> NDArray[np.bool_]:
     """Mask of the `breaks` within `time`, no closer to its stamps than `SHORTEST_STEP`, nor in a hole."""
     after = np.searchsorted(time, breaks).clip(1, time.size - 1)
     inside = (breaks - time[after - 1] > SHORTEST_STEP) & (time[after] - breaks > SHORTEST_STEP)
-    gaps = np.diff(time)
-    found: NDArray[np.bool_] = inside & (gaps[after - 1] <= HOLE * np.median(gaps))
+    found: NDArray[np.bool_] = inside & ~holes(time)[after - 1]
     return found
 
 

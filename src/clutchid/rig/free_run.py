@@ -11,8 +11,8 @@ from types import ModuleType
 
 import numpy as np
 
-from clutchid.codegen.cache import load_module
-from clutchid.log import HOLE, FloatArray, Log
+from clutchid.codegen.cache import generator_files, load_module
+from clutchid.log import FloatArray, Log, holes
 from clutchid.recordings.signals.sampled import runs, velocity
 
 #: Parameters of the friction, in the order of the kernels.
@@ -37,9 +37,8 @@ def kernels() -> ModuleType:
     OSError
         If neither the cache folder nor a temporary folder can be written.
     """
-    package = _HERE.parent.parent
-    codegen = [path for path in (package / "codegen").rglob("*") if path.suffix in (".py", ".j2")]
-    return load_module("rig_lugre", [_HERE, package / "model" / "friction.py", *codegen], _source)
+    friction = _HERE.parents[1] / "model" / "friction.py"
+    return load_module("rig_lugre", [_HERE, friction, *generator_files()], _source)
 
 
 def _source() -> str:
@@ -95,11 +94,7 @@ def segments(log: Log, window: float) -> list[FreeRunSegment]:
         Half window of the velocity: difference of the mean positions after and before a sample.
     """
     position = log["position"]
-    apart = np.zeros(len(log), dtype=bool)
-    if len(log) > 1:
-        steps = np.diff(log.time)
-        apart[1:] = steps > HOLE * np.median(steps)
-    found = []
+    apart, found = np.append(False, holes(log.time)), []
     for first, last in runs(np.isfinite(position)):
         edges = [first, *(first + 1 + np.flatnonzero(apart[first + 1 : last])).tolist(), last]
         for start, stop in pairwise(edges):

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from clutchid.inference.uncertainty.estimates import Estimate
 from clutchid.rig.coulomb import CoulombFriction, Level
 from clutchid.rig.lugre import LugreFit
-from clutchid.rig.weighted import Interval
+from clutchid.rig.weighted import StudentEstimate
 
 #: Significance level at which a constant friction is rejected.
 SIGNIFICANCE = 0.05
@@ -51,7 +51,7 @@ def implied(friction: CoulombFriction) -> dict[str, Estimate]:
     return {"F_C": _estimate(friction.constant, "N")}
 
 
-def _estimate(number: Interval, unit: str) -> Estimate:
+def _estimate(number: StudentEstimate, unit: str) -> Estimate:
     return Estimate(number.value, unit, number.std, number.low, number.high)
 
 
@@ -97,7 +97,7 @@ def _at(level: Level) -> str:
     return f" at {level.pressure / 1e5:.2f} bar above ambient" if math.isfinite(level.pressure) else ""
 
 
-def _shown(number: Interval, unit: str) -> str:
+def _shown(number: StudentEstimate, unit: str) -> str:
     known = f"95 %: {number.low:.3g} to {number.high:.3g}" if math.isfinite(number.std) else "no interval"
     return f"{number.value:.3g} {unit} ({known})"
 

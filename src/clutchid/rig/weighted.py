@@ -22,7 +22,7 @@ class Component:
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class StudentEstimate:
     """An estimate with standard error, 95 % interval and degrees of freedom."""
 
     value: float
@@ -41,14 +41,14 @@ class Equality:
     p_value: float
 
 
-def student(value: float, std: float, degrees_of_freedom: float) -> Interval:
+def student(value: float, std: float, degrees_of_freedom: float) -> StudentEstimate:
     """95 % interval from Student's t distribution; infinite without degrees of freedom."""
     from scipy.special import stdtrit
 
     if not (degrees_of_freedom > 0.0 and np.isfinite(std)):
-        return Interval(value, float("inf"), -float("inf"), float("inf"), 0.0)
+        return StudentEstimate(value, float("inf"), -float("inf"), float("inf"), 0.0)
     half = float(stdtrit(degrees_of_freedom, 0.975)) * std
-    return Interval(value, std, value - half, value + half, degrees_of_freedom)
+    return StudentEstimate(value, std, value - half, value + half, degrees_of_freedom)
 
 
 def satterthwaite(variances: Sequence[float], degrees_of_freedom: Sequence[float]) -> float:
@@ -57,7 +57,7 @@ def satterthwaite(variances: Sequence[float], degrees_of_freedom: Sequence[float
     return sum(variances) ** 2 / spread if spread > 0.0 else float("inf")
 
 
-def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list[Interval]:
+def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list[StudentEstimate]:
     r"""Generalised least squares of `means` on the columns of X, with an interval for each coefficient.
 
     Parameters
@@ -71,7 +71,7 @@ def fitted(X: FloatArray, means: FloatArray, parts: Sequence[Component]) -> list
 
     Returns
     -------
-    coefficients : list of Interval
+    coefficients : list of StudentEstimate
 
     Notes
     -----

@@ -128,10 +128,10 @@ def held_inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArr
     if "c_pwm" in kernels(actuator.model).INPUTS:
         time, p = log.time[start:stop], actuator.parameters
         before = period_before(time, p)
-        clock, earlier = carrier(time, p), [column[before] for column in columns]
+        clock, earlier = carrier_clock(time, p), [column[before] for column in columns]
         if log.edges and p.T_pwm > 0.0:
             # a period starts within an interval, and its pulses are those of the next sample
-            clock = carrier(time, p, p.s_pwm)
+            clock = carrier_clock(time, p, p.s_pwm)
             starts = np.append((clock[0] < p.s_pwm)[:-1], False)
             earlier = [np.where(starts, now, old) for now, old in zip(columns, earlier, strict=True)]
             columns = [np.where(starts, np.roll(column, -1), column) for column in columns]
@@ -139,7 +139,7 @@ def held_inputs(log: Log, actuator: Actuator, start: int, stop: int) -> FloatArr
     return np.column_stack(columns)
 
 
-def carrier(time: FloatArray, p: Parameters, begins: float | None = None) -> list[FloatArray]:
+def carrier_clock(time: FloatArray, p: Parameters, begins: float | None = None) -> list[FloatArray]:
     """Phase of the valves' carrier at each sample, in [0, 1), and the part of a period until the next; 0 without.
 
     If a period `begins` at another phase than 0, phases are in [begins, begins + 1), so that the pulse of the present

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, FloatArray, Log
+from clutchid.log import FloatArray, Log, holes
 from clutchid.model.actuator import Actuator
 from clutchid.recordings.signals.excitation import VENTED_POSITION
+from clutchid.recordings.signals.sampled import runs
 from clutchid.simulation.inputs import held_inputs, input_span
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.stiffness import substeps
 
-#: Shorter stretches between holes tell less than their own unknown start takes.
+#: Least number of samples between holes: a shorter stretch determines less than its own unknown start needs.
 SHORTEST = 10
 
 #: A position further outside the stroke than this, in m, is no position of a piston: start and resets stop there.
@@ -88,7 +89,7 @@ def plan(
     log : Log
         With both duty cycles; resets and starts need the position, `use_pressure` the pressure.
     actuator : Actuator
-        Ambient pressure and closing of the valves, to tell a vented start.
+        Its ambient pressure and the closing of its valves show a vented start.
     rate : 1/s
         Stiffness that the integration steps must follow, see `clutchid.simulation.stiffness`.
     partition : Partition, optional
@@ -111,15 +112,10 @@ def plan(
     jump, measured = _resets(log, partition, use_pressure)
     measured[:, 0] = np.clip(measured[:, 0], -OUTSIDE, y_max + OUTSIDE)
     uncertain = np.zeros(len(log) - 1) if open_std is None else open_std
-    segments = tuple(
-        replace(
-            _segment(
-                log, actuator, rate, start, stop, jump[start:stop], measured[start:stop], use_pressure, start == first
-            ),
-            open_std=uncertain[start : stop - 1],
-        )
-        for start, stop in bounds
-    )
+    segments = []
+    for start, stop in bounds:
+        of_samples = jump[start:stop], measured[start:stop], uncertain[start : stop - 1]
+        segments.append(_segment(log, actuator, rate, start, stop, *of_samples, use_pressure, start == first))
     warnings = []
     if len(segments) > 1:
         cuts = ", ".join(f"{log.time[s.start]:.3f} s" for s in segments[1:6]) + (", ..." if len(segments) > 6 else "")
@@ -127,7 +123,7 @@ def plan(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."
         )
-    return Plan(log, segments, (*warnings, *outside_stroke(log, y_max).sentences), actuator)
+    return Plan(log, tuple(segments), (*warnings, *outside_stroke(log, y_max).sentences), actuator)
 
 
 class OutsideStroke(NamedTuple):
@@ -155,12 +151,7 @@ def outside_stroke(log: Log, y_max: float) -> OutsideStroke:
 def _stretches(log: Log) -> list[tuple[int, int]]:
     """Sample ranges with known inputs and without holes in time; stretches that are too short are left out."""
     known = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
-    dt = np.diff(log.time)
-    if dt.size == 0:
-        return []
-    joined = known[:-1] & known[1:] & (dt <= HOLE * np.median(dt))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], joined, [False]]).astype(np.int8)))
-    stretches = [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    stretches = [(a, b + 1) for a, b in runs(known[:-1] & known[1:] & ~holes(log.time))]
     return stretches if len(stretches) < 2 else [(a, b) for a, b in stretches if b - a >= SHORTEST]
 
 
@@ -192,6 +183,7 @@ def _segment(
     stop: int,
     jump: NDArray[np.uint8],
     measured: FloatArray,
+    open_std: FloatArray,
     use_pressure: bool,
     begins: bool,
 ) -> Segment:
@@ -210,7 +202,7 @@ def _segment(
         stop=stop,
         inputs=inputs,
         dt=dt,
-        open_std=np.zeros(dt.size),
+        open_std=open_std,
         substeps=substeps(dt, rate),
         jump=jump,
         measured=np.ascontiguousarray(measured),

@@ -131,23 +131,11 @@ def run_with_sensitivities(
     start: tuple[FloatArray, FloatArray],
     which: Columns,
     watched: Sequence[int] | IntArray,
-) -> tuple[FloatArray, FloatArray, int]:
-    """As `run`, with the sensitivities of the states `watched`, shape (n, len(watched), n_columns).
-
-    `start` is the state at the start and its sensitivities, shape (n_states, n_columns).
-    """
-    out, sens, _, failed = run_to_end(segment, arrays, start, which, watched)
-    return out, sens, failed
-
-
-def run_to_end(
-    segment: Segment,
-    arrays: KernelArrays,
-    start: tuple[FloatArray, FloatArray],
-    which: Columns,
-    watched: Sequence[int] | IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """As `run_with_sensitivities`, with the sensitivities of all states at the end, shape (n_states, n_columns).
+    """As `run`, with the sensitivities of the states `watched`, and of all states at the end.
+
+    Their shapes are (n, len(watched), n_columns) and (n_states, n_columns). `start` is the state at the start and its
+    sensitivities.
 
     Raises
     ------

@@ -12,7 +12,7 @@ import numpy as np
 from clutchid.errors import ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.names import listed_names, unknown_name
+from clutchid.names import check_names, listed_names
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
@@ -121,7 +121,7 @@ def simulate(
         at = slice(segment.start, segment.stop)
         if which.names:
             start = x0, start_sensitivities(segment, actuator, which, starts is not None)
-            states[at], sens[at], failed = run_with_sensitivities(segment, arrays, start, which, range(len(names)))
+            states[at], sens[at], _, failed = run_with_sensitivities(segment, arrays, start, which, range(len(names)))
         else:
             states[at], failed = run(segment, arrays, x0)
         if failed >= 0 and not message:
@@ -139,9 +139,7 @@ def simulate(
 
 def _known(names: str | Sequence[str], actuator: Actuator) -> tuple[str, ...]:
     expanded = actuator.expanded(listed_names(names))
-    unknown = [unknown_name(name, actuator.names) for name in expanded if name not in actuator.names]
-    if unknown:
-        raise ParameterError("\n".join(unknown))
+    check_names(expanded, actuator.names)
     return expanded
 
 

@@ -7,10 +7,9 @@ True
 """
 
 from clutchid.truck.ageing import aged
-from clutchid.truck.changes import CHANGES
 from clutchid.truck.driving import Drive, drive, life, respond
-from clutchid.truck.families import changed
-from clutchid.truck.fleet import RANGES, truck
+from clutchid.truck.families import RANGES, changed, truck
+from clutchid.truck.family import CHANGES
 from clutchid.truck.manoeuvres import MANOEUVRES
 from clutchid.truck.parameters import Truck
 from clutchid.truck.second.parameters import TruckB

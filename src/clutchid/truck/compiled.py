@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from clutchid.codegen.cache import load_module
-from clutchid.codegen.system import System
-from clutchid.truck.order import SETTINGS
+from clutchid.codegen.cache import generator_files, load_module
 
 _HERE = Path(__file__).parent
 
@@ -19,12 +16,13 @@ _HERE = Path(__file__).parent
 class Loop:
     """Parts of a family's loop: its equations, the functions of its discrete-time parts, and its template.
 
-    `plant` gives the system, with or without a ledger, and is called only where nothing is cached. `laws` are functions
-    and constants by the module of `clutchid.truck` that has them; `files` all sources, relative to this folder.
+    `plant` is the module of `clutchid.truck` with the function ``plant``, imported only where nothing is cached. `laws`
+    are functions by the module that has them, `constants` come with their module; `files` are all sources, relative to
+    this folder.
     """
 
     name: str
-    plant: Callable[[bool], System]
+    plant: str
     laws: tuple[tuple[str, tuple[str, ...]], ...]
     constants: tuple[tuple[str, str], ...]
     settings: tuple[str, ...]
@@ -32,6 +30,7 @@ class Loop:
     files: tuple[str, ...]
 
 
+@cache
 def compiled(parts: Loop, ledger: bool) -> ModuleType:
     """Module with ``drive``; with `ledger`, for the plant with balances of mass and energy across its boundary.
 
@@ -42,8 +41,7 @@ def compiled(parts: Loop, ledger: bool) -> ModuleType:
     OSError
         If neither the cache folder nor a temporary folder can be written.
     """
-    codegen = [path for path in (_HERE.parent / "codegen").rglob("*.py") if path.is_file()]
-    sources = [*(_HERE / file for file in (*parts.files, *SHARED)), *codegen]
+    sources = [*(_HERE / file for file in (*parts.files, *SHARED)), *generator_files()]
     name = f"{parts.name}_ledger" if ledger else parts.name
     return load_module(name, sources, lambda: loop_source(parts, ledger))
 
@@ -62,7 +60,7 @@ def loop_source(parts: Loop, ledger: bool) -> str:
     from clutchid.codegen.templates import template
     from clutchid.truck import law
 
-    system = parts.plant(ledger)
+    system = import_module(f"clutchid.truck.{parts.plant}").plant(ledger)
     statements, _ = right_hand_side(system)
     split = staged(statements, system.parameters, system.inputs)
     modules = [(import_module(f"clutchid.truck.{module}"), names) for module, names in parts.laws]
@@ -82,27 +80,4 @@ def loop_source(parts: Loop, ledger: bool) -> str:
 
 #: Constants of `clutchid.truck.law` that every loop uses, and the sources that all loops share.
 CONSTANTS = ("TICK", "SAMPLE", "TICKS", "FILTER_Y", "FILTER_V", "SLOW", "ENGAGED", "VENTING")
-SHARED = ("flow.py", "motion.py", "law.py", "compiled.py", "order.py", "templates/loop.py.j2")
-
-
-def _plant(ledger: bool) -> System:
-    from clutchid.truck.plant import plant
-
-    return plant(ledger)
-
-
-_FIRST = Loop(
-    name="truck",
-    plant=_plant,
-    laws=(("law", ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")),),
-    constants=(),
-    settings=SETTINGS,
-    template="first.py.j2",
-    files=("air.py", "friction.py", "plant.py", "templates/first.py.j2"),
-)
-
-
-@cache
-def loop(ledger: bool = False) -> ModuleType:
-    """The loop of family A, see `compiled`."""
-    return compiled(_FIRST, ledger)
+SHARED = ("flow.py", "motion.py", "law.py", "compiled.py", "parameters.py", "templates/loop.py.j2")

@@ -14,7 +14,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.truck import sensors
 from clutchid.truck.ageing import aged
 from clutchid.truck.families import changed, family_of
-from clutchid.truck.fleet import truck as numbered
+from clutchid.truck.families import truck as numbered
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
@@ -32,7 +32,7 @@ MARGIN = 2e-3
 MOST_OFFSET, MOST_LATE = 5e-3, 0.1
 
 
-#: Whether a position sensor has learned its zero at this vented rest, or keeps that of the new clutch.
+#: Zero of a position sensor: learned at this vented rest, or kept from the new clutch.
 Zero = Literal["learned", "kept"]
 
 
@@ -253,8 +253,7 @@ def _check(seconds: float, seed: int, dropouts: int, recorder: str, stuck: tuple
         problems.append(f"recorder = {recorder!r}: must be controller or bus.")
     if stuck is not None and not 0 <= stuck[0] < stuck[1]:
         problems.append(f"stuck = {stuck}: give start and end in s, with start before end.")
-    if problems:
-        raise ParameterError("\n".join(problems))
+    ParameterError.raise_for(problems)
 
 
 def _check_sensors(offset: float, zero: str, late: float) -> None:
@@ -265,5 +264,4 @@ def _check_sensors(offset: float, zero: str, late: float) -> None:
         problems.append(f"zero = {zero!r}: must be learned or kept.")
     if not (0.0 <= late <= MOST_LATE and abs(late / SAMPLE - round(late / SAMPLE)) < 1e-6):
         problems.append(f"late = {late * 1e3:g} ms: must be a whole number of ms from 0 to {MOST_LATE * 1e3:g}.")
-    if problems:
-        raise ParameterError("\n".join(problems))
+    ParameterError.raise_for(problems)

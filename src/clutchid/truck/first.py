@@ -12,20 +12,29 @@ from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
 from clutchid.truck import sensors
 from clutchid.truck.ageing import worn_parameters
-from clutchid.truck.changes import changes_of
-from clutchid.truck.compiled import loop
-from clutchid.truck.family import Family
+from clutchid.truck.compiled import Loop
+from clutchid.truck.family import Family, changes_of
 from clutchid.truck.law import SAMPLE, TICK
 from clutchid.truck.load import load_curve
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.order import PARAMETERS, SETTINGS, STATES
-from clutchid.truck.parameters import Truck
+from clutchid.truck.parameters import PARAMETERS, SETTINGS, STATES, Truck
 
 #: Sampling period in s of the bang-bang drive; its valves are as fast as for PWM at 100 Hz.
 BANG_PERIOD, BANG_VALVES = 0.002, 0.01
 
 #: Controller output at which the bang-bang drive opens a valve.
 BANG = 0.3
+
+
+LOOP = Loop(
+    name="truck",
+    plant="plant",
+    laws=(("law", ("magnet", "lift_rate", "snapped", "governor", "quantised", "lagged", "request", "duty")),),
+    constants=(),
+    settings=SETTINGS,
+    template="first.py.j2",
+    files=("air.py", "friction.py", "plant.py", "templates/first.py.j2"),
+)
 
 
 def prepared(drawn: dict[str, Any]) -> dict[str, Any]:
@@ -125,7 +134,7 @@ FIRST = Family(
     finished=finished,
     load_curve=load_curve,
     states=STATES,
-    loop=loop,
+    loop=LOOP,
     at_rest=at_rest,
     plant_parameters=plant_parameters,
     settings=settings,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, read_only
 from clutchid.truck.vehicle import Vehicle
 
 #: Distance of the breakpoints of the table, and its extent beyond the far stop, in m.
@@ -72,9 +72,7 @@ def load_table(truck: Vehicle, rest: float, force: FloatArray, touch: float, pre
     spline = CubicSpline(travel, force).c[::-1].T
     engaged = np.array([[spring[0], truck.k_r, 0.0, 0.0]])
     clutch = spline + np.column_stack([spring, np.full(spring.size, truck.k_r), np.zeros((spring.size, 2))])
-    breakpoints, coefficients = rest + travel[:-1], np.concatenate([engaged, clutch])
-    for array in (breakpoints, coefficients):
-        array.flags.writeable = False
+    breakpoints, coefficients = read_only(rest + travel[:-1]), read_only(np.concatenate([engaged, clutch]))
     return LoadTable(breakpoints, coefficients, rest, rest + touch)
 
 

@@ -8,9 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.names import unknown_name
+from clutchid.names import check_names
 from clutchid.truck.law import SAMPLE
 
 
@@ -38,8 +37,7 @@ def set_point(name: str, seconds: float, points: ClutchPoints, rng: np.random.Ge
     >>> course.size, round(course.max() * 1e3)
     (3000, 22)
     """
-    if name not in MANOEUVRES:
-        raise ParameterError(unknown_name(name, MANOEUVRES, "manoeuvre"))
+    check_names([name], MANOEUVRES, "manoeuvre")
     n, parts = round(seconds / SAMPLE), [hold(0.0, 0.3)]
     while sum(part.size for part in parts) < n:
         parts += MANOEUVRES[name](points, rng)

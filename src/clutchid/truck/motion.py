@@ -1,17 +1,20 @@
-"""Motion of the piston between its stops, and named expressions of a plant in their order."""
+"""Motion of the piston between its stops, and named expressions of a plant, from which its system is made."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import sympy as sp
 
-from clutchid.codegen.system import Expr
+from clutchid.codegen.system import Expr, System, TabulatedFunction
+from clutchid.truck.parameters import LEDGER
 
 
 class Definitions:
     """Named expressions in order of definition; ``definitions.p_A = value`` adds one."""
 
-    def __init__(self, known: dict[str, Expr]) -> None:
-        self.__dict__.update(known)
+    def __init__(self, names: Iterable[str]) -> None:
+        self.__dict__.update({name: sp.Symbol(name, real=True) for name in names})
         self.__dict__["rows"] = []
 
     def __setattr__(self, name: str, value: Expr) -> None:
@@ -21,6 +24,29 @@ class Definitions:
 
     def __getattr__(self, name: str) -> Expr:
         raise AttributeError(f"{name} is used before it is defined.")
+
+    def all(self, names: Iterable[str]) -> tuple[Expr, ...]:
+        """Several symbols."""
+        return tuple(getattr(self, name) for name in names)
+
+
+def assembled(
+    b: Definitions, name: str, order: tuple[tuple[str, ...], ...], rates: tuple[Expr, ...], ledger: tuple[Expr, ...]
+) -> System:
+    """The system of a plant with the load as a table; `order` names its states, inputs and parameters.
+
+    Rates of the `ledger`, if there are any, belong to the further states `LEDGER`.
+    """
+    states, inputs, parameters = order
+    return System(
+        name=f"{name} with ledger" if ledger else name,
+        states=(*b.all(states), *(sp.Symbol(state, real=True) for state in LEDGER if ledger)),
+        inputs=b.all(inputs),
+        parameters=b.all(parameters),
+        definitions=tuple(b.rows),
+        derivatives=(*rates, *ledger),
+        table=TabulatedFunction(b.f_l, b.y),
+    )
 
 
 def acceleration(p_A: Expr, p_B: Expr, f: Expr, A_A: Expr, A_B: Expr, P_0: Expr, M: Expr) -> Expr:

@@ -6,10 +6,10 @@ from functools import cache
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, System, TabulatedFunction
+from clutchid.codegen.system import Expr, System
 from clutchid.truck import air, flow, friction, motion
 from clutchid.truck.motion import Definitions
-from clutchid.truck.order import INPUTS, LEDGER, PARAMETERS, STATES
+from clutchid.truck.parameters import INPUTS, PARAMETERS, STATES
 
 
 @cache
@@ -37,23 +37,12 @@ def plant(ledger: bool = False) -> System:
     >>> len(plant().states), len(plant(ledger=True).states)
     (13, 15)
     """
-    names = (*STATES, *INPUTS, *PARAMETERS, "f_l")
-    b = Definitions({name: sp.Symbol(name, real=True) for name in names})
+    b = Definitions((*STATES, *INPUTS, *PARAMETERS, "f_l"))
     _air(b)
     _flows(b)
     _forces(b)
-    rates = _rates(b)
-    extra = _ledger_rates(b) if ledger else ()
-    states = [getattr(b, name) for name in STATES] + [sp.Symbol(name, real=True) for name in LEDGER if ledger]
-    return System(
-        name="truck with ledger" if ledger else "truck",
-        states=tuple(states),
-        inputs=tuple(getattr(b, name) for name in INPUTS),
-        parameters=tuple(getattr(b, name) for name in PARAMETERS),
-        definitions=tuple(b.rows),
-        derivatives=(*rates, *extra),
-        table=TabulatedFunction(b.f_l, b.y),
-    )
+    order = (STATES, INPUTS, PARAMETERS)
+    return motion.assembled(b, "truck", order, _rates(b), _ledger_rates(b) if ledger else ())
 
 
 def _air(b: Definitions) -> None:

@@ -9,10 +9,11 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.log import FloatArray
+from clutchid.truck.compiled import compiled
 from clutchid.truck.families import family_of
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.order import LEDGER
+from clutchid.truck.parameters import LEDGER
 from clutchid.truck.vehicle import Vehicle
 
 
@@ -77,13 +78,13 @@ def run(
     curve : LoadTable, optional
         Load instead of that of the truck.
     start : states, optional
-        In the order of the family's states, see `clutchid.truck.order.STATES`.
+        In the order of the family's states, see `clutchid.truck.parameters.STATES`.
     working : bool
         Whether the compressor runs at the start.
     substeps : int
         Integration steps per tick of 0.1 ms.
     ledger : bool
-        Add `clutchid.truck.order.LEDGER` as further states.
+        Add `clutchid.truck.parameters.LEDGER` as further states.
 
     Raises
     ------
@@ -98,7 +99,7 @@ def run(
         x0 = np.concatenate([x0, np.zeros(len(LEDGER))])
     n = course.wanted.size
     states, measured, pressure, duties = np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2))
-    failed = family.loop(ledger).drive(
+    failed = compiled(family.loop, ledger).drive(
         x0, family.plant_parameters(truck), family.settings(truck, zero, working), curve.breakpoints,
         curve.coefficients, course.wanted, course.forced, course.noise, np.array(course.stuck, dtype=np.int64),
         substeps, states, measured, pressure, duties,

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.truck.fleet import truck
+from clutchid.truck.families import truck
 from clutchid.truck.vehicle import Vehicle
 
 #: First day of the fleet.

@@ -6,11 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
 from typing import Any, Self
 
-import numpy as np
-
 from clutchid.errors import ParameterError
-from clutchid.names import unknown_name
-from clutchid.parameters import Row
+from clutchid.names import check_names
+from clutchid.parameters import Row, is_number
 
 FACTS = "truck specification"
 PAPER = "Appendix A"
@@ -91,8 +89,7 @@ class Vehicle:
         problems = [text for item in fields(self) for text in self._checked(item)]
         if not problems:
             problems = [*self.contradictions()]
-        if problems:
-            raise ParameterError("\n".join(problems))
+        ParameterError.raise_for(problems)
 
     def _checked(self, item: Field[Any]) -> list[str]:
         name, value = item.name, getattr(self, item.name)
@@ -100,7 +97,7 @@ class Vehicle:
             known = item.metadata["known"]
             return [] if value in known else [f"{name} = {value!r}: must be one of {', '.join(known)}."]
         row: Row = item.metadata["row"]
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        if not is_number(value):
             return [f"{name} = {value!r}: a number in {row.unit} is needed ({row.meaning})."]
         object.__setattr__(self, name, float(value))
         if row.admits(float(value)):
@@ -136,8 +133,7 @@ class Vehicle:
         ParameterError
             If there is no such parameter; the text names the nearest known one.
         """
-        if name not in cls.names():
-            raise ParameterError(unknown_name(name, cls.names(), "parameter of a truck"))
+        check_names([name], cls.names(), "parameter of a truck")
         row: Row = next(item.metadata["row"] for item in fields(cls) if item.name == name)
         return row
 
@@ -149,8 +145,5 @@ class Vehicle:
         ParameterError
             For an unknown name or an impossible value.
         """
-        known = tuple(item.name for item in fields(self))
-        unknown = [unknown_name(name, known, "parameter of a truck") for name in changes if name not in known]
-        if unknown:
-            raise ParameterError("\n".join(unknown))
+        check_names(changes, [item.name for item in fields(self)], "parameter of a truck")
         return replace(self, **changes)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numba import njit, types
 
-from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.linked import Callback
 from clutchid.inference.filter.setup import ModelArrays, scratch
 from clutchid.inference.smoother.rows import eliminate, recover
 from clutchid.simulation.sensors import lag_coefficients

@@ -12,7 +12,7 @@ from clutchid.log.states import STATES
 from clutchid.model.variants import VARIANTS
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise, process_noise, start_deviations
-from clutchid.simulation.run import columns, run_to_end, start_state
+from clutchid.simulation.run import columns, run_with_sensitivities, start_state
 
 pytestmark = pytest.mark.slow
 
@@ -63,7 +63,7 @@ def textbook(problem, actuator, length):
         if i > 0:
             one, dt = one_interval(segment, i - 1), segment.dt[i - 1]
             S = np.column_stack([np.zeros((n, len(mapped.bases))), np.eye(n)])
-            out, _, end, _ = run_to_end(one, mapped.arrays, (z[:n], S), which, (0,))
+            out, _, end, _ = run_with_sensitivities(one, mapped.arrays, (z[:n], S), which, (0,))
             F, G, new = np.zeros((n + 2, n + 2)), np.zeros((n + 2, n)), np.zeros(n + 2)
             F[:n, :n], G[:n], new[:n] = end[:, len(mapped.bases) :], np.eye(n), out[-1]
             for row, (at, tau) in enumerate(((0, p.tau_y), (2, p.tau_p)), n):

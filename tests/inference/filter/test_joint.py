@@ -7,8 +7,8 @@ import pytest
 from numba import njit, types
 from numba.core.runtime import _nrt_python, rtsys
 
-from clutchid.codegen.callback import Callback
 from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.linked import Callback
 from clutchid.inference.filter.setup import (
     Derived,
     FreeArrays,

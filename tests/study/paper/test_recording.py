@@ -19,7 +19,7 @@ def test_the_bundled_recording_is_30_s_at_1_khz_with_pressure(logs):
 
 def test_the_bundled_recording_and_its_truth_are_those_of_truck_1(shared, source):
     folder = shared / "data" / "trucks" / "truck1"
-    mine = source / "data"
+    mine = source / "study/paper/data"
     assert (mine / "truck1_calibration.csv").read_bytes() == (folder / "calibration.csv").read_bytes()
     assert json.loads((mine / "truck1_truth.json").read_text()) == json.loads((folder / "truth.json").read_text())
 

@@ -4,19 +4,20 @@ import numpy as np
 import pytest
 
 from clutchid.truck import TruckB, drive, truck
+from clutchid.truck.compiled import compiled
 from clutchid.truck.load_table import LoadTable
-from clutchid.truck.order import LEDGER
-from clutchid.truck.second.arrays import at_rest, loop
+from clutchid.truck.parameters import LEDGER
+from clutchid.truck.second.arrays import LOOP, at_rest
 from clutchid.truck.second.clutch import load_curve
-from clutchid.truck.second.order import STATES
+from clutchid.truck.second.parameters import STATES
 
 FREE = LoadTable(np.array([0.0]), np.zeros((2, 4)), 0.0, 0.0)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled_loops() -> None:
-    loop(False)
-    loop(True)
+    compiled(LOOP, False)
+    compiled(LOOP, True)
 
 
 def by_name(states: np.ndarray) -> dict[str, np.ndarray]:

@@ -24,7 +24,7 @@ from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.noise import Noise, opening_of_valves, start_deviations, state_deviations
 from clutchid.simulation.parameter_map import LoadPieces, ParameterMap
 from clutchid.simulation.plan import Segment
-from clutchid.simulation.run import columns, run, run_to_end, start_sensitivities, start_state
+from clutchid.simulation.run import columns, run, run_with_sensitivities, start_sensitivities, start_state
 from clutchid.simulation.windows import Track, units
 
 _KERNELS = "clutchid.numerics.householder"
@@ -118,7 +118,7 @@ def window_rows(
     n, compiled, pieces = start.size, _kernels(), _expected_pieces(track, window, start, mapped)
     while True:
         active = mapped.active_columns(pieces)
-        out, sens, end, failed = run_to_end(
+        out, sens, end, failed = run_with_sensitivities(
             window, mapped.arrays, (start, active.start), active.sensitivities, OUTPUT_STATES
         )
         if failed >= 0 or not np.isfinite(end).all():

@@ -9,17 +9,23 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from clutchid.codegen.system import Expr, System
+import sympy as sp
+
+from clutchid.codegen.numba_source import block
+from clutchid.codegen.program import lower
+from clutchid.codegen.system import Expr, System, symbols_in
 from clutchid.errors import ParameterError
 from clutchid.log import COLUMNS
 from clutchid.log.states import STATES
-from clutchid.model.own.rows import OwnParameter, OwnState, Physics
+from clutchid.model.own.rows import OwnParameter, OwnState
+from clutchid.model.own.system import canonical, combined_rates, combined_terms, ordered
+from clutchid.model.own.units import dimension_of, unit_problems
 from clutchid.model.variants import VARIANTS, variant_system
 from clutchid.names import unknown_name
 from clutchid.parameters import GROUPS, GroupChange, Parameters
 
 if TYPE_CHECKING:
-    from clutchid.model.own.units import Dimension
+    from clutchid.model.own.model import OwnModel
 
 #: States that measurement, resets and the load need.
 REQUIRED = ("y", "v", "p_A", "p_B")
@@ -30,7 +36,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TAKEN = ("load", "auto", "time", "f_l", "y_measured", "p_A_measured", "y_start", "p_A_start")
 
 
-def check(model: Physics) -> None:
+def check(model: OwnModel) -> None:
     """Refuse a model whose names, units or equations do not fit.
 
     Raises
@@ -41,22 +47,17 @@ def check(model: Physics) -> None:
     if model.base not in VARIANTS:
         raise ParameterError(f"base: {unknown_name(str(model.base), VARIANTS, 'model variant')}")
     base = variant_system(model.base)
-    problems = [*_wrong_types(model)]
-    if not problems:
-        problems = [*_name_problems(model, base), *_row_problems(model), *_equation_problems(model, base)]
-    if not problems:
-        from clutchid.model.own.units import unit_problems
-
-        problems = [*_use_problems(model, base)] or [*unit_problems(model, base)]
-    if problems:
-        raise ParameterError("\n".join(problems))
+    problems = (
+        [*_wrong_types(model)]
+        or [*_name_problems(model, base), *_row_problems(model), *_equation_problems(model, base)]
+        or [*_use_problems(model, base)]
+        or [*unit_problems(model, base)]
+    )
+    ParameterError.raise_for(problems)
 
 
-def _wrong_types(model: Physics) -> Iterator[str]:
+def _wrong_types(model: OwnModel) -> Iterator[str]:
     """Entries that are no records or expressions."""
-    from sympy import Expr as Expression
-    from sympy import SympifyError, sympify
-
     mappings = ("parameters", "states", "terms", "rates")
     wrong = [key for key in mappings if not isinstance(getattr(model, key), Mapping)]
     yield from (f"{key} = {getattr(model, key)!r}: a dictionary by name is needed." for key in wrong)
@@ -71,14 +72,14 @@ def _wrong_types(model: Physics) -> Iterator[str]:
     for key in ("terms", "rates"):
         for name, value in getattr(model, key).items():
             try:
-                expression = None if isinstance(value, str) else sympify(value)
-            except SympifyError:
+                expression = None if isinstance(value, str) else sp.sympify(value)
+            except sp.SympifyError:
                 expression = None
-            if not isinstance(expression, Expression):
+            if not isinstance(expression, sp.Expr):
                 yield f"{key}: {name} = {value!r}: a SymPy expression of symbols('...') is needed, no text."
 
 
-def _name_problems(model: Physics, base: System) -> Iterator[str]:
+def _name_problems(model: OwnModel, base: System) -> Iterator[str]:
     """New names that are no identifiers or have a meaning already, and states that cannot be left out."""
     terms = {str(symbol) for symbol, _ in base.definitions}
     meanings = {
@@ -108,7 +109,7 @@ def _name_problems(model: Physics, base: System) -> Iterator[str]:
             yield f"without: {name}: of the states of {model.base}, {others} can be left out."
 
 
-def _row_problems(model: Physics) -> Iterator[str]:
+def _row_problems(model: OwnModel) -> Iterator[str]:
     for name, parameter in model.parameters.items():
         yield from (f"parameter {name}: {problem}" for problem in _parameter_problems(parameter))
     for name, state in model.states.items():
@@ -158,7 +159,7 @@ def _change_problems(changes: object) -> list[str]:
     return [*problems, *_no_numbers(stds), *(f"{key} = {stds[key]!r}: it must be finite." for key in infinite)]
 
 
-def _state_problems(state: OwnState, model: Physics) -> Iterator[str]:
+def _state_problems(state: OwnState, model: OwnModel) -> Iterator[str]:
     yield from _bad_unit(state.unit)
     if problems := _no_numbers({"scale": state.scale} | ({} if state.noise is None else {"noise": state.noise})):
         yield from problems
@@ -174,28 +175,19 @@ def _state_problems(state: OwnState, model: Physics) -> Iterator[str]:
         return
     own = model.parameters.get(state.start)
     unit = own.unit if own else Parameters.row(state.start).unit
-    if not [*_bad_unit(unit), *_bad_unit(state.unit)] and _dimension(unit) != _dimension(state.unit):
+    if not [*_bad_unit(unit), *_bad_unit(state.unit)] and dimension_of(unit) != dimension_of(state.unit):
         yield f"start = {state.start!r} has the unit {unit}, the state has {state.unit}."
 
 
 def _bad_unit(unit: str) -> Iterator[str]:
     try:
-        _dimension(str(unit))
+        dimension_of(str(unit))
     except ValueError as error:
         yield f"unit {unit!r}: {error}. All values are in SI."
 
 
-def _dimension(unit: str) -> Dimension:
-    from clutchid.model.own.units import dimension_of
-
-    return dimension_of(unit)
-
-
-def _equation_problems(model: Physics, base: System) -> Iterator[str]:
-    """Rates that are missing or belong to nothing, and symbols and functions that nobody knows."""
-    from clutchid.codegen.numba_source import block
-    from clutchid.codegen.program import lower
-
+def _equation_problems(model: OwnModel, base: System) -> Iterator[str]:
+    """Rates that are missing or belong to no state, and unknown symbols and functions."""
     states = [str(s) for s in base.states if str(s) not in model.without] + list(model.states)
     lacking = [name for name in model.states if name not in model.rates]
     yield from (f"rates: {name}: missing; give the rate of change of every new state." for name in lacking)
@@ -208,12 +200,12 @@ def _equation_problems(model: Physics, base: System) -> Iterator[str]:
         unknown = sorted(s.name for s in value.free_symbols if s.name not in known)
         yield from (f"{where}: {_unknown_symbol(name, known, model, states)}" for name in unknown)
         try:
-            block(lower(_symbol("value"), value))
+            block(lower(sp.Symbol("value"), value))
         except (NotImplementedError, ValueError) as error:
             yield f"{where}: {error} Piecewise, Abs, Min and Max are known too."
 
 
-def _unknown_symbol(name: str, known: set[str], model: Physics, states: list[str]) -> str:
+def _unknown_symbol(name: str, known: set[str], model: OwnModel, states: list[str]) -> str:
     if name in model.without:
         return f"{name} is left out (without)."
     near = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.4)
@@ -224,17 +216,13 @@ def _unknown_symbol(name: str, known: set[str], model: Physics, states: list[str
     )
 
 
-def _equations(model: Physics) -> Iterator[tuple[str, Expr]]:
-    from clutchid.model.own.system import canonical
-
+def _equations(model: OwnModel) -> Iterator[tuple[str, Expr]]:
     yield from ((f"terms: {name}", canonical(value)) for name, value in model.terms.items())
     yield from ((f"rates: {name}", canonical(value)) for name, value in model.rates.items())
 
 
-def _use_problems(model: Physics, base: System) -> Iterator[str]:
+def _use_problems(model: OwnModel, base: System) -> Iterator[str]:
     """Terms in a circle, what is used nowhere, and states that are left out and still used."""
-    from clutchid.model.own.system import combined_rates, combined_terms, ordered
-
     terms, rates = combined_terms(model, base), combined_rates(model, base)
     try:
         needed = ordered(terms, rates.values())
@@ -242,7 +230,7 @@ def _use_problems(model: Physics, base: System) -> Iterator[str]:
         yield f"terms depend on each other: {error}."
         return
     values = {**{name: terms[name] for name in needed}, **{f"rate of {name}": rate for name, rate in rates.items()}}
-    symbols = {where: {s.name for s in getattr(value, "free_symbols", set())} for where, value in values.items()}
+    symbols = {where: {s.name for s in symbols_in([value])} for where, value in values.items()}
     used = set().union(*symbols.values())
     known = [str(symbol) for symbol, _ in base.definitions]
     if idle := [name for name in model.terms if name not in used]:
@@ -257,9 +245,3 @@ def _use_problems(model: Physics, base: System) -> Iterator[str]:
     for name in model.without:
         if users := [where for where, inside in symbols.items() if name in inside]:
             yield f"without: {name}: still used by {', '.join(users)}; replace these too."
-
-
-def _symbol(name: str) -> Expr:
-    import sympy as sp
-
-    return sp.Symbol(name, real=True)

@@ -1,12 +1,9 @@
-"""Parameters and states of an `OwnModel`, and what its checks and equations read of it."""
+"""Parameters and states of an `OwnModel`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
-from clutchid.codegen.system import Expr
 from clutchid.log.states import STATES, State
 from clutchid.parameters import Adapting, Drift, Freed, GroupChange, Row, Spread
 
@@ -114,35 +111,3 @@ class OwnState:
             starts_at=self.start,
             fast=FAST * self.scale,
         )
-
-
-class Physics(Protocol):
-    """The fields of an `OwnModel`, whether they fit or not."""
-
-    @property
-    def name(self) -> str:
-        """An identifier."""
-
-    @property
-    def base(self) -> str:
-        """Model variant to start from."""
-
-    @property
-    def parameters(self) -> Mapping[str, OwnParameter]:
-        """New parameters by name."""
-
-    @property
-    def states(self) -> Mapping[str, OwnState]:
-        """New states by name."""
-
-    @property
-    def terms(self) -> Mapping[str, Expr]:
-        """Expressions by name."""
-
-    @property
-    def rates(self) -> Mapping[str, Expr]:
-        """Rates of change by state."""
-
-    @property
-    def without(self) -> tuple[str, ...]:
-        """States of the variant to leave out."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, Jump, System
-from clutchid.model.own.rows import Physics
+from clutchid.codegen.system import Expr, Jump, System, symbols_in
 
-#: How the term of the variant is called inside what replaces it.
+if TYPE_CHECKING:
+    from clutchid.model.own.model import OwnModel
+
+#: Name of a term of the variant within the expression that replaces it.
 BEFORE = "{}_base"
 
 
@@ -20,7 +23,7 @@ def canonical(value: Expr) -> Expr:
     return expression.xreplace({s: _real(s.name) for s in expression.free_symbols})
 
 
-def own_system(model: Physics, base: System) -> System:
+def own_system(model: OwnModel, base: System) -> System:
     """The equations of `model` on top of the system `base`, without the terms that are used no longer.
 
     Raises
@@ -43,7 +46,7 @@ def own_system(model: Physics, base: System) -> System:
     )
 
 
-def combined_rates(model: Physics, base: System) -> dict[str, Expr]:
+def combined_rates(model: OwnModel, base: System) -> dict[str, Expr]:
     """Rates of change by state, in the order of the states."""
     rates = {str(state): rate for state, rate in zip(base.states, base.derivatives, strict=True)}
     kept = {name: rate for name, rate in rates.items() if name not in model.without}
@@ -51,7 +54,7 @@ def combined_rates(model: Physics, base: System) -> dict[str, Expr]:
     return {**kept, **{name: new[name] for name in (*kept, *model.states) if name in new}}
 
 
-def combined_terms(model: Physics, base: System) -> dict[str, Expr]:
+def combined_terms(model: OwnModel, base: System) -> dict[str, Expr]:
     """All terms by name: those of the variant, then those of the model in their place or in addition."""
     terms = {str(symbol): value for symbol, value in base.definitions}
     for name, value in model.terms.items():
@@ -75,7 +78,7 @@ def ordered(terms: Mapping[str, Expr], values: Iterable[Expr]) -> tuple[str, ...
     done: dict[str, None] = {}
 
     def visit(value: Expr, way: tuple[str, ...]) -> None:
-        for name in sorted(s.name for s in getattr(value, "free_symbols", set()) if s.name in terms):
+        for name in sorted(s.name for s in symbols_in([value]) if s.name in terms):
             if name in way:
                 raise ValueError(" -> ".join((*way[way.index(name) :], name)))
             if name not in done:

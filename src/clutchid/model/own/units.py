@@ -6,15 +6,17 @@ import re
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import sympy as sp
 
 from clutchid.codegen.system import Expr, System
 from clutchid.log.states import STATES
-from clutchid.model.own.rows import Physics
 from clutchid.model.own.system import BEFORE, canonical, combined_terms, ordered
 from clutchid.parameters import Parameters
+
+if TYPE_CHECKING:
+    from clutchid.model.own.model import OwnModel
 
 #: Exponents of kg, m, s and K; None is the unit of 0, which fits every one.
 Dimension: TypeAlias = tuple[Fraction, ...] | None
@@ -28,7 +30,7 @@ SI: Mapping[str, tuple[int, ...]] = MappingProxyType({
     "W": (1, 2, -3, 0),
 })  # fmt: skip
 
-#: How units are shown, the simplest name first.
+#: Units in messages, the simplest name first.
 _SHOWN = (
     "1", "kg", "m", "s", "K", "N", "Pa", "J", "W", "1/s", "m/s", "m/s²", "m²", "m³", "kg/s", "kg/m³", "N/m", "N·s/m",
     "N/s", "Pa/s", "K/s", "1/m", "s/m", "N·s²/m²", "m³/(Pa·s)", "J/(kg·K)", "W/(m²·K)",
@@ -154,7 +156,7 @@ def _demand_number(value: Expr, unit: Dimension) -> None:
         raise ValueError(f"{value} needs a number without unit, it has [{shown(unit)}]")
 
 
-def unit_problems(model: Physics, base: System) -> Iterator[str]:
+def unit_problems(model: OwnModel, base: System) -> Iterator[str]:
     """Terms and rates whose units do not fit, one sentence each."""
     rows: dict[str, str] = {**TERM_UNITS, **{BEFORE.format(name): unit for name, unit in TERM_UNITS.items()}}
     rows |= {name: Parameters.row(name).unit for name in Parameters.names()}

@@ -9,7 +9,7 @@ from clutchid.inference.uncertainty.conditions import condition_problems, condit
 from clutchid.log import FloatArray
 from clutchid.log.units import UNITS, known_units
 from clutchid.parameters import Parameters
-from clutchid.preparation.inspection.position import direction
+from clutchid.preparation.inspection.columns import direction
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
 from clutchid.recordings.signals.sampled import run_ends
 from clutchid.recordings.source import UNIT_KEY
@@ -160,7 +160,7 @@ def _plateaus(reading: InspectedRecording) -> FloatArray:
 
 _RECORD = "record it here and in the calibration"
 
-#: What is assumed of a condition that is not recorded, and what it would be worth: docs/derivations.md, "Known
+#: Assumption on a condition that is not recorded, and the worth of recording it: docs/derivations.md, "Known
 #: conditions".
 _MISSING = {
     "pressure_supply": (

@@ -15,6 +15,7 @@ from clutchid.errors import ClutchidError
 from clutchid.log import INPUTS, FloatArray, Log, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
+from clutchid.recordings.signals.duty_cycle import duty_grid, on_off
 from clutchid.recordings.signals.sampled import IntArray, Runs, constant_runs, noise, quantum, run_ends
 from clutchid.recordings.text_table import text_table
 from clutchid.simulation.plan import plan
@@ -159,6 +160,21 @@ class InspectedRecording:
         return {
             name: Extremes(float(np.nanmin(self.log[name])), float(np.nanmax(self.log[name]))) for name in self.measured
         }
+
+    @cached_property
+    def extent(self) -> Extremes:
+        """Positions in m between which all but 1 % of the samples lie."""
+        return Extremes(*np.nanquantile(self.log["position"], (0.005, 0.995)).tolist())
+
+    @cached_property
+    def duty_period(self) -> float:
+        """Period in s of the time grid on which the duty cycles change; 0 if they change at any time."""
+        return duty_grid(self.log).period
+
+    @cached_property
+    def carrier_period(self) -> float:
+        """Period in s of the carrier, 0 if unknown: valves that are only opened and closed change without a carrier."""
+        return 0.0 if on_off(self.log) else self.duty_period
 
     def noisy(self, name: str) -> bool:
         """Whether the noise of a measured column exceeds its quantisation, so that repeated values are significant."""

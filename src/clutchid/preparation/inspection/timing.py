@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
-from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP, duty_grid, on_off
+from clutchid.recordings.signals.duty_cycle import CONTINUOUS_STEP
 from clutchid.recordings.signals.sampled import IntArray, run_ends
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
 
@@ -165,32 +165,17 @@ def _allowed(reading: InspectedRecording, spread: float, usual: float) -> Allowe
     p = reading.actuator.parameters
     # friction may be twice that of the model and the load 50 % larger: time of an open valve to supply that force
     rise = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0 / p.V_0A
-    load = float(reading.actuator.load.force(np.array([level(reading)]))[0])
+    load = float(reading.actuator.load.force(np.array([least_travel(reading)]))[0])
     force = math.hypot(p.F_C, load / 2) / p.A_A / rise if rise > 0 else 0.0
-    # half a step in the rest and half a step at the level; a motion that grows with the third power of time is at three
+    # half a step in the rest and half a step in motion; a motion that grows with the third power of time is at three
     # times its mean speed there
-    rounding = reading.quanta["position"] / (3 * level(reading) / usual)
+    rounding = reading.quanta["position"] / (3 * least_travel(reading) / usual)
     either = math.hypot(force, reading.update_interval, rounding, ALIKE * usual)
-    valve = 0.0 if p.T_pwm > 0 else VALVE * period(reading, PERIOD) / 2
+    valve = 0.0 if p.T_pwm > 0 else VALVE * (reading.carrier_period or PERIOD) / 2
     lag = 0.0 if p.tau_y else LAG / 2
-    wait = 0.0 if on_grid(reading) else math.sqrt(3 * max(0.0, spread**2 - reading.update_interval**2 / 12))
+    # a change off the time grid takes effect with the next period of the carrier, after up to one period
+    wait = 0.0 if reading.duty_period > 0.0 else math.sqrt(3 * max(0.0, spread**2 - reading.update_interval**2 / 12))
     return Allowed(either, valve + lag + wait + math.hypot(either, valve, lag))
-
-
-def on_grid(reading: InspectedRecording) -> bool:
-    """Whether the duty cycles change on a time grid, so that the valve responds at once.
-
-    Other changes take effect with the next period of the carrier, after up to one period.
-    """
-    return duty_grid(reading.log).period > 0.0
-
-
-def period(reading: InspectedRecording, usual: float) -> float:
-    """Period in s of the carrier as estimated from the duty cycles, else the `usual` one.
-
-    Valves that are only opened and closed change on the time grid of the control unit, which is not a carrier.
-    """
-    return usual if on_off(reading.log) else duty_grid(reading.log).period or usual
 
 
 #: Time in s for which the supply valve must be closed before a stroke. The rest level comes from the part that ends
@@ -218,11 +203,10 @@ class Starts:
 def starts(reading: InspectedRecording) -> Starts:
     """Delays of all usable strokes, of a long recording at most `MOST` of them.
 
-    Motion starts where the travel rises through `level`.
+    Motion starts where the travel rises through `least_travel`.
     """
     p, log = reading.actuator.parameters, reading.log
-    least = level(reading)
-    bottom = float(np.nanquantile(log["position"], 0.005))
+    least = least_travel(reading)
     commands = _commands(reading)
     rows = []
     for k in commands[spread_over(commands.size)].tolist():
@@ -230,7 +214,7 @@ def starts(reading: InspectedRecording) -> Starts:
         begin, end = (int(i) for i in np.searchsorted(log.time, (now - BEFORE, now + AFTER)))
         rest = log["position"][int(np.searchsorted(log.time, now - CLOSED)) : begin]
         rest = rest[np.isfinite(rest)]
-        if rest.size < FEWEST_SAMPLES or not _resting(rest, bottom, least, reading.noisy("position")):
+        if rest.size < FEWEST_SAMPLES or not _resting(rest, reading.extent.low, least, reading.noisy("position")):
             continue
         # the model of a switched valve needs one period of past inputs, so the simulation begins in the rest
         window = log.slice(begin, end)
@@ -243,7 +227,7 @@ def starts(reading: InspectedRecording) -> Starts:
     return Starts(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
 
 
-def level(reading: InspectedRecording) -> float:
+def least_travel(reading: InspectedRecording) -> float:
     """Least travel in m that counts as motion: above noise, quantisation and the seal deflection before sliding."""
     p = reading.actuator.parameters
     return p.F_C / p.K_z + reading.blur("position")

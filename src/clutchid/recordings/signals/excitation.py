@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, INPUTS, FloatArray, Log, sample_interval
+from clutchid.log import HOLE, INPUTS, FloatArray, Log, holes, sample_interval
 from clutchid.parameters import Parameters
 from clutchid.recordings.signals.sampled import runs, velocity
 
@@ -181,7 +181,7 @@ def _still(log: Log, p: Parameters) -> tuple[list[float], tuple[Hold, ...]]:
     time, known = log.time, np.flatnonzero(np.isfinite(log["position"]))
     position = np.interp(time, time[known], log["position"][known])
     still = np.abs(velocity(time, position, SLOW_WINDOW)) < HOLD_SPEED
-    still[1:] &= np.diff(time) <= HOLE * sample_interval(time, 0.0)
+    still[1:] &= ~holes(time)
     near = np.abs(position) <= VENTED_POSITION
     closed = log["duty_supply"] <= p.R_0vs if "duty_supply" in log else np.ones(len(log), dtype=bool)
     pressure = log["pressure_a"] if "pressure_a" in log else np.full(len(log), np.nan)

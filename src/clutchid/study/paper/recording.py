@@ -11,6 +11,9 @@ import numpy as np
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.recordings import read
 
+#: Folder of the bundled recording and its truth.
+_DATA = files("clutchid.study.paper") / "data"
+
 #: Metadata key with the name of the file of the true load.
 TRUTH = "true_load"
 
@@ -43,7 +46,7 @@ def bundled_recording() -> Log:
     >>> len(log), "pressure_a" in log
     (30000, True)
     """
-    with as_file(files("clutchid") / "data" / "truck1_calibration.csv") as path:
+    with as_file(_DATA / "truck1_calibration.csv") as path:
         log = read(path)
     return replace(log, metadata={**log.metadata, TRUTH: "truck1_truth.json"})
 
@@ -53,7 +56,7 @@ def true_load(log: Log) -> TrueLoad | None:
     name = log.metadata.get(TRUTH)
     if name is None:
         return None
-    known = json.loads((files("clutchid") / "data" / name).read_text("utf-8"))
+    known = json.loads((_DATA / name).read_text("utf-8"))
     return TrueLoad(np.array(known["position_m"]), np.array(known["logs"]["calibration"]["load_N"]))
 
 

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from clutchid.codegen.system import System
 from clutchid.log import FloatArray
-from clutchid.truck.changes import changes_of
-from clutchid.truck.compiled import Loop, compiled
-from clutchid.truck.family import Family
+from clutchid.truck.compiled import Loop
+from clutchid.truck.family import Family, changes_of
 from clutchid.truck.first import period_in_ticks
 from clutchid.truck.law import SAMPLE
 from clutchid.truck.load_table import LoadTable, rest_position
 from clutchid.truck.second.clutch import load_curve, worn
-from clutchid.truck.second.order import PARAMETERS, SETTINGS, STATES
-from clutchid.truck.second.parameters import TruckB
+from clutchid.truck.second.parameters import PARAMETERS, SETTINGS, STATES, TruckB
 
 
 def coloured(n: int, tau: float, rng: np.random.Generator) -> FloatArray:
@@ -52,15 +47,9 @@ STEPS = 1000
 START = 0.01
 
 
-def _plant(ledger: bool) -> System:
-    from clutchid.truck.second.plant import plant
-
-    return plant(ledger)
-
-
-_PARTS = Loop(
+LOOP = Loop(
     name="truck_b",
-    plant=_plant,
+    plant="second.plant",
     laws=(
         ("law", ("snapped", "quantised", "lagged", "request", "duty")),
         ("second.law", ("spool", "port", "solenoid", "poppet", "scaled")),
@@ -68,14 +57,11 @@ _PARTS = Loop(
     constants=(("second.law", "PARTS"),),
     settings=SETTINGS,
     template="second.py.j2",
-    files=(*(f"second/{name}.py" for name in ("gas", "friction", "plant", "law", "order")), "templates/second.py.j2"),
+    files=(
+        *(f"second/{name}.py" for name in ("gas", "friction", "plant", "law", "parameters")),
+        "templates/second.py.j2",
+    ),
 )
-
-
-@cache
-def loop(ledger: bool = False) -> ModuleType:
-    """The loop of family B, see `clutchid.truck.compiled.compiled`."""
-    return compiled(_PARTS, ledger)
 
 
 def prepared(drawn: dict[str, Any]) -> dict[str, Any]:
@@ -163,7 +149,7 @@ SECOND = Family(
     finished=finished,
     load_curve=load_curve,
     states=STATES,
-    loop=loop,
+    loop=LOOP,
     at_rest=at_rest,
     plant_parameters=plant_parameters,
     settings=settings,

@@ -6,12 +6,11 @@ from functools import cache
 
 import sympy as sp
 
-from clutchid.codegen.system import Expr, System, TabulatedFunction
+from clutchid.codegen.system import Expr, System
 from clutchid.truck import flow, motion
 from clutchid.truck.motion import Definitions
-from clutchid.truck.order import LEDGER
 from clutchid.truck.second import friction, gas
-from clutchid.truck.second.order import INPUTS, PARAMETERS, STATES
+from clutchid.truck.second.parameters import INPUTS, PARAMETERS, STATES
 
 #: Maxwell slip: share of the stiffness and of the friction of each element; the stiffest slips first.
 STIFFNESS, LIMIT = (0.4, 0.3, 0.2, 0.1), (0.16, 0.24, 0.3, 0.3)
@@ -46,23 +45,12 @@ def plant(ledger: bool = False) -> System:
     >>> len(plant().states), len(plant(ledger=True).states)
     (18, 20)
     """
-    names = (*STATES, *INPUTS, *PARAMETERS, "f_l")
-    b = Definitions({name: sp.Symbol(name, real=True) for name in names})
+    b = Definitions((*STATES, *INPUTS, *PARAMETERS, "f_l"))
     _air(b)
     _flows(b)
     _forces(b)
-    rates = _rates(b)
-    extra = _ledger_rates(b) if ledger else ()
-    states = [getattr(b, name) for name in STATES] + [sp.Symbol(name, real=True) for name in LEDGER if ledger]
-    return System(
-        name="truck of family B with ledger" if ledger else "truck of family B",
-        states=tuple(states),
-        inputs=tuple(getattr(b, name) for name in INPUTS),
-        parameters=tuple(getattr(b, name) for name in PARAMETERS),
-        definitions=tuple(b.rows),
-        derivatives=(*rates, *extra),
-        table=TabulatedFunction(b.f_l, b.y),
-    )
+    order = (STATES, INPUTS, PARAMETERS)
+    return motion.assembled(b, "truck of family B", order, _rates(b), _ledger_rates(b) if ledger else ())
 
 
 def _air(b: Definitions) -> None:
