@@ -12,8 +12,8 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import HOLE, INPUTS, FloatArray
 from clutchid.log.units import UNITS, to_si
-from clutchid.recordings.columns import QUANTITIES, Heading
-from clutchid.recordings.source import SHOWN, Places, Rows, Table, and_more
+from clutchid.recordings.columns import QUANTITIES, SHOWN, Heading, listed
+from clutchid.recordings.source import Places, Rows, Table
 
 #: Ambient pressure in Pa that is added to gauge pressures, P_0 of Appendix A.
 AMBIENT = 1.095e5
@@ -239,6 +239,4 @@ def _hole_warning(columns: Sequence[_Column]) -> list[str]:
         for a, b in [(rows[i], rows[i + 1])]
     ]
     usual = quantity(usual_interval(time), unit)
-    return [
-        f"no samples for {and_more(shown, after.size - len(shown))} (usual interval {usual}): each hole ends a segment."
-    ]
+    return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each hole ends a segment."]

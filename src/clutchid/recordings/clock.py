@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.recordings.checks import quantity, usual_interval
-from clutchid.recordings.source import SHOWN, Places, and_more
+from clutchid.recordings.columns import SHOWN, listed
+from clutchid.recordings.source import Places
 
 #: Gap between two runs that are placed one after the other, in usual intervals; long enough to be a hole.
 _APART = 20.0
@@ -83,7 +84,7 @@ def repair(stamps: FloatArray, places: Places, clock: Clock | None = None) -> Re
             for i in resets[:SHOWN].tolist()
         ]
         messages.append(
-            f"the clock restarts at {and_more(shown, resets.size - len(shown))}; each run becomes a separate segment, "
+            f"the clock restarts at {listed(shown, total=resets.size)}; each run becomes a separate segment, "
             f"{quantity(apart, 's')} after the previous one."
         )
     ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, shifted])[1:-1]] if time.size else time

@@ -31,8 +31,9 @@ _UNIT_START = re.compile(r"[\s_.,:;(\[/-]+|(?<=[a-z0-9])(?=[A-Z])")
 
 _UNITS_ANY_CASE = frozenset(unit.casefold() for unit in UNITS)
 
-_SHOWN = 12
-_SHOWN_LENGTH = 80
+#: Number of locations or names that a message lists before it counts the rest; number of columns, and their length.
+SHOWN = 5
+_SHOWN_COLUMNS, _SHOWN_LENGTH = 12, 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +205,20 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
     return [f"{subject} not known and left out; known are {', '.join(QUANTITIES)}."]
 
 
+def listed(texts: Iterable[str], most: int = SHOWN, total: int | None = None) -> str:
+    """The first `most` texts, and the number of the others; `total` is the number of all, if not all are given.
+
+    Examples
+    --------
+    >>> listed(["line 4", "line 7", "line 9"], 2), listed(["line 4"], total=3)
+    ('line 4, line 7 and 1 more', 'line 4 and 2 more')
+    """
+    given = list(texts)
+    shown = given[:most]
+    rest = (len(given) if total is None else total) - len(shown)
+    return ", ".join(shown) + (f" and {rest} more" if rest else "")
+
+
 def shortened(text: str, length: int = 40) -> str:
     """`text` on one line and not longer than `length`, for a message."""
     line = printable(" ".join(text.split()))
@@ -242,5 +257,4 @@ def _missing(names: list[str], columns: Sequence[Heading]) -> str:
 
 
 def _some(texts: Sequence[str]) -> str:
-    shown = ", ".join(f"'{shortened(text, _SHOWN_LENGTH)}'" for text in texts[:_SHOWN])
-    return shown + (f" and {len(texts) - _SHOWN} more" if len(texts) > _SHOWN else "")
+    return listed((f"'{shortened(text, _SHOWN_LENGTH)}'" for text in texts), _SHOWN_COLUMNS)

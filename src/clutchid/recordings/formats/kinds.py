@@ -104,7 +104,7 @@ def kind_of(head: bytes) -> str:
         from clutchid.recordings.formats.mat.file import is_mat
 
         return "mat" if is_mat(head) else "csv"
-    from clutchid.recordings.formats.can.text import is_asc, is_trc
+    from clutchid.recordings.formats.can.logs import is_asc, is_trc
 
     return "asc" if is_asc(head) else "trc" if is_trc(head) else "csv"
 

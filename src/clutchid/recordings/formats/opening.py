@@ -10,11 +10,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
 from clutchid.recordings.files import reading
 from clutchid.recordings.formats.kinds import head_of, kind_of, readable_kind
 from clutchid.recordings.source import Source, Table, Tables
+
+if TYPE_CHECKING:
+    from clutchid.recordings.formats.can.frames import FrameLog
 
 #: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
 _MOST_UNPACKED = 8_000_000_000
@@ -58,22 +62,25 @@ def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
     return csv_file.open_file(file)
 
 
-def _can(file: Path, dbc: Sequence[Path], kind: str) -> Source:
+def _can(file: Path, dbc: Sequence[Path], kind: str, frames: FrameLog | None = None) -> Source:
     from clutchid.recordings.formats.can import file as can_file
 
-    return can_file.open_file(file, dbc, kind)
+    return can_file.open_file(file, dbc, kind, frames)
 
 
 def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
-    """An MDF file with measured channels, or with bus frames if a DBC file is given."""
-    from clutchid.recordings.formats.can import mf4 as mf4_bus
+    """An MDF file with measured channels, or with bus frames if a DBC file is given or there is nothing else."""
+    from clutchid.recordings.formats.can import mf4
     from clutchid.recordings.formats.mdf import file as mdf_file
 
-    if dbc and mf4_bus.holds_bus_frames(file):
-        return _can(file, dbc, "mdf")
-    source = mdf_file.open_file(file)
-    silent = not (source.rasters or source.problems)
-    return _can(file, (), "mdf") if silent and mf4_bus.holds_bus_frames(file) else source
+    frames = mf4.frame_log(file) if dbc else None
+    if frames is None:
+        source = mdf_file.open_file(file)
+        frames = None if source.rasters or source.problems else mf4.frame_log(file)
+        if frames is None:
+            return source
+        dbc = ()
+    return _can(file, dbc, "mdf", frames)
 
 
 def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:

@@ -17,15 +17,22 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.recordings.files import plain_file
-from clutchid.recordings.formats.can.dbc import Message, decode, read_dbc
-from clutchid.recordings.formats.can.frames import Frames, Rows, check_python_can, in_blocks, quiet
-from clutchid.recordings.formats.can.scan import raster_names
-from clutchid.recordings.formats.can.streams import Book, Stream, book, channels_of, in_order, sorted_out
+from clutchid.recordings.formats.can.dbc import Message, read_dbc
+from clutchid.recordings.formats.can.frames import Frames, check_python_can, in_blocks, quiet
+from clutchid.recordings.formats.can.streams import (
+    FrameStream,
+    MessageCatalogue,
+    by_stream,
+    catalogue,
+    in_order,
+    rasters_of,
+    values_of,
+)
 from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
 from clutchid.recordings.live.feed import PACE, PATIENCE
 from clutchid.recordings.live.order import Arrived, arrived, indices, picked_streams
 from clutchid.recordings.map.channel_map import Pick
-from clutchid.recordings.source import Raster, Table
+from clutchid.recordings.source import Table
 
 if TYPE_CHECKING:
     import can
@@ -239,8 +246,8 @@ ORIGIN = "origin_s"
 class _Bus:
     """What is known of a bus: its messages, the streams that are read, their picks, and the first stamp in s."""
 
-    known: Book
-    rasters: Mapping[Stream, int]
+    known: MessageCatalogue
+    rasters: Mapping[FrameStream, int]
     picks: tuple[Pick, ...]
     origin: float
 
@@ -301,8 +308,8 @@ def _learnt(
     required: Sequence[str],
 ) -> tuple[list[Frames], _Bus]:
     """The first frames, and what they show: waits for every signal that is needed."""
-    known, first = book(messages), list[Frames]()
-    streams: dict[Stream, None] = {}
+    known, first = catalogue(messages), list[Frames]()
+    streams: dict[FrameStream, None] = {}
     origin, latest = np.nan, -np.inf
     while True:
         block = next(frames, None)
@@ -311,7 +318,7 @@ def _learnt(
             stamps = block.stamp[np.isfinite(block.stamp)]
             origin = stamps[0] if np.isnan(origin) and stamps.size else origin
             latest = max(latest, stamps.max(initial=-np.inf))
-            streams |= {one: None for one, _ in sorted_out(block, known) if isinstance(one, Stream)}
+            streams |= {one: None for one, _ in by_stream(block, known) if isinstance(one, FrameStream)}
         waited = latest - origin if sum(map(len, first)) < MOST else PATIENT
         if block is not None and not waited >= LEARNT:
             continue
@@ -327,15 +334,12 @@ def _learnt(
 
 
 def _picked(
-    name: str, streams: Sequence[Stream], channels: ChannelMap | None, required: Sequence[str]
-) -> tuple[dict[Stream, int], tuple[Pick, ...]]:
+    name: str, streams: Sequence[FrameStream], channels: ChannelMap | None, required: Sequence[str]
+) -> tuple[dict[FrameStream, int], tuple[Pick, ...]]:
     """The streams by the index of their time grid, and the channels that the map picks."""
     if not streams:
         raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")
-    rasters = [
-        Raster(channels_of(stream), 0, title, 0) for stream, title in zip(streams, raster_names(streams), strict=True)
-    ]
-    picks = picked_streams(name, rasters, channels, required)
+    picks = picked_streams(name, rasters_of(streams, {}), channels, required)
     return {stream: i for i, stream in enumerate(streams)}, picks
 
 
@@ -346,18 +350,11 @@ def _piece(frames: Frames, bus: _Bus, ambient: float) -> Piece:
     if not stamped.all():
         frames = frames.take(stamped)
     each: list[Arrived] = []
-    for found, rows in sorted_out(frames, bus.known):
-        raster = bus.rasters.get(found) if isinstance(found, Stream) else None
+    for found, rows in by_stream(frames, bus.known):
+        raster = bus.rasters.get(found) if isinstance(found, FrameStream) else None
         for i, chosen in enumerate(bus.picks):
-            if isinstance(found, Stream) and chosen.raster == raster:
-                each.append(arrived(i, chosen, _table(found, chosen, frames, rows, bus.origin), ambient, rows))
+            if isinstance(found, FrameStream) and chosen.raster == raster:
+                stamps, data, length = frames.stamp[rows] - bus.origin, frames.data[rows], frames.length[rows]
+                table = Table(numbers=values_of(found, indices(chosen), stamps, data, length), size=rows.size)
+                each.append(arrived(i, chosen, table, ambient, rows))
     return Piece(each, unreadable)
-
-
-def _table(stream: Stream, chosen: Pick, frames: Frames, rows: Rows, origin: float) -> Table:
-    data, length = frames.data[rows], frames.length[rows]
-    numbers = {
-        column: frames.stamp[rows] - origin if column == 0 else decode(stream.page.signals[column - 1], data, length)
-        for column in indices(chosen)
-    }
-    return Table(channels_of(stream), numbers, rows.size)

@@ -12,14 +12,14 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import AMBIENT, check, check_ambient, in_si
-from clutchid.recordings.columns import REQUIRED, Heading, heading_problems, ignored
+from clutchid.recordings.columns import REQUIRED, SHOWN, Heading, heading_problems, ignored
 from clutchid.recordings.look.overview import ColumnLook, Look, RasterLook, TimeLook, updated
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.proposal import Proposal, propose
 from clutchid.recordings.opening import open_source
 from clutchid.recordings.recording import findings, picked, scaled
-from clutchid.recordings.source import BLOCK, SHOWN, Places, Raster, Source, Table, in_contract
+from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, in_contract
 
 #: Bytes of data up to which a time grid is read in one piece, so that every problem is counted once.
 _WHOLE = 1 << 29

@@ -11,8 +11,9 @@ import numpy as np
 from clutchid.log import HOLE, FloatArray
 from clutchid.names import printable
 from clutchid.recordings.checks import intervals, usual_interval
+from clutchid.recordings.columns import SHOWN, listed
 from clutchid.recordings.map.proposal import Proposal
-from clutchid.recordings.source import SHOWN, Places, and_more
+from clutchid.recordings.source import Places
 from clutchid.recordings.text_table import text_table
 
 
@@ -211,11 +212,11 @@ def _raster(raster: RasterLook, named: bool) -> list[str]:
         lines += [*([] if named else [""]), *text_table([_TITLES, *rows], 2)]
     hidden = [f"'{_narrow(name)}' ({what})" for name, what in _hidden(raster)]
     if hidden:
-        lines += ["", f"Without numbers: {and_more(hidden[:_LISTED], len(hidden[_LISTED:]))}"]
+        lines += ["", f"Without numbers: {listed(hidden, _LISTED)}"]
     time = raster.time
     if time and time.hole_count:
         shown = [f"{_short(hole.length)} s after {raster.place} {hole.place}" for hole in time.holes]
-        lines += ["", f"Holes: {and_more(shown, time.hole_count - len(shown))}"]
+        lines += ["", f"Holes: {listed(shown, total=time.hole_count)}"]
     if time and (time.repeated or time.back):
         lines += ["", f"Time stamps: {time.repeated:,} repeated, {time.back:,} decreasing"]
     return lines

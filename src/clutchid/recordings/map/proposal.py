@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
 from clutchid.log.units import UNITS
-from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, unit_at_end
+from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, listed, unit_at_end
 from clutchid.recordings.formats.can.j1939 import parameter_in
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.channel_words import Circuit, circuit_of, is_named_by_j1939, is_set_point, name_score
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
-from clutchid.recordings.source import Raster, Source, and_more
+from clutchid.recordings.source import Raster, Source
 
 #: Score of a channel with the standard name of the quantity.
 STANDARD = 100.0
@@ -35,8 +35,6 @@ _REASONS = {
     Circuit.SUPPLY: "no channel is nearer to the clutch than the supply as a whole",
     Circuit.BRAKES: "no other is recorded; check, because braking lowers the circuits of the brakes",
 }
-
-_SHOWN = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,8 +152,8 @@ def reason(chosen: Heading, others: Sequence[Heading]) -> str:
         return ""
     beside = ""
     if others:
-        names = [f"'{heading.text}'" for heading in others[:_SHOWN]]
-        beside = f"; others are {and_more(names, len(others) - len(names))}"
+        names = listed(f"'{heading.text}'" for heading in others)
+        beside = f"; others are {names}"
     return f"pressure_supply: '{chosen.text}' is proposed, because {_REASONS[circuit]}{beside}."
 
 
@@ -360,8 +358,8 @@ def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
         if heading.text and heading.text not in taken and heading.text not in dict(raster.others)
     ]
     chosen = [heading for heading in free if fits(name, heading.unit)] or [h for h in free if h.unit is None]
-    shown = [f"'{heading.text}'" for heading in chosen[:_LISTED]]
-    return f"candidates: {and_more(shown, len(chosen) - len(shown))}" if shown else "no channel has a unit of it"
+    shown = listed((f"'{heading.text}'" for heading in chosen), _LISTED)
+    return f"candidates: {shown}" if shown else "no channel has a unit of it"
 
 
 def _entry(source: Source, best: Candidate) -> Channel:

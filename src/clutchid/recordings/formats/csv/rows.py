@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.recordings.columns import Heading, shortened
+from clutchid.recordings.columns import SHOWN, Heading, listed, shortened
 from clutchid.recordings.formats.csv.cells import (
     AMBIGUOUS,
     COMMA,
@@ -29,7 +29,7 @@ from clutchid.recordings.formats.csv.cells import (
 )
 from clutchid.recordings.formats.csv.dialect import Dialect
 from clutchid.recordings.formats.csv.lines import Block, split
-from clutchid.recordings.source import SHOWN, Places, Rows, Table, and_more, joined_samples
+from clutchid.recordings.source import Places, Rows, Table, joined_samples
 
 if TYPE_CHECKING:
     import polars as pl
@@ -144,7 +144,7 @@ def table(part: Part, dialect: Dialect) -> Table:
     columns = dialect.headings
     problems = [part.broken] if part.broken else []
     if part.ragged:
-        lines = and_more(part.ragged, part.ragged_count - len(part.ragged))
+        lines = listed(part.ragged, total=part.ragged_count)
         problems.append(
             f"the {'header' if dialect.header else 'first line'} has {len(columns)} cells, but {lines}; "
             "give every line one cell for each column, empty where a sample is missing."
@@ -156,7 +156,7 @@ def table(part: Part, dialect: Dialect) -> Table:
         ]
         problems.append(
             f"column '{columns[index].text}' contains cells that are not numbers: "
-            f"{and_more(shown, len(rows) - len(shown))}; {_advice(texts, dialect, index)}, or leave the cell empty "
+            f"{listed(shown, total=len(rows))}; {_advice(texts, dialect, index)}, or leave the cell empty "
             "where the sample is missing."
         )
     metadata = {"start": dialect.start} if dialect.start else {}

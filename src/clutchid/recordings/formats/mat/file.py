@@ -16,12 +16,12 @@ from pathlib import Path
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
 from clutchid.names import printable
-from clutchid.recordings.columns import shortened
+from clutchid.recordings.columns import listed, shortened
 from clutchid.recordings.formats.mat import hdf5, loaded
 from clutchid.recordings.formats.mat.loaded import BrokenMat, ReadSamples, Struct, Text
 from clutchid.recordings.formats.mat.objects import with_objects
 from clutchid.recordings.formats.mat.rasters import Found, Signal, rasters_of, signals_of
-from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, and_more, own_metadata, refused
+from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, own_metadata, refused
 
 #: Bytes of the start of a file that tell its format.
 HEAD = 1024
@@ -220,12 +220,11 @@ def _objects(found: Found) -> str:
     x = f"with x = {printable(paths[kind][0])}, " if kind else ""
     how = _IN_MATLAB.get(kind, "copy the numbers in them to a struct s")
     return (
-        f"left out objects, which only MATLAB can read: {and_more(shown[:_SHOWN], max(len(shown) - _SHOWN, 0))}; "
+        f"left out objects, which only MATLAB can read: {listed(shown, _SHOWN)}; "
         f"in MATLAB, {x}{how}; save('numbers.mat', 's', '-v7.3')."
     )
 
 
 def _some(paths: Sequence[str]) -> str:
     """The first of the paths, and the count of the rest."""
-    shown = [f"'{shortened(printable(path))}'" for path in paths[:_SHOWN]]
-    return and_more(shown, len(paths) - len(shown))
+    return listed((f"'{shortened(printable(path))}'" for path in paths), _SHOWN)

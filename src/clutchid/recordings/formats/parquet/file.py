@@ -17,10 +17,10 @@ import numpy as np
 
 from clutchid.errors import install_command
 from clutchid.log import INPUTS, FloatArray, Log, Samples
-from clutchid.recordings.columns import Heading, headings, shortened
+from clutchid.recordings.columns import Heading, headings, listed, shortened
 from clutchid.recordings.formats.parquet.footer import EncryptedParquet, damage
 from clutchid.recordings.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
-from clutchid.recordings.source import EXAMPLE, Places, Raster, Source, Table, and_more, own_metadata, refused, to_frame
+from clutchid.recordings.source import EXAMPLE, Places, Raster, Source, Table, own_metadata, refused, to_frame
 
 if TYPE_CHECKING:
     import polars as pl
@@ -159,8 +159,8 @@ def _source(opened: _Opened) -> Source:
     every = dict(zip(kinds, headings(kinds), strict=True))
     shown = [name for name, heading in every.items() if heading.name is not None or opened.is_read(name, heading)]
     others = tuple((name, opened.held(name)) for name in every if name not in shown)
-    told = [f"'{shortened(name)}' ({held})" for name, held in others[:_SHOWN]]
-    left = f"({len(others)}): {and_more(told, len(others) - len(told))}"
+    unread = listed((f"'{shortened(name)}' ({held})" for name, held in others), _SHOWN)
+    left = f"({len(others)}): {unread}"
     if not shown:
         problem = f"holds no column of numbers, only others {left}; write the channels as Float64."
         return refused(opened.path, "Parquet", problem)
