@@ -20,8 +20,8 @@ from clutchid.recordings.alignment import Stream, aligned
 from clutchid.recordings.checks import check, in_si, usual_interval
 from clutchid.recordings.clock import Clock, repair
 from clutchid.recordings.columns import Heading, heading_problems, ignored
-from clutchid.recordings.guard.process import MEMORY_VARIABLE, memory
 from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
+from clutchid.recordings.opening import MEMORY_VARIABLE, memory
 from clutchid.recordings.source import Places, Rows, Source, Table, with_unit
 
 #: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.

@@ -183,9 +183,14 @@ def own_metadata(text: str | None) -> dict[str, str] | None:
     return {str(key): str(value) for key, value in values.items()} if isinstance(values, dict) else None
 
 
+def no_tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:  # noqa: ARG001
+    """The tables of a file that cannot be read: none."""
+    return iter(())
+
+
 def refused(path: Path, form: str, problem: str, *warnings: str) -> Source:
     """A file of the format `form` of which nothing can be read, and why."""
-    return Source(path, form, (), lambda *_: iter(()), (problem,), warnings)
+    return Source(path, form, (), no_tables, (problem,), warnings)
 
 
 def in_contract(source: Source) -> bool:

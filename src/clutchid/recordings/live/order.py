@@ -20,7 +20,7 @@ from clutchid.recordings.columns import heading_problems
 from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
 from clutchid.recordings.map.picking import pick
 from clutchid.recordings.recording import scaled
-from clutchid.recordings.source import Raster, Rows, Source, Table, in_contract
+from clutchid.recordings.source import Raster, Rows, Source, Table, in_contract, no_tables
 
 #: A duty cycle may be as far outside 0 to 1.
 _SLACK = 1e-9
@@ -58,7 +58,7 @@ def picked_streams(
     DataError
         If the map does not fit, or a required quantity has no channel; the text lists all problems.
     """
-    source = Source(Path(name), "CSV" if len(rasters) == 1 else "CAN", tuple(rasters), lambda *_: iter(()))
+    source = Source(Path(name), "CSV" if len(rasters) == 1 else "CAN", tuple(rasters), no_tables)
     problems: list[str] = []
     if channels is None:
         if len(rasters) == 1 and not in_contract(source):
