@@ -21,7 +21,8 @@ from clutchid.errors import ClutchidError, DataError, ExportError
 if TYPE_CHECKING:
     import polars as pl
 
-CHUNK = 1 << 20
+#: Bytes that are read at a time.
+_CHUNK = 1 << 20
 
 
 @contextmanager
@@ -223,7 +224,7 @@ def digest(path: Path) -> str:
     """
     total = hashlib.sha256()
     with opened(path, "file") as file, reading(path):
-        while chunk := file.read(CHUNK):
+        while chunk := file.read(_CHUNK):
             total.update(chunk)
     return total.hexdigest()
 

@@ -184,7 +184,14 @@ def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
 _WORDS = sorted({"", *MISSING, *(word.upper() for word in MISSING), "NaN", "Null", "None", "n/A", "N/a"})
 
 
-def is_plain(block: Block, dialect: Dialect) -> bool:
+def read_fast(block: Block, dialect: Dialect, selected: Sequence[Heading], *, large: bool) -> Part | None:
+    """The samples of lines by NumPy, or by polars if they are a `large` text; None if only `read_text` reads them."""
+    if not _is_plain(block, dialect):
+        return None
+    return _by_polars(block, dialect, selected) if large else _by_numpy(block, dialect, selected)
+
+
+def _is_plain(block: Block, dialect: Dialect) -> bool:
     """Whether the lines have as many separators as the header, and none in quotes."""
     width = len(dialect.headings)
     if dialect.separator == " ":
@@ -194,7 +201,7 @@ def is_plain(block: Block, dialect: Dialect) -> bool:
     return block.text.count(dialect.separator.encode()) == block.lines * (width - 1)
 
 
-def by_numpy(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
+def _by_numpy(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
     """The values of a block with numbers and empty cells only; None if it contains anything else."""
     comma = dialect.decimal == "," and dialect.separator != ","
     if any(dialect.forms[column.index].kind == "stamp" for column in selected) or (comma and b"." in block.text):
@@ -231,7 +238,7 @@ def _filled(text: str, separator: str) -> str:
     return text.replace(f"{separator}\n", end).replace(f"\n{separator}", start)[1:-1]
 
 
-def by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
+def _by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
     """The samples of a block by polars; None if their number differs from the number of lines."""
     import polars as pl
 
@@ -258,8 +265,8 @@ def _numbers(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Par
     import polars as pl
 
     kinds = [dialect.forms[column.index].kind for column in selected]
-    strange = b'"' in block.text or (dialect.decimal == "," and (b"." in block.text or dialect.separator == ","))
-    if strange or any(kind in ("stamp", "truth", "text") for kind in kinds):
+    special = b'"' in block.text or (dialect.decimal == "," and (b"." in block.text or dialect.separator == ","))
+    if special or any(kind in ("stamp", "truth", "text") for kind in kinds):
         raise pl.exceptions.ComputeError("not every column is numeric")
     text = block.text.replace(b",", b".") if dialect.decimal == "," else block.text
     frame = _frame(text, dialect, selected, pl.Float64())
@@ -277,13 +284,13 @@ def _words(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
         form, cells = dialect.forms[column.index], frame[str(column.index)]
         stripped = cells.str.strip_chars()
         numbers = _stamps(stripped, form) if form.kind == "stamp" else _plain(stripped, form)
-        odd = numbers.is_null() & stripped.is_not_null()
-        if odd.any():
+        not_number = numbers.is_null() & stripped.is_not_null()
+        if not_number.any():
             read = reader(form)
-            meant = {word: read(word) for word in stripped.filter(odd).unique().to_list()}
+            meant = {word: read(word) for word in stripped.filter(not_number).unique().to_list()}
             known = {word: value for word, value in meant.items() if value is not None}
             words = stripped.replace_strict(known, default=None, return_dtype=pl.Float64)
-            unread = odd & words.is_null()
+            unread = not_number & words.is_null()
             numbers = numbers.fill_null(words)
             if must_be_numeric(column, dialect) and unread.any():
                 part.unread[column.index] = rows = unread.arg_true().to_numpy().astype(np.int64)
