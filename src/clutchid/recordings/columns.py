@@ -205,6 +205,22 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
     return [f"{subject} not known and left out; known are {', '.join(QUANTITIES)}."]
 
 
+def quantity(value: float, unit: str | None) -> str:
+    """A value with its unit, for a message.
+
+    Examples
+    --------
+    >>> quantity(0.25, "s"), quantity(1.2, "1")
+    ('0.25 s', '1.2')
+    """
+    return f"{value:.10g}" + (f" {unit}" if unit not in (None, "1") else "")
+
+
+def sample_count(count: int) -> str:
+    """A number of samples, for a message."""
+    return f"{count:,} sample{'' if count == 1 else 's'}"
+
+
 def listed(texts: Iterable[str], most: int = SHOWN, total: int | None = None) -> str:
     """The first `most` texts, and the number of the others; `total` is the number of all, if not all are given.
 

@@ -28,9 +28,9 @@ from clutchid.recordings.formats.can.streams import (
     rasters_of,
     values_of,
 )
-from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
+from clutchid.recordings.live.arrival import ArrivedBatch, LiveBlock, live_blocks
 from clutchid.recordings.live.feed import PACE, PATIENCE
-from clutchid.recordings.live.order import Arrived, arrived, indices, picked_streams
+from clutchid.recordings.live.order import ArrivedSamples, arrived, picked_streams
 from clutchid.recordings.map.channel_map import Pick
 from clutchid.recordings.source import Table
 
@@ -296,8 +296,8 @@ def bus_blocks(
     found = found if origin is None else replace(found, origin=origin)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
     metadata[ORIGIN] = repr(found.origin)
-    pieces = (_piece(each, found, ambient) for each in chain(first, frames))
-    yield from live_blocks(pieces, found.picks, name, metadata)
+    batches = (_batch(each, found, ambient) for each in chain(first, frames))
+    yield from live_blocks(batches, found.picks, name, metadata)
 
 
 def _learnt(
@@ -343,18 +343,18 @@ def _picked(
     return {stream: i for i, stream in enumerate(streams)}, picks
 
 
-def _piece(frames: Frames, bus: _Bus, ambient: float) -> Piece:
+def _batch(frames: Frames, bus: _Bus, ambient: float) -> ArrivedBatch:
     """The picked channels of some frames, in SI; frames without a stamp, and error frames, cannot be read."""
     stamped = np.isfinite(frames.stamp)
     unreadable = frames.left_out.get(_UNREADABLE, 0) + int(stamped.size - stamped.sum())
     if not stamped.all():
         frames = frames.take(stamped)
-    each: list[Arrived] = []
+    each: list[ArrivedSamples] = []
     for found, rows in by_stream(frames, bus.known):
         raster = bus.rasters.get(found) if isinstance(found, FrameStream) else None
         for i, chosen in enumerate(bus.picks):
             if isinstance(found, FrameStream) and chosen.raster == raster:
                 stamps, data, length = frames.stamp[rows] - bus.origin, frames.data[rows], frames.length[rows]
-                table = Table(numbers=values_of(found, indices(chosen), stamps, data, length), size=rows.size)
+                table = Table(numbers=values_of(found, chosen.indices, stamps, data, length), size=rows.size)
                 each.append(arrived(i, chosen, table, ambient, rows))
-    return Piece(each, unreadable)
+    return ArrivedBatch(each, unreadable)

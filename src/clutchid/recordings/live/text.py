@@ -18,8 +18,8 @@ from clutchid.recordings.columns import Heading, headings
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
 from clutchid.recordings.formats.csv.lines import BOMS_UTF16, Block
 from clutchid.recordings.formats.csv.rows import joined, read_fast, read_text
-from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
-from clutchid.recordings.live.order import arrived, indices, picked_streams
+from clutchid.recordings.live.arrival import ArrivedBatch, LiveBlock, live_blocks
+from clutchid.recordings.live.order import arrived, picked_streams
 from clutchid.recordings.map.channel_map import Pick
 from clutchid.recordings.source import EXAMPLE, Raster, Table
 
@@ -293,17 +293,17 @@ def text_blocks(
         raise DataError(f"{name}: {feed.unnamed}")
     picks = picked_streams(name, [feed.raster], channels, required)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
-    yield from live_blocks(_pieces(feed, picks, ambient), picks, name, metadata)
+    yield from live_blocks(_batches(feed, picks, ambient), picks, name, metadata)
 
 
-def _pieces(feed: TextFeed, picks: Sequence[Pick], ambient: float) -> Iterator[Piece]:
+def _batches(feed: TextFeed, picks: Sequence[Pick], ambient: float) -> Iterator[ArrivedBatch]:
     """The picked channels of the rows, in SI."""
     done = 0
-    chosen = sorted({index for each in picks for index in indices(each)})
+    chosen = sorted({index for each in picks for index in each.indices})
     for rows in feed.rows(chosen):
         place, spoiled = np.arange(rows.table.size), rows.spoiled.copy()
         each = [arrived(i, one, rows.table, ambient, place, done) for i, one in enumerate(picks)]
         for one in each:
             spoiled |= ~np.isin(place, one.place)  # without a time
-        yield Piece(each, rows.left_out + int(spoiled.sum()))
+        yield ArrivedBatch(each, rows.left_out + int(spoiled.sum()))
         done += rows.table.size

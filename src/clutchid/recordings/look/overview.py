@@ -10,11 +10,11 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.names import printable
-from clutchid.recordings.checks import intervals, usual_interval
-from clutchid.recordings.columns import SHOWN, listed
+from clutchid.recordings.columns import SHOWN, listed, sample_count
 from clutchid.recordings.map.proposal import Proposal
 from clutchid.recordings.source import Places
 from clutchid.recordings.text_table import text_table
+from clutchid.recordings.time_axis import intervals, usual_interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +164,7 @@ def _text(look: Look) -> str:
     lines = []
     if len(look.rasters) < 2:
         time = look.rasters[0].time if look.rasters else None
-        lines.append(f"{printable(look.source)}: {_samples(samples)}{_time_text(time)}")
+        lines.append(f"{printable(look.source)}: {sample_count(samples)}{_time_text(time)}")
     else:
         channels = sum(len(raster.columns) for raster in look.rasters)
         lines.append(
@@ -205,7 +205,7 @@ def _listing(look: Look) -> str:
 def _raster(raster: RasterLook, named: bool) -> list[str]:
     lines = []
     if named:
-        lines += ["", f"{raster.name or '(no name)'}: {_samples(raster.samples)}{_time_text(raster.time)}"]
+        lines += ["", f"{raster.name or '(no name)'}: {sample_count(raster.samples)}{_time_text(raster.time)}"]
     if raster.columns:
         held = dict(raster.others)
         rows = [_row(column, held.get(column.heading)) for column in raster.columns]
@@ -249,10 +249,6 @@ def _narrow(name: str) -> str:
         return name
     half = _WIDTH // 2
     return f"{name[: half - 1]}…{name[-half:]}"
-
-
-def _samples(count: int) -> str:
-    return f"{count:,} sample{'' if count == 1 else 's'}"
 
 
 def _time_text(time: TimeLook | None) -> str:

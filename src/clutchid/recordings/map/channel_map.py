@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.log import HOLE
 from clutchid.log.units import UNITS, known_units
 from clutchid.names import unknown_name
 from clutchid.recordings.columns import QUANTITIES, Heading, unit_spelled
@@ -80,6 +81,16 @@ class Pick:
     rate: float | None = None
     notes: tuple[str, ...] = ()
     increasing: bool = False
+
+    @property
+    def indices(self) -> list[int]:
+        """The channels that are read, by their index in the time grid."""
+        return [heading.index for heading, _ in self.columns.values() if heading.index != COUNTED]
+
+    def longest(self, usual: float) -> dict[str, float]:
+        """Time in s for which a sample remains valid, by quantity, at a `usual` interval of the channels in s."""
+        entries = {name: entry for name, (_, entry) in self.columns.items() if name != "time"}
+        return {name: HOLE * usual if one.longest is None else one.longest for name, one in entries.items()}
 
 
 def read_map(path: str | PathLike[str]) -> ChannelMap:
