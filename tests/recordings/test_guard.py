@@ -21,7 +21,7 @@ from clutchid.processes import Worker
 from clutchid.recordings import opening as guard
 from clutchid.recordings import read, read_pieces
 from clutchid.recordings.formats.opening import opened_here
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.recordings.opening import open_source
 
 TEXT = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n" + "".join(

@@ -53,9 +53,7 @@ class Heading:
     def si(self) -> str | None:
         """SI unit of the values; None if the unit is missing, unknown, or of another quantity."""
         unit = UNITS.get(self.unit or "")
-        if unit is None or (self.name is not None and unit.si != QUANTITIES[self.name]):
-            return None
-        return unit.si
+        return None if unit is None or (self.name and unit.si != QUANTITIES[self.name]) else unit.si
 
 
 def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
@@ -203,6 +201,11 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
         return []
     subject = f"column {_some(unknown)} is" if len(unknown) == 1 else f"columns {_some(unknown)} are"
     return [f"{subject} not known and left out; known are {', '.join(QUANTITIES)}."]
+
+
+def is_unit_of(name: str, unit: str | None) -> bool:
+    """Whether a unit is known and one of the quantity `name`."""
+    return unit in UNITS and UNITS[unit].si == QUANTITIES[name]
 
 
 def quantity(value: float, unit: str | None) -> str:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from clutchid.errors import DataError, MissingExtra, ParameterError
 from clutchid.processes import Ended, Limits, Worker
-from clutchid.recordings.files import plain_file
+from clutchid.recordings.files import plain_file, reason_of
 from clutchid.recordings.formats.kinds import readable_kind
 from clutchid.recordings.formats.opening import opened_here
 from clutchid.recordings.reader_service import Answer, Message, decoded, encoded, source_of, unpacked
@@ -191,8 +191,7 @@ def reader(path: Path) -> ReaderProcess:
         try:
             _current[:] = [ReaderProcess()]
         except OSError as error:
-            reason = error.strerror or type(error).__name__
-            raise DataError(f"{path}: no process to read it in could be started ({reason}).") from error
+            raise DataError(f"{path}: no process to read it in could be started ({reason_of(error)}).") from error
     return _current[0]
 
 

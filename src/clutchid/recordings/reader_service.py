@@ -20,6 +20,7 @@ from clutchid.log import FloatArray
 from clutchid.processes.frames import Parts
 from clutchid.processes.serving import Service
 from clutchid.recordings.columns import Heading, shortened
+from clutchid.recordings.files import reason_of
 from clutchid.recordings.formats.opening import opened_here
 from clutchid.recordings.source import Places, Raster, Rows, Source, Table, no_tables
 
@@ -120,7 +121,7 @@ def _answered(files: _OpenFiles, question: Message) -> Answer:
     except MemoryError:
         return _failure("memory", "")
     except OSError as error:
-        return _failure("unreadable", error.strerror or str(error))
+        return _failure("unreadable", reason_of(error))
     except ClutchidError as error:
         return _failure("data", str(error))
     except Exception as error:

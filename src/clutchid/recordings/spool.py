@@ -19,7 +19,7 @@ from typing import BinaryIO, Protocol
 
 from clutchid.errors import ExportError
 from clutchid.log import Log, concatenated
-from clutchid.recordings.files import atomic_write, writable_target
+from clutchid.recordings.files import atomic_write, reason_of, writable_target
 from clutchid.recordings.formats.parquet.file import KEY
 from clutchid.recordings.formats.parquet.footer import MAGIC, Groups, appended, footer_bytes
 from clutchid.recordings.source import to_frame
@@ -97,7 +97,7 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     except ExportError:
         raise
     except OSError as error:
-        raise ExportError(f"{path}: cannot be written ({_reason(error)}); what was there is unchanged.") from error
+        raise ExportError(f"{path}: cannot be written ({reason_of(error)}); what was there is unchanged.") from error
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -370,8 +370,4 @@ def _until(path: str | PathLike[str]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise ExportError(f"{path}: cannot be written any further ({_reason(error)}).") from error
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error) or type(error).__name__
+        raise ExportError(f"{path}: cannot be written any further ({reason_of(error)}).") from error

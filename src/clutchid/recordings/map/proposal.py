@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
 from clutchid.log.units import UNITS
-from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, listed, unit_at_end
+from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, listed, unit_at_end
 from clutchid.recordings.formats.can.j1939 import parameter_in
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.channel_words import Circuit, circuit_of, is_named_by_j1939, is_set_point, name_score
@@ -62,7 +62,7 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
             if heading.text in texts or (clock is not None and heading.index == clock.index and name != "time"):
                 continue
             score = _score(name, heading)
-            if score <= 0.0 or not (heading.unit is None or fits(name, heading.unit)):
+            if score <= 0.0 or not (heading.unit is None or is_unit_of(name, heading.unit)):
                 continue
             seen = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
             seen = seen._replace(constant=seen.constant and score < STANDARD)
@@ -109,11 +109,6 @@ def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
     if gauge and not seen.constant:
         return gauge, f"falls to {seen.low:.3g} {unit}, so that the gauge unit [{gauge}] is guessed instead of [{unit}]"
     return unit, ""
-
-
-def fits(name: str, unit: str | None) -> bool:
-    """Whether a unit is one of the quantity `name`."""
-    return unit is not None and unit in UNITS and UNITS[unit].si == QUANTITIES[name]
 
 
 def standard_title(heading: Heading) -> str:
@@ -334,7 +329,9 @@ def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[
 def _set_points(source: Source, name: str) -> list[str]:
     """Channels that are what a controller asks of a quantity."""
     headings = [heading for raster in source.rasters for heading in raster.headings]
-    return [h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and fits(name, h.unit)]
+    return [
+        h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and is_unit_of(name, h.unit)
+    ]
 
 
 def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str]) -> str:
@@ -357,7 +354,7 @@ def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
         for heading in raster.headings
         if heading.text and heading.text not in taken and heading.text not in dict(raster.others)
     ]
-    chosen = [heading for heading in free if fits(name, heading.unit)] or [h for h in free if h.unit is None]
+    chosen = [heading for heading in free if is_unit_of(name, heading.unit)] or [h for h in free if h.unit is None]
     shown = listed((f"'{heading.text}'" for heading in chosen), _LISTED)
     return f"candidates: {shown}" if shown else "no channel has a unit of it"
 
