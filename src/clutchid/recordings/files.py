@@ -66,7 +66,7 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
 
 
 def _failure(error: Exception, temporary: Path | None) -> str | None:
-    """Why a file could not be written; None for an error that has another cause, or the sentence already."""
+    """Reason why a file could not be written; None for an error that has another cause, or the sentence already."""
     if isinstance(error, ClutchidError):
         return None
     if isinstance(error, OSError):

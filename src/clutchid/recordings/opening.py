@@ -17,7 +17,7 @@ from os import PathLike
 from pathlib import Path
 
 from clutchid.errors import DataError, MissingExtra, ParameterError
-from clutchid.processes import Ended, Limits, Worker
+from clutchid.processes import Limits, Worker, WorkerEnd
 from clutchid.recordings.files import plain_file, reason_of
 from clutchid.recordings.formats.kinds import readable_kind
 from clutchid.recordings.formats.opening import opened_here
@@ -146,7 +146,7 @@ class ReaderProcess:
         forget = [self.forgotten.popleft() for _ in range(len(self.forgotten))]
         limits = Limits(seconds(path.stat().st_size if path.exists() else 0), memory())
         parts = self.worker.ask(encoded({**question, "forget": forget}), limits)
-        if isinstance(parts, Ended):
+        if isinstance(parts, WorkerEnd):
             raise DataError(f"{path}: {_without_answer(parts, limits)}")
         message, arrays = decoded(parts)
         if "failed" in message:
@@ -154,8 +154,8 @@ class ReaderProcess:
         return message, arrays
 
 
-def _without_answer(ended: Ended, limits: Limits) -> str:
-    """Why there is no answer."""
+def _without_answer(ended: WorkerEnd, limits: Limits) -> str:
+    """Reason why there is no answer."""
     if ended.why == "itself":
         return f"the reader process ended on it ({ended.how}): {_SPOILED}"
     return too_large() if ended.why == "memory" else too_long(limits.seconds)

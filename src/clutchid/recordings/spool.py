@@ -21,7 +21,7 @@ from clutchid.errors import ExportError
 from clutchid.log import Log, concatenated
 from clutchid.recordings.files import atomic_write, reason_of, writable_target
 from clutchid.recordings.formats.parquet.file import KEY
-from clutchid.recordings.formats.parquet.footer import MAGIC, Groups, appended, footer_bytes
+from clutchid.recordings.formats.parquet.footer import MAGIC, RowGroups, appended, footer_bytes
 from clutchid.recordings.source import to_frame
 
 #: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
@@ -288,7 +288,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
     held: list[Log] = []
     short: list[Log] = []
     metadata: dict[str, str] = {}
-    groups, size, stopped = Groups(), 0, False
+    groups, size, stopped = RowGroups(), 0, False
     _all(data, MAGIC)
 
     def write(log: Log) -> None:
@@ -352,7 +352,7 @@ def _write_part(write: Callable[[Log], None], piece: Log) -> None:
             rows //= 2
 
 
-def _note(path: Path, groups: Groups, *, synced: bool = False) -> None:
+def _note(path: Path, groups: RowGroups, *, synced: bool = False) -> None:
     """Note the footer of what is written, for `recovered`; where that cannot be, the recording goes on."""
     with suppress(OSError):
         temporary = path.with_suffix(".new")

@@ -6,7 +6,7 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, shown, spread_over
-from clutchid.recordings.strokes.vented_rest import Rested
+from clutchid.recordings.strokes.vented_rest import ZeroedLog
 from clutchid.simulation.plan import outside_stroke
 
 MOTION = "motion"
@@ -108,7 +108,7 @@ def _moved(reading: InspectedRecording, supply: bool) -> FloatArray:
 VENTED_REST = "vented rest"
 
 
-def rest_check(rested: Rested) -> Check:
+def rest_check(rested: ZeroedLog) -> Check:
     """Whether the vented rest is where it was at the calibration."""
     shift = rested.shift
     if shift is None:

@@ -8,14 +8,15 @@ import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
 from clutchid.recordings.files import reading
 from clutchid.recordings.formats.kinds import head_of, kind_of, readable_kind
-from clutchid.recordings.source import Source, Table, Tables
+from clutchid.recordings.source import Source, Table
 
 if TYPE_CHECKING:
     from clutchid.recordings.formats.can.frames import FrameLog
@@ -93,12 +94,12 @@ def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
         if kind == "gzip":
             raise DataError(f"{file}: is packed twice; unpack it once.")
         source = opened_here(inner, dbc, kind)
-    return replace(source, path=file, tables=_UnpackedTables(file, inner, folder, source.tables))
+    return replace(source, path=file, tables=partial(_tables, file, folder, source))
 
 
 @contextmanager
 def _named(file: Path, inner: Path) -> Iterator[None]:
-    """What goes wrong with the unpacked file as an error that names the packed one."""
+    """Errors in the unpacked file as errors that name the packed one."""
     try:
         yield
     except DataError as error:
@@ -119,16 +120,14 @@ def _unpack(file: Path, to: Path) -> None:
         raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
 
 
-@dataclass(frozen=True, slots=True)
-class _UnpackedTables:
-    """Reads from an unpacked file, see `Tables`, and keeps its folder as long."""
-
-    file: Path
-    inner: Path
-    folder: tempfile.TemporaryDirectory[str]
-    tables: Tables
-
-    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-        """Tables of the unpacked file."""
-        with _named(self.file, self.inner):
-            yield from self.tables(raster, columns, rows)
+def _tables(
+    file: Path,
+    _folder: tempfile.TemporaryDirectory[str],
+    source: Source,
+    raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """Tables of the unpacked file `source`, see `Tables`; its folder is deleted with this function."""
+    with _named(file, source.path):
+        yield from source.tables(raster, columns, rows)

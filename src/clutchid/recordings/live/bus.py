@@ -243,8 +243,8 @@ ORIGIN = "origin_s"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Bus:
-    """What is known of a bus: its messages, the streams that are read, their picks, and the first stamp in s."""
+class _BusLayout:
+    """Layout of a bus: its messages, time grids and picks of the streams that are read, and the first stamp in s."""
 
     known: MessageCatalogue
     rasters: Mapping[FrameStream, int]
@@ -306,7 +306,7 @@ def _learnt(
     messages: Sequence[Message],
     channels: ChannelMap | None,
     required: Sequence[str],
-) -> tuple[list[Frames], _Bus]:
+) -> tuple[list[Frames], _BusLayout]:
     """The first frames, and what they show: waits for every signal that is needed."""
     known, first = catalogue(messages), list[Frames]()
     streams: dict[FrameStream, None] = {}
@@ -330,7 +330,7 @@ def _learnt(
             if late:
                 raise
         else:
-            return first, _Bus(known, rasters, picks, float(origin))
+            return first, _BusLayout(known, rasters, picks, float(origin))
 
 
 def _picked(
@@ -343,7 +343,7 @@ def _picked(
     return {stream: i for i, stream in enumerate(streams)}, picks
 
 
-def _batch(frames: Frames, bus: _Bus, ambient: float) -> ArrivedBatch:
+def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:
     """The picked channels of some frames, in SI; frames without a stamp, and error frames, cannot be read."""
     stamped = np.isfinite(frames.stamp)
     unreadable = frames.left_out.get(_UNREADABLE, 0) + int(stamped.size - stamped.sum())

@@ -1,4 +1,4 @@
-"""Where bytes come from while they arrive: a pipe, or a file that grows."""
+"""Bytes as they arrive from a pipe, or from a file that grows."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def from_descriptor(descriptor: int, stopped: Stopped) -> Iterator[bytes]:
 
 
 def _collected(descriptor: int) -> tuple[bytes, bool]:
-    """What arrives within `PACE`, and whether the feed has ended."""
+    """Bytes that arrive within `PACE`, and whether the feed has ended."""
     parts: list[bytes] = []
     size, until = 0, time.monotonic() + PACE
     while size < MOST and (rest := until - time.monotonic()) > 0.0:
@@ -107,7 +107,7 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
 
 
 def _trouble(file: Path, number: int, done: int) -> str:
-    """Why a file is not the one any more that was begun, nothing if it is: what is left of that one is read first."""
+    """Reason why a file is no longer the one that was begun, empty if it is; the rest of that one is read first."""
     try:
         found = file.stat()
     except OSError as error:

@@ -16,7 +16,7 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.recordings.columns import Heading, headings
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
-from clutchid.recordings.formats.csv.lines import BOMS_UTF16, Block
+from clutchid.recordings.formats.csv.lines import BOMS_UTF16, LineBlock
 from clutchid.recordings.formats.csv.rows import joined, read_fast, read_text
 from clutchid.recordings.live.arrival import ArrivedBatch, LiveBlock, live_blocks
 from clutchid.recordings.live.order import arrived, picked_streams
@@ -252,13 +252,13 @@ def _objects(text: bytes, keys: Sequence[str], columns: tuple[Heading, ...], cho
 def _cells(text: bytes, found: Dialect, chosen: Sequence[int]) -> TextRows:
     """The rows of a block of lines of CSV."""
     text, selected = text.rstrip() + b"\n", [found.headings[index] for index in chosen]
-    block = Block(1, text, text.count(b"\n"))
+    block = LineBlock(1, text, text.count(b"\n"))
     special = b'"' in text or b"\0" in text
     fast = None if special else read_fast(block, found, selected, large=block.lines >= _MANY)
     if fast:
         parts = [fast]
     else:  # one by one: a spoiled line must not take others with it
-        parts = [read_text(Block(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
+        parts = [read_text(LineBlock(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
     part = joined(parts)
     ragged = sum(one.ragged_count + bool(one.broken) for one in parts)
     spoiled = np.zeros(part.size, dtype=bool)

@@ -24,7 +24,7 @@ from clutchid.recordings.source import Raster, Source
 #: Score of a channel with the standard name of the quantity.
 STANDARD = 100.0
 
-#: What the name of a set point costs a duty cycle: the one that is measured is preferred.
+#: Loss of score of a duty cycle with the name of a set point: the measured one is preferred.
 _SET_POINT = 0.25
 
 
@@ -41,7 +41,7 @@ _REASONS = {
 class Candidate:
     """A channel that may be a quantity, its score, its range, and its unit with the reason if that is a guess.
 
-    `implied` is what else is assumed of the unit.
+    `implied` is a further assumption about the unit.
     """
 
     raster: Raster
@@ -72,7 +72,7 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
 
 
 def _score(name: str, heading: Heading) -> float:
-    """How well a channel is called like a quantity; what a controller asks for is none but a duty cycle."""
+    """Score of the name of a channel for a quantity; a set point is none, except of a duty cycle."""
     if heading.name == name:
         return STANDARD
     score = name_score(name, standard_title(heading) if name in PLAUSIBLE else heading.text)
@@ -112,7 +112,7 @@ def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
 
 
 def standard_title(heading: Heading) -> str:
-    """What SAE J1939-71 calls a channel that its comment or its name identifies; else its name."""
+    """Title in SAE J1939-71 of a channel that its comment or its name identifies; else its name."""
     found = parameter_in(heading.comment) or parameter_in(heading.text)
     return found.title if found else heading.text
 
@@ -124,7 +124,7 @@ def gauge_by_standard(heading: Heading) -> bool:
 
 
 def implausible(name: str, heading: Heading, unit: str | None, seen: Range) -> str:
-    """Why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
+    """Reason why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
     if math.isnan(seen.low) or (seen.constant and seen.low == 0.0):
         return f"{name}: '{heading.text}' has no values and is left out."
     known = UNITS.get(unit or "")
@@ -141,7 +141,7 @@ def implausible(name: str, heading: Heading, unit: str | None, seen: Range) -> s
 
 
 def reason(chosen: Heading, others: Sequence[Heading]) -> str:
-    """Why of several pressures one is proposed as that of the supply; empty where there is no other, and it is sure."""
+    """Reason to propose one of several pressures as that of the supply; empty if it is sure and the only one."""
     circuit = circuit_of(standard_title(chosen))
     if circuit is None or not (others or circuit is Circuit.BRAKES):
         return ""
@@ -295,7 +295,7 @@ def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
-    """What has to be decided about a proposed channel; empty if nothing."""
+    """Decision that a proposed channel needs; empty if none."""
     text = best.heading.text
     if equal:
         others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
@@ -306,7 +306,7 @@ def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
 
 
 def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
-    """Why channels that are called like a condition are none."""
+    """Reasons why channels that are called like a condition are none."""
     if name not in PLAUSIBLE:
         return []
     named = [c for c in found if c.score < STANDARD]
@@ -314,7 +314,7 @@ def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
 
 
 def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
-    """What the name and the samples of a proposed channel imply, and why it is not one of the `others`."""
+    """Implications of the name and the samples of a proposed channel, and the reason against the `others`."""
     if name == "pressure_supply" and best.score < STANDARD:
         why = reason(best.heading, [other.heading for other in others])
         yield from [why] if why else []

@@ -15,7 +15,7 @@ from clutchid.errors import DataError
 from clutchid.recordings.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames, merged
 from clutchid.recordings.formats.mdf.file import blocks
 from clutchid.recordings.formats.mdf.numbers import converted
-from clutchid.recordings.formats.mdf.opening import Spoiled, opened
+from clutchid.recordings.formats.mdf.opening import BrokenMdf, opened
 
 #: How a file begins: MDF 4, finished or (a logger that lost its supply) not.
 MAGIC = (b"MDF     4", b"UnFinMF 4")
@@ -49,7 +49,7 @@ def frame_log(path: Path) -> FrameLog | None:
     try:
         with opened(path) as mdf:
             return FrameLog("MF4", _start(mdf), lambda: _blocks(path)) if _groups(mdf) else None
-    except Spoiled:
+    except BrokenMdf:
         return None
 
 
@@ -84,7 +84,7 @@ def _blocks(path: Path) -> Iterator[Frames]:
     try:
         with opened(path) as mdf:
             yield from merged([_frames(mdf, number, fields) for number, fields in _groups(mdf).items()])
-    except Spoiled as error:
+    except BrokenMdf as error:
         raise DataError(str(error).rstrip(".")) from error
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from clutchid.log import Log
 from clutchid.recordings.columns import Heading
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
-from clutchid.recordings.formats.csv.lines import SAMPLE, Lines, blocks, lines_of, sample, whole_records
-from clutchid.recordings.formats.csv.rows import Part, joined, read_fast, read_text, table
+from clutchid.recordings.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample, whole_records
+from clutchid.recordings.formats.csv.rows import ParsedRows, joined, read_fast, read_text, table
 from clutchid.recordings.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
 
 #: Bytes up to which NumPy reads a file sooner than polars, which is faster but takes 80 ms to import.
@@ -113,7 +113,7 @@ def _ambiguity(found: Dialect) -> tuple[str, ...]:
     return ("two columns of integers without names were found; this may also be one column with a decimal comma.",)
 
 
-def _with_decimal_mark(lines: Lines, found: Dialect) -> Dialect:
+def _with_decimal_mark(lines: TextLines, found: Dialect) -> Dialect:
     """The dialect with the decimal mark of later lines, if the first ones are ambiguous."""
     if found.decimal or found.separator == ",":
         return found
@@ -124,7 +124,7 @@ def _with_decimal_mark(lines: Lines, found: Dialect) -> Dialect:
 
 
 def _tables(
-    lines: Lines, found: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
+    lines: TextLines, found: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
 ) -> Iterator[Table]:
     """The tables of the only time grid, see `Tables`."""
     selected = [found.headings[index] for index in columns]
@@ -139,7 +139,7 @@ def _tables(
         yield from (table(part, found) for part in parts)
 
 
-def _parts(lines: Lines, found: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[Part]:
+def _parts(lines: TextLines, found: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[ParsedRows]:
     """The samples block by block, until a line cannot be split."""
     small = lines.path.stat().st_size < _SMALL
     for block in whole_records(blocks(lines, found.samples - 1, rows or (lines.last if small else BLOCK))):

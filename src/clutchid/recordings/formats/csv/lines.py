@@ -156,7 +156,7 @@ _MOST_LINES = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Lines:
+class TextLines:
     """A file of lines: its encoding, and the number of the last non-blank line."""
 
     path: Path
@@ -165,7 +165,7 @@ class Lines:
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class LineBlock:
     """Complete lines of a file: number of the first one, text in UTF-8, and number of lines."""
 
     first: int
@@ -173,7 +173,7 @@ class Block:
     lines: int
 
 
-def lines_of(path: Path) -> Lines | None:
+def lines_of(path: Path) -> TextLines | None:
     """The lines of a file; None if it is neither UTF-8, UTF-16 with a byte order mark nor Windows-1252.
 
     Raises
@@ -190,10 +190,10 @@ def lines_of(path: Path) -> Lines | None:
         blank = _blank_end(piece)
         if len(blank) < len(piece):
             last = before - blank.count(b"\n") + 1
-    return Lines(path, encoding, last)
+    return TextLines(path, encoding, last)
 
 
-def sample(lines: Lines) -> list[str]:
+def sample(lines: TextLines) -> list[str]:
     """The first lines, at most `SAMPLE` bytes in total; a single line may be truncated.
 
     Raises
@@ -210,7 +210,7 @@ def sample(lines: Lines) -> list[str]:
     return [line.decode("utf-8", "replace").rstrip("\n") for line in islice(io.BytesIO(text), _SAMPLE_LINES)]
 
 
-def blocks(lines: Lines, skip: int, rows: int) -> Iterator[Block]:
+def blocks(lines: TextLines, skip: int, rows: int) -> Iterator[LineBlock]:
     """The lines after the first `skip`, in blocks of `rows` lines, or fewer if they are long.
 
     Raises
@@ -252,12 +252,12 @@ def _cuts(text: bytes, skip: int, rows: int, number: int) -> Iterator[tuple[int,
         yield start, have
 
 
-def _whole(lines: Lines, number: int, text: bytes, count: int) -> Block:
+def _whole(lines: TextLines, number: int, text: bytes, count: int) -> LineBlock:
     """A block without the blank lines at the end of the file."""
     if number + count - 1 > lines.last:
         end = text.find(b"\n", len(text) - len(_blank_end(text)))
         text, count = text[: end + 1], lines.last - number + 1
-    return Block(number, text, max(count, 1))
+    return LineBlock(number, text, max(count, 1))
 
 
 def _blank_end(text: bytes) -> bytes:
@@ -341,11 +341,11 @@ def _end(lines: Sequence[str], start: int) -> int:
     return start + 1
 
 
-def whole_records(blocks: Iterator[Block]) -> Iterator[Block]:
+def whole_records(blocks: Iterator[LineBlock]) -> Iterator[LineBlock]:
     """Blocks, joined where one ends in a quoted cell."""
-    held: Block | None = None
+    held: LineBlock | None = None
     for block in blocks:
-        whole = block if held is None else Block(held.first, held.text + block.text, held.lines + block.lines)
+        whole = block if held is None else LineBlock(held.first, held.text + block.text, held.lines + block.lines)
         held = whole if whole.text.count(b'"') % 2 and len(whole.text) < _MOST_BYTES else None
         if held is None:
             yield whole
