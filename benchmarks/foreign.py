@@ -30,7 +30,7 @@ from foreign_peers import Channels, bus_database, peer_channels
 
 from clutchid.errors import ClutchidError
 from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.recordings.opening import open_source
 from clutchid.recordings.source import Source, Table
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from clutchid.recordings import read as read
     from clutchid.recordings import read_pieces as read_pieces
     from clutchid.recordings import write as write
-    from clutchid.recordings.look.look import look as look
+    from clutchid.recordings.look import look as look
     from clutchid.simulation import Partition as Partition
     from clutchid.simulation import Simulation as Simulation
     from clutchid.simulation import simulate as simulate
@@ -71,7 +71,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "observer.observer": ("Observer",),
     "parameters": ("Parameters",),
     "recordings": ("read", "read_pieces", "write"),
-    "recordings.look.look": ("look",),
+    "recordings.look": ("look",),
     "simulation": ("Partition", "Simulation", "simulate"),
     "study": ("bundled_recording",),
     "study.proving.ground": ("prove",),

@@ -11,7 +11,7 @@ from clutchid.cli import main
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.parameters import Parameters
 from clutchid.recordings import read, write
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.truck import drive, truck
 
 ESCAPE, TURN = "\x1b[31m", "\u202e"

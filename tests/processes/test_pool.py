@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.processes import Limits, Lost, Pool, check_workers, results
+from clutchid.processes import Limits, LostWork, Pool, check_workers, results
 from fixtures.fleet_faults import faulty, once_killed, own_error, taken_memory
 
 pytestmark = pytest.mark.slow
@@ -99,7 +99,7 @@ def test_a_worker_serves_one_item_after_the_other_and_rests_when_it_is_told():
 
 def test_where_no_worker_can_be_started_the_item_is_lost_with_the_reason(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "nowhere"))
-    assert Pool().do(abs, -1).result == Lost("killed", "no worker could be started (No such file or directory).")
+    assert Pool().do(abs, -1).result == LostWork("killed", "no worker could be started (No such file or directory).")
 
 
 def test_more_workers_than_the_machine_can_use_are_refused_before_any_starts(monkeypatch):
@@ -127,7 +127,7 @@ WAITING = {
     "pool": ("from clutchid.processes import results; list(results(faulty, [('slow', n) for n in range(2)], 2))", 2),
     "compilation": ("from clutchid.fleets import run; run._compiled = asleep; run.compile_first([])", 1),
     "reader": (  # somebody else keeps its questions open
-        "import subprocess, time; from pathlib import Path; from clutchid.recordings.guard.process import reader\n"
+        "import subprocess, time; from pathlib import Path; from clutchid.recordings.opening import reader\n"
         "questions = reader(Path('x')).worker._process.stdin\n"
         "questions.write(b''); subprocess.Popen(['sleep', '20'], stdout=questions); time.sleep(60)",
         2,

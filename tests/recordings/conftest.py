@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from clutchid.recordings.columns import channel
+from clutchid.recordings.formats.csv import file as csv_file
 from clutchid.recordings.source import Places, Raster, Source, Table
 
 HEADER = "time [s],position [m],duty_supply [1],duty_exhaust [1],pressure_a [Pa]"
@@ -63,3 +64,13 @@ def _source(*rasters: Columns, path: Path = Path("day.mf4"), clock: bool = True)
 def source() -> Callable[..., Source]:
     """Make a source in memory, its rasters as the readers give them."""
     return _source
+
+
+@pytest.fixture(params=["numpy", "polars", "text"])
+def parser(request, monkeypatch):
+    """Each way of reading numbers, by force."""
+    if request.param == "polars":
+        monkeypatch.setattr(csv_file, "_SMALL", 0)
+    if request.param == "text":
+        monkeypatch.setattr(csv_file, "read_fast", lambda *_, **__: None)
+    return request.param

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.recordings.alignment import Stream, align, aligned
+from clutchid.recordings.time_axis import ChannelStream, SampleBlock, align, aligned
 
 stamps = st.lists(st.integers(0, 400), min_size=1, max_size=60, unique=True).map(lambda t: np.array(sorted(t)) / 100)
 
@@ -46,7 +46,7 @@ def test_a_missing_sample_is_not_bridged():
 def blocks(time, columns, cuts):
     edges = [0, *sorted(cut % (time.size + 1) for cut in cuts), time.size]
     for a, b in pairwise(edges):
-        yield time[a:b], {name: values[a:b] for name, values in columns.items()}
+        yield SampleBlock(time[a:b], {name: values[a:b] for name, values in columns.items()})
 
 
 @given(stamps, stamps, st.lists(st.integers(0, 99), max_size=5), st.lists(st.integers(0, 99), max_size=5))
@@ -54,11 +54,10 @@ def test_blocks_give_what_the_whole_gives(base, time, base_cuts, cuts):
     own = {"pressure_a": np.cos(base)}
     other = {"position": np.sin(time), "duty_supply": np.floor(time)}
     longest = {"position": 0.4, "duty_supply": 0.7}
-    found = list(
-        aligned(Stream(blocks(base, own, base_cuts), {"pressure_a": 1.0}), [Stream(blocks(time, other, cuts), longest)])
-    )
-    joined = {name: np.concatenate([columns[name] for _, columns, _ in found]) for name in found[0][1]}
-    assert np.array_equal(np.concatenate([t for t, _, _ in found]), base)
+    followers = [ChannelStream(blocks(time, other, cuts), longest)]
+    found = [block for block, _ in aligned(ChannelStream(blocks(base, own, base_cuts), {"pressure_a": 1.0}), followers)]
+    joined = {name: np.concatenate([block.columns[name] for block in found]) for name in found[0].columns}
+    assert np.array_equal(np.concatenate([block.time for block in found]), base)
     assert np.array_equal(joined["pressure_a"], own["pressure_a"])
     for name, hold in (("position", False), ("duty_supply", True)):
         whole = align(base, time, other[name], longest[name], hold=hold)
@@ -70,12 +69,12 @@ def test_samples_of_an_input_with_time_stamps_of_its_own_are_kept_as_edges():
     duty = {"duty_supply": np.array([0.1, 0.2, 0.3, 0.4])}
 
     def found(stamps, cuts=()):
-        others = [Stream(blocks(stamps, duty, cuts), {"duty_supply": 9.0})]
-        return list(aligned(Stream(blocks(base, {"position": base}, cuts), {"position": 9.0}), others))
+        others = [ChannelStream(blocks(stamps, duty, cuts), {"duty_supply": 9.0})]
+        return list(aligned(ChannelStream(blocks(base, {"position": base}, cuts), {"position": 9.0}), others))
 
-    [(_, columns, edges)] = found(own)
+    [((_, columns), edges)] = found(own)
     assert np.array_equal(columns["duty_supply"], [np.nan, 0.1, 0.2, 0.3], equal_nan=True)
     assert [list(part) for part in edges["duty_supply"]] == [[0.5, 1.5, 2.5], [0.1, 0.2, 0.3]]
-    assert found(base)[0][2] == {}, "on the grid of the position nothing is late"
-    _, (_, _, later) = found(own, (2,))
+    assert found(base)[0][1] == {}, "on the grid of the position nothing is late"
+    _, (_, later) = found(own, (2,))
     assert [list(part) for part in later["duty_supply"]] == [[0.5, 1.5, 2.5], [0.1, 0.2, 0.3]], "with the held one"

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError, MissingExtra
-from clutchid.recordings.formats.can import scan as can_scan
+from clutchid.recordings.formats.can import file as can_file
+from clutchid.recordings.formats.can import mf4
 from clutchid.recordings.formats.can.file import frame_log, open_file
 from clutchid.recordings.formats.can.frames import Frames, as_payload, merged
-from clutchid.recordings.formats.can.mf4 import holds_bus_frames
 
 can = pytest.importorskip("can", reason="python-can, of the extra can, writes the logs")
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, is the oracle")
@@ -234,9 +234,13 @@ def test_error_and_remote_frames_and_short_ones_are_told(logged, dbc, tmp_path):
 def test_blocks_of_any_size_and_frames_that_are_not_kept_give_the_same_numbers(logged, dbc, suffix, monkeypatch):
     path = logged(suffix, mixture())
     whole = open_file(path, [dbc])
-    monkeypatch.setattr(can_scan, "KEPT", 1000)
+    monkeypatch.setattr(can_file, "KEPT", 1000)
     again = open_file(path, [dbc])
-    assert again.tables.kept is None
+    away = path.rename(path.with_name("away"))
+    assert next(whole.tables(0, [0])).size
+    with pytest.raises(FileNotFoundError):
+        next(again.tables(0, [0]))
+    away.rename(path)
     assert whole.rasters == again.rasters
     for index, raster in enumerate(whole.rasters):
         one = values(whole, index)
@@ -274,7 +278,7 @@ def test_formats_are_told_by_content(logged, tmp_path):
     for suffix, name in (("blf", "BLF"), ("asc", "ASC"), ("mf4", "MF4")):
         path = logged(suffix, mixture(3)).rename(tmp_path / f"{suffix}.dat")
         assert frame_log(path).format == name
-        assert holds_bus_frames(path) == (suffix == "mf4")
+        assert (mf4.frame_log(path) is not None) == (suffix == "mf4")
     other = tmp_path / "run.csv"
     other.write_text("time [s],position [m]\n0,1\n")
     assert open_file(other).problems == ("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.",)

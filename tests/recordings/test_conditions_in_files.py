@@ -7,7 +7,7 @@ from scipy.io import savemat
 
 from clutchid.recordings import read
 from clutchid.recordings.columns import REQUIRED
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.recordings.map.channel_map import read_map, write_map
 from clutchid.recordings.map.proposal import map_for, propose
 from fixtures.air_on_the_bus import AMBIENT, CELSIUS, DBC, PRESSURES, asc_of, blf_of, mdf_of

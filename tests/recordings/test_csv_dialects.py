@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import clutchid.recordings as cio
 from clutchid.errors import DataError
 from clutchid.recordings.formats.csv import file as csv_file
+from clutchid.recordings.formats.csv import lines as csv_lines
 from clutchid.recordings.formats.csv.file import open_file
 
 pytestmark = pytest.mark.slow
@@ -23,16 +24,6 @@ def read(path, rows=None):
     tables = list(source.tables(0, range(len(source.rasters[0].headings)), rows))
     columns = [np.concatenate([table.numbers[index] for table in tables]) for index in tables[0].numbers]
     return source, tables, [column.tolist() for column in columns]
-
-
-@pytest.fixture(params=["numpy", "polars", "text"])
-def parser(request, monkeypatch):
-    """Each way of reading numbers, by force."""
-    if request.param == "polars":
-        monkeypatch.setattr(csv_file, "_SMALL", 0)
-    if request.param == "text":
-        monkeypatch.setattr(csv_file, "_fast", lambda *_: None)
-    return request.param
 
 
 def names(source):
@@ -69,7 +60,7 @@ def test_separator_and_decimal_mark_are_told_by_the_cells(save, parser, text, di
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("chunk", [1, 7, 1 << 20])
 def test_encodings_and_line_ends_are_told_by_the_bytes(save, parser, monkeypatch, encoding, end, chunk):
-    monkeypatch.setattr(csv_file, "CHUNK", chunk)
+    monkeypatch.setattr(csv_lines, "CHUNK", chunk)
     data = "Zeit [s];Öl [°C];Weg [µm]\n0;20,5;1\n1;;2\n".replace("\n", end).encode(encoding)
     mark = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}.get(encoding, b"")
     source, tables, columns = read(save(mark + data))
@@ -278,7 +269,7 @@ def test_a_point_among_decimal_commas_is_a_problem(save, parser):
 
 
 def test_blocks_have_the_same_numbers_lines_and_problems_as_the_whole(save, parser, monkeypatch):
-    monkeypatch.setattr(csv_file, "CHUNK", 64)
+    monkeypatch.setattr(csv_lines, "CHUNK", 64)
     text = "time [s],position [m],note\n" + "".join(f"{i},{i / 8},\n" for i in range(100))
     text = text.replace("\n50,6.25,", "\n50,x,").replace("\n70,8.75,\n", "\n70\n\n")
     source, (whole,), columns = read(save(text))
@@ -340,7 +331,7 @@ def test_whatever_table_in_whatever_dialect_is_read_back_exactly(tmp_path_factor
         if way == "polars":
             patch.setattr(csv_file, "_SMALL", 0)
         if way == "text":
-            patch.setattr(csv_file, "_fast", lambda *_: None)
+            patch.setattr(csv_file, "read_fast", lambda *_, **__: None)
         source, tables, columns = read(path, rows)
     np.testing.assert_array_equal(np.array(columns).T, values)
     assert [column.unit for column in source.rasters[0].headings] == labels

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from clutchid.errors import DataError
-from clutchid.recordings.formats.can.dbc import Page, Signal, decode, messages_in, present, raw_bits, read_dbc
+from clutchid.recordings.formats.can.dbc import Signal, SignalGroup, decode, messages_in, present, raw_bits, read_dbc
 from clutchid.recordings.formats.can.j1939 import first_code
 
 cantools = pytest.importorskip("cantools", reason="cantools, of the extra can, reads the DBC and is the oracle")
@@ -65,7 +65,7 @@ def signals(draw):
 def test_numbers_unpacked_in_bulk_equal_those_of_cantools(text, payloads):
     dbc = dbc_of([text])
     theirs = cantools.database.load_string(dbc, "dbc").messages[0]
-    (signal,) = messages_in(dbc)[0].pages[0].signals
+    (signal,) = messages_in(dbc)[0].groups[0].signals
     ours = decode(signal, np.frombuffer(b"".join(payloads), dtype=np.uint8).reshape(-1, 8), np.full(len(payloads), 8))
     for value, payload in zip(ours.tolist(), payloads, strict=True):
         expected = theirs.decode(payload, decode_choices=False)["X"]
@@ -83,12 +83,12 @@ def test_signals_under_several_selectors_are_those_of_cantools(payload):
     theirs = cantools.database.load_string(HEAD + EXTENDED, "dbc").messages[0]
     expected = theirs.decode(payload, decode_choices=False)
     data, length = np.frombuffer(payload, dtype=np.uint8).reshape(1, 8), np.array([8])
-    pages = [page for page in messages_in(HEAD + EXTENDED)[0].pages if present(page, data, length)[0]]
+    pages = [page for page in messages_in(HEAD + EXTENDED)[0].groups if present(page, data, length)[0]]
     assert {s.name: decode(s, data, length)[0] for page in pages for s in page.signals} == expected
 
 
 def test_the_pages_of_a_multiplexed_message_are_named_by_what_selects_them():
-    pages = messages_in(HEAD + EXTENDED)[0].pages
+    pages = messages_in(HEAD + EXTENDED)[0].groups
     assert {page.name: {signal.name for signal in page.signals} for page in pages} == {
         "": {"Outer", "Always"},
         "Outer=0": {"Zero"},
@@ -109,10 +109,10 @@ def test_a_frame_that_is_too_short_has_no_value():
 
 def test_a_frame_too_short_for_its_selector_shows_no_page_though_the_bytes_that_it_lacks_are_zero():
     mode, pressure = Signal("Mode", 16, 8), Signal("Pressure", 0, 8)
-    page = Page((pressure,), ((mode, frozenset({0})),))
+    page = SignalGroup((pressure,), ((mode, frozenset({0})),))
     data = np.array([[7, 0, 0, 0, 0, 0, 0, 0], [7, 0, 0, 0, 0, 0, 0, 0], [7, 0, 1, 0, 0, 0, 0, 0]], dtype=np.uint8)
     assert present(page, data, np.array([3, 2, 3])).tolist() == [True, False, False]
-    far = Page((pressure,), ((Signal("Far", 64, 8), frozenset({0})),))
+    far = SignalGroup((pressure,), ((Signal("Far", 64, 8), frozenset({0})),))
     assert not present(far, data, np.array([8, 8, 8])).any()
 
 
@@ -142,7 +142,7 @@ def test_in_a_j1939_message_codes_are_missing_values_but_not_of_signed_ones_and_
     assert (with_codes.j1939, without.j1939) == (True, False)
     data = np.array([[255, 1, 0, 0xFF, 0xFD, 0, 0, 0], [255, 2, 0, 0x00, 0xFE, 0, 0, 0]], dtype=np.uint8)
     for message, speeds in ((with_codes, [0xFDFF / 8, np.nan]), (without, [0xFDFF / 8, 0xFE00 / 8])):
-        found = {s.name: decode(s, data, np.array([8, 8])) for page in message.pages for s in page.signals}
+        found = {s.name: decode(s, data, np.array([8, 8])) for page in message.groups for s in page.signals}
         np.testing.assert_array_equal(found["Speed"], speeds)
         np.testing.assert_array_equal(found["Signed"], [0xFDFF - 65536, 0xFE00 - 65536])
         np.testing.assert_array_equal(found["Mode"], [255, 255])
@@ -159,7 +159,7 @@ def test_the_protocol_of_the_whole_file_counts_where_a_message_names_none():
 
 def test_units_comments_and_value_tables_are_kept_as_a_number_with_its_heading():
     text = dbc_of(['Gear : 0|8@1- (1,0) [0|0] "1" ECU']) + '\nCM_ SG_ 100 Gear "Engaged";\nVAL_ 100 Gear 3 "third" ;\n'
-    (signal,) = messages_in(text)[0].pages[0].signals
+    (signal,) = messages_in(text)[0].groups[0].signals
     assert (signal.unit, signal.comment) == ("1", "Engaged")
     assert decode(signal, np.full((1, 8), 3, dtype=np.uint8), np.array([8])).tolist() == [3.0]
 
@@ -168,7 +168,7 @@ def test_umlauts_are_read_from_either_encoding(tmp_path):
     for encoding in ("utf-8", "cp1252"):
         path = tmp_path / f"{encoding}.dbc"
         path.write_bytes(dbc_of(['T : 0|8@1+ (1,0) [0|0] "°C" ECU']).encode(encoding))
-        assert read_dbc(path)[0].pages[0].signals[0].unit == "°C"
+        assert read_dbc(path)[0].groups[0].signals[0].unit == "°C"
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_signals_that_are_no_number_are_named_apart():
     )
     (message,) = messages_in(text)
     assert message.undecodable == ("Name",)
-    assert [signal.name for signal in message.pages[0].signals] == ["X"]
+    assert [signal.name for signal in message.groups[0].signals] == ["X"]
 
 
 def values_of(page, payload):
@@ -224,7 +224,7 @@ def test_databases_of_all_formats_decode_as_cantools_does(shared):
                 payload = bytes(dice.choice((0, 1, 2, dice.randrange(256))) for _ in range(message.length))
                 with contextlib.suppress(cantools.database.DecodeError):
                     expected = message.decode(payload, decode_choices=False)
-                    for page in ours.pages:
+                    for page in ours.groups:
                         for name, value in values_of(page, payload).items():
                             missing = ours.j1939 and math.isnan(value)
                             assert missing or value == pytest.approx(expected[name], rel=1e-9, nan_ok=True), (

@@ -18,10 +18,10 @@ from scipy.io import savemat
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.processes import Worker
+from clutchid.recordings import opening as guard
 from clutchid.recordings import read, read_pieces
 from clutchid.recordings.formats.opening import opened_here
-from clutchid.recordings.guard import process as guard
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.recordings.opening import open_source
 
 TEXT = "time [s],position [m],duty_supply [1],duty_exhaust [1]\n" + "".join(
@@ -212,7 +212,7 @@ def test_where_no_process_can_be_started_the_file_is_named(packed, tmp_path, mon
 def test_the_process_does_not_outlive_clutchid(packed):
     script = (
         "import os, signal, sys; from clutchid.recordings import read;"
-        "from clutchid.recordings.guard.process import reader;"
+        "from clutchid.recordings.opening import reader;"
         "read(sys.argv[1]); print(reader(sys.argv[1]).worker.pid, flush=True); os.kill(os.getpid(), signal.SIGKILL)"
     )
     done = subprocess.run([sys.executable, "-c", script, str(packed)], capture_output=True, text=True, check=False)

@@ -11,7 +11,7 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.recordings.formats.kinds import ENOUGH, kind_of, refusal
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.recordings.opening import open_source
 
 DBC = 'VERSION "1.0"\n\nNS_ :\n\nBU_: ECU\nBO_ 256 Clutch: 8 ECU\n SG_ Pos : 0|16@1+ (0.01,0) [0|100] "mm" ECU\n'

@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.opening import open_source
 
@@ -189,7 +189,7 @@ def test_channels_without_numbers_are_listed(save, monkeypatch):
     path = save(PLAIN)
     made = open_source(path)
     hidden = replace(made, rasters=(replace(made.rasters[0], others=(("state", "text"), ("image", "3 x 4 numbers"))),))
-    monkeypatch.setattr("clutchid.recordings.look.look.open_source", lambda *_: hidden)
+    monkeypatch.setattr("clutchid.recordings.look.open_source", lambda *_: hidden)
     seen = look(path)
     assert "Without numbers: 'state' (text), 'image' (3 x 4 numbers)" in seen.table()
     assert '"image"  # no numbers: 3 x 4 numbers' in seen.listing()

@@ -16,6 +16,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.log.units import UNITS
 from clutchid.parameters import Parameters
 from clutchid.recordings.formats.csv import file as csv_file
+from clutchid.recordings.formats.csv import lines as csv_lines
 
 INPUTS = "duty_supply [1],duty_exhaust [1]"
 
@@ -24,16 +25,6 @@ def load(path):
     """The only table of a file, with every column."""
     source = csv_file.open_file(path)
     return next(source.tables(0, range(len(source.rasters[0].headings))))
-
-
-@pytest.fixture(params=["numpy", "polars", "text"])
-def parser(request, monkeypatch):
-    """Each way of reading numbers, by force."""
-    if request.param == "polars":
-        monkeypatch.setattr(csv_file, "_SMALL", 0)
-    if request.param == "text":
-        monkeypatch.setattr(csv_file, "_fast", lambda *_: None)
-    return request.param
 
 
 def test_a_recording_is_read_in_si_with_its_origin(recording, save):
@@ -197,7 +188,7 @@ def test_what_a_fast_parser_takes_it_reads_as_the_text_says(tmp_path_factory, ro
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(csv_file, "_SMALL", small)
         fast = load(path)
-        patch.setattr(csv_file, "_fast", lambda *_: None)
+        patch.setattr(csv_file, "read_fast", lambda *_, **__: None)
         text = load(path)
     assert fast.problems == text.problems
     assert fast.size == text.size
@@ -207,7 +198,7 @@ def test_what_a_fast_parser_takes_it_reads_as_the_text_says(tmp_path_factory, ro
 
 @pytest.mark.parametrize("chunk", [1, 2, 3, 7])
 def test_letters_and_lines_may_lie_across_the_chunks_of_a_file(recording, save, parser, chunk, monkeypatch):
-    monkeypatch.setattr(csv_file, "CHUNK", chunk)
+    monkeypatch.setattr(csv_lines, "CHUNK", chunk)
     text = recording(5).replace("\n", ",grün\n").replace(",grün", ",Ölstand", 1)
     assert len(cio.read(save(text))) == 5
 

@@ -7,7 +7,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.recordings import read, read_pieces, write
-from clutchid.recordings.look.look import look
+from clutchid.recordings.look import look
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.recording import pieces
 

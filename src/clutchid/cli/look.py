@@ -17,8 +17,8 @@ from clutchid.workflow import start_file
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
-    from clutchid.recordings.look.overview import Look
     from clutchid.recordings.map.channel_map import ChannelMap
+    from clutchid.recordings.overview import FileOverview
 
 
 def look(
@@ -53,7 +53,7 @@ def look(
     """
 
     def work() -> int:
-        from clutchid.recordings.look.look import look as look_at
+        from clutchid.recordings.look import look as look_at
         from clutchid.recordings.map.channel_map import read_map, write_map
 
         check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
@@ -75,7 +75,7 @@ def look(
 
 
 def _checks(
-    file: Path, contents: Look, given: ChannelMap | None, ambient: float, content: ParameterFile | None = None
+    file: Path, contents: FileOverview, given: ChannelMap | None, ambient: float, content: ParameterFile | None = None
 ) -> str:
     """Results of the checks before a fit on the recording, or on its first million samples.
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.estimation.parameter_tables import Starts
     from clutchid.log import Log
-    from clutchid.recordings.strokes.vented_rest import Rested
+    from clutchid.recordings.strokes.vented_rest import ZeroedLog
     from clutchid.simulation import Partition, Simulation
 
 
@@ -104,7 +104,7 @@ def simulate(
     return guarded(work, as_json=json, debug=debug)
 
 
-def _moved(rested: Rested) -> tuple[str, ...]:
+def _moved(rested: ZeroedLog) -> tuple[str, ...]:
     """That the vented rest has moved since the calibration, where that was subtracted."""
     if not rested.subtracted:
         return ()

@@ -33,7 +33,7 @@ from clutchid.names import unknown_names
 from clutchid.parameters import Parameters, is_number
 from clutchid.recordings.files import small_file, write_text
 from clutchid.recordings.records import LARGEST, Rule, covariance_problem, plain, read, table, toml_of
-from clutchid.recordings.strokes.vented_rest import Rested, from_rest
+from clutchid.recordings.strokes.vented_rest import ZeroedLog, from_rest
 
 #: Suffixes of files for MATLAB, which `clutchid.reports.matlab` writes and nothing reads.
 MATLAB_SUFFIXES = (".mat", ".m")
@@ -153,14 +153,14 @@ class ParameterFile:
         """The start values of `log`, if they were estimated from exactly this file, by its hash under [fit] data."""
         return (self.starts.get(log.name) or None) if self._has(log) else None
 
-    def from_rest(self, log: Log) -> Rested:
+    def from_rest(self, log: Log) -> ZeroedLog:
         """A recording with its position as travel from the vented rest of the calibration in the file.
 
         What the fit in the file subtracted from exactly this recording is subtracted again.
         """
         if self._has(log):
             subtracted = self.own.get(log.name, {}).get(REST, 0.0)
-            return Rested(
+            return ZeroedLog(
                 log.with_columns(position=log["position"] - subtracted) if subtracted else log, None, subtracted
             )
         return from_rest(log, self.calibration.rest if self.calibration else None)

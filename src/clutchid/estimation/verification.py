@@ -19,7 +19,7 @@ from clutchid.parameters import Parameters
 from clutchid.preparation.prepare import check_recordings, driven
 from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
 from clutchid.recordings.signals.duty_cycle import is_slow
-from clutchid.recordings.strokes.vented_rest import Rested
+from clutchid.recordings.strokes.vented_rest import ZeroedLog
 from clutchid.simulation.inputs import at_samples, with_inputs
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import plan
@@ -27,7 +27,7 @@ from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.stiffness import stiffness, top_speed
 
 
-def with_rests(result: Fit, rested: Sequence[Rested]) -> Fit:
+def with_rests(result: Fit, rested: Sequence[ZeroedLog]) -> Fit:
     """`result` with the shifts of the rests of its recordings."""
     known = {one.log.name: one for one in rested if one.shift is not None}
 

@@ -23,7 +23,7 @@ import psutil
 from clutchid import processes
 from clutchid.errors import ClutchidError, ParameterError, SolveError, missing
 from clutchid.fleets.jobs import version_and_source
-from clutchid.processes import Done, Limits, Lost, Pool, check_workers
+from clutchid.processes import FinishedWork, Limits, LostWork, Pool, check_workers
 from clutchid.recordings.files import plain_file
 
 if TYPE_CHECKING:
@@ -172,8 +172,10 @@ class Place:
 HERE = Place()
 
 
-def results(work: Callable[[Item], Result], items: Iterable[Item], place: Place) -> Iterator[Done[Item, Result]]:
-    """Results in order of completion; what ends its process, or takes too long, is `Lost` with a sentence.
+def results(
+    work: Callable[[Item], Result], items: Iterable[Item], place: Place
+) -> Iterator[FinishedWork[Item, Result]]:
+    """Results in order of completion; what ends its process, or takes too long, is `LostWork` with a sentence.
 
     Parameters
     ----------
@@ -246,7 +248,7 @@ def _client(place: Place) -> Iterator[Client]:
 
 def _spread(
     client: Client, work: Callable[[Item], Result], items: Iterable[Item], place: Place
-) -> Iterator[Done[Item, Result]]:
+) -> Iterator[FinishedWork[Item, Result]]:
     """Results of the workers of a scheduler; an item whose worker is lost is given out again."""
     from distributed import as_completed
 
@@ -265,17 +267,19 @@ def _spread(
             item, attempt = attempts.pop(future)
             if found is None and attempt < ATTEMPTS:
                 submit([item], attempt + 1)
-            elif isinstance(found, Done):
+            elif isinstance(found, FinishedWork):
                 yield found
             else:
-                yield Done(item, found or Lost("killed", f"{ATTEMPTS} workers that were given it were lost."), 0.0)
+                yield FinishedWork(
+                    item, found or LostWork("killed", f"{ATTEMPTS} workers that were given it were lost."), 0.0
+                )
         if len(attempts) <= WINDOW - BATCH:
             submit(list(islice(waiting, WINDOW - len(attempts))), 1)
     with suppress(TimeoutError, OSError):
         client.sync(client._run, _rest, callback_timeout=ANSWER)
 
 
-def _done_there(work: Callable[[Item], Result], limits: Limits, item: Item) -> Done[Item, Result]:
+def _done_there(work: Callable[[Item], Result], limits: Limits, item: Item) -> FinishedWork[Item, Result]:
     """On a worker of Dask: the result of its worker process, which has the memory of its worker where none is said."""
     from distributed import get_worker
 
@@ -302,7 +306,7 @@ def _rest() -> None:
 
 def _outcomes(
     client: Client, futures: Sequence[Future[Any]], scheduler: str
-) -> list[tuple[Future[Any], Done[Any, Any] | Lost | None]]:
+) -> list[tuple[Future[Any], FinishedWork[Any, Any] | LostWork | None]]:
     """Results of futures that are done, brought here together; None for one whose worker of Dask was lost.
 
     Raises
@@ -315,13 +319,13 @@ def _outcomes(
     from distributed import CancelledError
 
     finished = {future: future for future in futures if future.status == "finished"}
-    found: dict[Future[Any], Done[Any, Any]] = {}
+    found: dict[Future[Any], FinishedWork[Any, Any]] = {}
     with suppress(TimeoutError, OSError, KeyError, CancelledError):  # a worker went with a result
         found = client.sync(client._gather, finished, errors="skip", callback_timeout=ANSWER)
     return [(one, found[one] if one in found else _lost(client, one, scheduler)) for one in futures]
 
 
-def _lost(client: Client, future: Future[Any], scheduler: str) -> Lost | None:
+def _lost(client: Client, future: Future[Any], scheduler: str) -> LostWork | None:
     """Loss of the result of a future; None if its worker was lost."""
     from distributed import KilledWorker
 
@@ -335,7 +339,7 @@ def _lost(client: Client, future: Future[Any], scheduler: str) -> Lost | None:
         )
     if error is None or isinstance(error, KilledWorker):
         return None
-    return Lost("failed", f"an error that clutchid did not expect, {type(error).__name__}: {error}.")
+    return LostWork("failed", f"an error that clutchid did not expect, {type(error).__name__}: {error}.")
 
 
 def _memory_of_machine() -> int:

@@ -16,7 +16,7 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
-from clutchid.processes import Lost
+from clutchid.processes import LostWork
 from clutchid.recordings.files import digest
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
 from clutchid.wear.history import WearReading, leak_of, measured, unmeasured
@@ -89,7 +89,7 @@ def _read(how: How, path: Path) -> RecordingResult:
     return read._replace(clock=clock, sha256=checksum)
 
 
-def without_result(path: Path, lost: Lost) -> RecordingResult:
+def without_result(path: Path, lost: LostWork) -> RecordingResult:
     """A recording whose process was lost."""
     return RecordingResult(path, WearReading(lost.status, lost.message, "none", None), "", checksum_of(path))
 

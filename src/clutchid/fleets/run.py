@@ -15,7 +15,7 @@ from clutchid.fleets.cluster import Place, results
 from clutchid.fleets.jobs import Fleet, Job, version_and_source
 from clutchid.fleets.reading import How, RecordingResult, checksum_of, read_recording, without_result
 from clutchid.fleets.store import Store, StoredResult
-from clutchid.processes import Done, Lost, Pool
+from clutchid.processes import FinishedWork, LostWork, Pool
 from clutchid.recordings.files import digest
 
 #: Lost results, which are tried again where the user says so.
@@ -118,9 +118,9 @@ def _work(task: Task) -> RecordingResult:
     return read_recording(task.how, task.job.path)
 
 
-def _result(done: Done[Task, RecordingResult]) -> StoredResult:
+def _result(done: FinishedWork[Task, RecordingResult]) -> StoredResult:
     task, read = done.item, done.result
-    if isinstance(read, Lost):
+    if isinstance(read, LostWork):
         assert task.job.path is not None
         read = without_result(task.job.path, read)
     return StoredResult(task.job.vehicle, task.job.recording, task.inputs, task.file, read, done.seconds)

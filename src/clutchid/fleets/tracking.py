@@ -15,7 +15,7 @@ from clutchid.fleets.reading import How, RecordingResult, counted_as, read_recor
 from clutchid.fleets.store import STORE
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
-from clutchid.processes import Lost, check_workers, results
+from clutchid.processes import LostWork, check_workers, results
 from clutchid.recordings.files import write_frame
 from clutchid.wear.history import History, Listed, arranged
 from clutchid.wear.life import Wear, wear_of
@@ -161,7 +161,7 @@ def track(
     found: dict[Path, RecordingResult] = {}
     for done in results(partial(read_recording, how), paths, workers):
         read = done.result
-        found[done.item] = without_result(done.item, read) if isinstance(read, Lost) else read
+        found[done.item] = without_result(done.item, read) if isinstance(read, LostWork) else read
         if progress:
             progress(len(found), len(paths))
     names = [name_of(path) for path in paths]

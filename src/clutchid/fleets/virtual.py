@@ -15,7 +15,7 @@ import numpy as np
 from clutchid.errors import ExportError, SolveError
 from clutchid.estimation.assess.comparison import ENGAGING, half_load
 from clutchid.log import FloatArray
-from clutchid.processes import Lost, check_workers, results
+from clutchid.processes import LostWork, check_workers, results
 from clutchid.recordings import write
 from clutchid.recordings.files import atomic_write
 from clutchid.truck import aged, drive, truck
@@ -78,7 +78,7 @@ def write_fleet(
         _write_calibration(out / CALIBRATIONS, family, number)
     found: dict[str, Row] = {}
     for done in results(partial(_recorded, out, seconds), visits, workers):
-        if isinstance(done.result, Lost):
+        if isinstance(done.result, LostWork):
             raise SolveError(f"{done.item.recording}: {done.result.message}")
         found[done.item.recording] = done.result
         if progress:

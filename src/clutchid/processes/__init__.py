@@ -1,11 +1,11 @@
 """Guarded worker processes: whatever their work does, only they end, and they end with the process that started them.
 
 `Worker` is one process that answers questions within limits of memory and time: foreign files are read in one
-(`clutchid.recordings.guard`). `Pool` keeps some of them for pieces of work, and `results` shares the work on many items
-between them. `serving` is what runs in a worker, `frames` is how both sides talk.
+(`clutchid.recordings.opening`). `Pool` keeps some of them for pieces of work, and `results` shares the work on many
+items between them. `serving` runs in a worker, `frames` are the messages between both sides.
 """
 
-from clutchid.processes.pool import Done, Lost, Pool, check_workers, results
-from clutchid.processes.worker import Ended, Limits, Worker
+from clutchid.processes.pool import FinishedWork, LostWork, Pool, check_workers, results
+from clutchid.processes.worker import Limits, Worker, WorkerEnd
 
-__all__ = ["Done", "Ended", "Limits", "Lost", "Pool", "Worker", "check_workers", "results"]
+__all__ = ["FinishedWork", "Limits", "LostWork", "Pool", "Worker", "WorkerEnd", "check_workers", "results"]

@@ -1,6 +1,6 @@
-"""Messages between a worker and the process that started it: parts, each of so many bytes.
+"""Messages between a worker and the process that started it: parts of any number of bytes.
 
-What the bytes mean is up to who asks and who answers. Nothing is copied on the way but into the pipe and out of it.
+Their meaning is up to who asks and who answers. Nothing is copied on the way but into the pipe and out of it.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from itertools import islice
 from typing import Any, Generic, NamedTuple, TypeVar, cast
 
 from clutchid.errors import ClutchidError, ParameterError
-from clutchid.processes.worker import NO_LIMITS, Ended, Limits, Worker
+from clutchid.processes.worker import NO_LIMITS, Limits, Worker, WorkerEnd
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -31,7 +31,7 @@ _PER_PROCESSOR, _AT_LEAST = 4, 16
 _ATTEMPTS = 2
 
 
-class Lost(NamedTuple):
+class LostWork(NamedTuple):
     """Work without a result: `status` is "killed", "timed_out" or "failed", with a sentence."""
 
     status: str
@@ -39,11 +39,11 @@ class Lost(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Done(Generic[Item, Result]):
+class FinishedWork(Generic[Item, Result]):
     """An item with its result, or how it was lost, and the time in s that it took."""
 
     item: Item
-    result: Result | Lost
+    result: Result | LostWork
     seconds: float
 
 
@@ -60,7 +60,7 @@ class Pool:
         self._idle: list[Worker] = []
         self._ended = False
 
-    def do(self, work: Callable[[Item], Result], item: Item) -> Done[Item, Result]:
+    def do(self, work: Callable[[Item], Result], item: Item) -> FinishedWork[Item, Result]:
         """The result of `work`, a function of a module or a partial of one, on an item; or how it was lost.
 
         Work that ends its worker, or needs more memory than it may, is given to a new one once more, so that what other
@@ -69,14 +69,14 @@ class Pool:
         Raises
         ------
         ClutchidError
-            If the work raises one; any other error is a result that is `Lost`.
+            If the work raises one; any other error is a result that is `LostWork`.
         """
         begin = time.perf_counter()
         try:
             found = self._done(work, item)
         except OSError as error:  # as on a full disk
-            found = Lost("killed", f"no worker could be started ({error.strerror or type(error).__name__}).")
-        return Done(item, found, time.perf_counter() - begin)
+            found = LostWork("killed", f"no worker could be started ({error.strerror or type(error).__name__}).")
+        return FinishedWork(item, found, time.perf_counter() - begin)
 
     def rest(self) -> None:
         """End the workers that have no work."""
@@ -93,9 +93,9 @@ class Pool:
         for worker in workers:
             worker.end()
 
-    def _done(self, work: Callable[[Item], Result], item: Item) -> Result | Lost:
+    def _done(self, work: Callable[[Item], Result], item: Item) -> Result | LostWork:
         question = [pickle.dumps((work, item), protocol=5)]
-        lost = Lost("killed", "the workers were ended before.")
+        lost = LostWork("killed", "the workers were ended before.")
         for attempt in range(_ATTEMPTS):
             worker, is_new = self._worker(new=attempt > 0)
             if self._ended:
@@ -103,9 +103,9 @@ class Pool:
                 return lost
             answer = worker.ask(question, self._limits)
             with self._lock:
-                (self._workers.discard if isinstance(answer, Ended) else self._idle.append)(worker)
-            if not isinstance(answer, Ended):
-                return cast("Result | Lost", _result(*pickle.loads(answer[0])))
+                (self._workers.discard if isinstance(answer, WorkerEnd) else self._idle.append)(worker)
+            if not isinstance(answer, WorkerEnd):
+                return cast("Result | LostWork", _result(*pickle.loads(answer[0])))
             lost = _lost(answer, self._limits)
             if answer.why == "time" or (answer.why == "memory" and is_new):
                 break
@@ -146,7 +146,7 @@ def check_workers(workers: int) -> None:
 
 def results(
     work: Callable[[Item], Result], items: Iterable[Item], workers: int, limits: Limits = NO_LIMITS
-) -> Iterator[Done[Item, Result]]:
+) -> Iterator[FinishedWork[Item, Result]]:
     """Items with their results in order of completion; even one worker is a process, so that results are identical.
 
     Parameters
@@ -166,9 +166,9 @@ def results(
         If the work raises one.
     """
     waiting, pool, threads = iter(items), Pool(limits), ThreadPoolExecutor(workers)
-    running: set[Future[Done[Item, Result]]] = set()
+    running: set[Future[FinishedWork[Item, Result]]] = set()
 
-    def given() -> set[Future[Done[Item, Result]]]:
+    def given() -> set[Future[FinishedWork[Item, Result]]]:
         some = islice(waiting, 2 * workers - len(running))  # one at work, and one that waits
         return {threads.submit(pool.do, work, item) for item in some}
 
@@ -189,18 +189,18 @@ def _result(kind: str, found: Any) -> Any:
         assert isinstance(found, ClutchidError)
         raise found
     if kind == "unexpected":
-        return Lost("failed", f"an error that clutchid did not expect, {found}.")
+        return LostWork("failed", f"an error that clutchid did not expect, {found}.")
     return found
 
 
-def _lost(ended: Ended, limits: Limits) -> Lost:
+def _lost(ended: WorkerEnd, limits: Limits) -> LostWork:
     """Loss of work, in words."""
     if ended.why == "time":
-        return Lost("timed_out", f"took longer than {limits.seconds:g} s; allow more with --timeout.")
+        return LostWork("timed_out", f"took longer than {limits.seconds:g} s; allow more with --timeout.")
     if ended.why == "memory":
         size = limits.memory / 1e9
-        return Lost(
+        return LostWork(
             "killed", f"needs more than {size:.3g} GB of memory; allow more with --memory, or use fewer workers."
         )
     how = f"{ended.how}, as where memory runs out" if ended.how == "SIGKILL" else ended.how
-    return Lost("killed", f"its process ended on it ({how}), twice; the recording or a library is at fault.")
+    return LostWork("killed", f"its process ended on it ({how}), twice; the recording or a library is at fault.")

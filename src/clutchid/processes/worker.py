@@ -44,7 +44,7 @@ class Limits(NamedTuple):
 NO_LIMITS = Limits()
 
 
-class Ended(NamedTuple):
+class WorkerEnd(NamedTuple):
     """A worker that gave no answer: it was ended over its `memory` or `time`, or ended by itself, `how` in words."""
 
     why: Literal["memory", "time", "itself"]
@@ -95,11 +95,11 @@ class Worker:
         """Number of the process."""
         return self._process.pid
 
-    def ask(self, question: Parts, limits: Limits) -> list[bytearray] | Ended:
+    def ask(self, question: Parts, limits: Limits) -> list[bytearray] | WorkerEnd:
         """The answer to a question; without one, the worker has ended."""
         with self._lock, self._ended_on_error():
-            found = self._exchanged(question, limits) if self.end.alive else Ended("itself", "it was ended before")
-        if isinstance(found, Ended):
+            found = self._exchanged(question, limits) if self.end.alive else WorkerEnd("itself", "it was ended before")
+        if isinstance(found, WorkerEnd):
             self.end()
         return found
 
@@ -112,7 +112,7 @@ class Worker:
             self.end()
             raise
 
-    def _exchanged(self, question: Parts, limits: Limits) -> list[bytearray] | Ended:
+    def _exchanged(self, question: Parts, limits: Limits) -> list[bytearray] | WorkerEnd:
         assert self._process.stdin is not None
         with contextlib.suppress(OSError, ValueError):  # it has ended: that is found below
             send(self._process.stdin, question)
@@ -122,11 +122,11 @@ class Worker:
                 answer = self._answers.get(timeout=_GLANCE)
             except queue.Empty:
                 if limits.memory and self._resident() > limits.memory:
-                    return Ended("memory")
+                    return WorkerEnd("memory")
                 if limits.seconds and time.monotonic() - begin > limits.seconds:
-                    return Ended("time")
+                    return WorkerEnd("time")
                 continue
-            return Ended("itself", _ending(self._process.wait())) if answer is None else answer
+            return WorkerEnd("itself", _ending(self._process.wait())) if answer is None else answer
 
     def _resident(self) -> int:
         """Bytes of memory that the process has; 0 once it has ended."""

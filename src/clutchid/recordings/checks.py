@@ -8,12 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
-from clutchid.log import HOLE, INPUTS, FloatArray
+from clutchid.log import INPUTS, FloatArray
 from clutchid.log.units import UNITS, to_si
-from clutchid.recordings.columns import QUANTITIES, Heading
-from clutchid.recordings.source import SHOWN, Places, Rows, Table, and_more
+from clutchid.recordings.columns import QUANTITIES, SHOWN, Heading, listed, quantity
+from clutchid.recordings.source import Places, Rows, Table
+from clutchid.recordings.time_axis import holes, usual_interval
 
 #: Ambient pressure in Pa that is added to gauge pressures, P_0 of Appendix A.
 AMBIENT = 1.095e5
@@ -89,39 +91,9 @@ def check_ambient(ambient: float) -> None:
         )
 
 
-def holes(time: FloatArray) -> Rows:
-    """Samples after which the interval to the next one exceeds 5 median intervals.
-
-    Examples
-    --------
-    >>> holes(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
-    [3]
-    """
-    return np.flatnonzero(intervals(time) > HOLE * usual_interval(time))
-
-
-def intervals(time: FloatArray) -> FloatArray:
-    """Interval from each sample to the next."""
-    with np.errstate(over="ignore"):
-        return np.diff(time)
-
-
-def usual_interval(time: FloatArray) -> float:
-    """Median of the positive intervals; infinity if there are none."""
-    steps = intervals(time)
-    forward = steps[steps > 0]
-    return float(np.median(forward)) if forward.size else math.inf
-
-
-def quantity(value: float, unit: str | None) -> str:
-    """A value with its unit, for a message.
-
-    Examples
-    --------
-    >>> quantity(0.25, "s"), quantity(1.2, "1")
-    ('0.25 s', '1.2')
-    """
-    return f"{value:.10g}" + (f" {unit}" if unit not in (None, "1") else "")
+def outside_duty(values: FloatArray) -> NDArray[np.bool_]:
+    """Whether each value is no duty cycle, as it is outside 0 to 1 by more than rounding."""
+    return (values < -_DUTY_SLACK) | (values > 1 + _DUTY_SLACK)
 
 
 def in_si(heading: Heading, written: FloatArray, ambient: float) -> FloatArray:
@@ -172,7 +144,7 @@ def _time(column: _Column) -> Iterable[str]:
 
 def _duty(column: _Column) -> Iterable[str]:
     values = column.values
-    outside = np.flatnonzero(np.isfinite(values) & ((values < -_DUTY_SLACK) | (values > 1 + _DUTY_SLACK)))
+    outside = np.flatnonzero(np.isfinite(values) & outside_duty(values))
     if not outside.size:
         return
     finite = values[np.isfinite(values)]
@@ -239,6 +211,4 @@ def _hole_warning(columns: Sequence[_Column]) -> list[str]:
         for a, b in [(rows[i], rows[i + 1])]
     ]
     usual = quantity(usual_interval(time), unit)
-    return [
-        f"no samples for {and_more(shown, after.size - len(shown))} (usual interval {usual}): each hole ends a segment."
-    ]
+    return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each hole ends a segment."]

@@ -31,8 +31,9 @@ _UNIT_START = re.compile(r"[\s_.,:;(\[/-]+|(?<=[a-z0-9])(?=[A-Z])")
 
 _UNITS_ANY_CASE = frozenset(unit.casefold() for unit in UNITS)
 
-_SHOWN = 12
-_SHOWN_LENGTH = 80
+#: Number of locations or names that a message lists before it counts the rest; number of columns, and their length.
+SHOWN = 5
+_SHOWN_COLUMNS, _SHOWN_LENGTH = 12, 80
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +53,7 @@ class Heading:
     def si(self) -> str | None:
         """SI unit of the values; None if the unit is missing, unknown, or of another quantity."""
         unit = UNITS.get(self.unit or "")
-        if unit is None or (self.name is not None and unit.si != QUANTITIES[self.name]):
-            return None
-        return unit.si
+        return None if unit is None or (self.name and unit.si != QUANTITIES[self.name]) else unit.si
 
 
 def headings(cells: Iterable[str]) -> tuple[Heading, ...]:
@@ -204,6 +203,41 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
     return [f"{subject} not known and left out; known are {', '.join(QUANTITIES)}."]
 
 
+def is_unit_of(name: str, unit: str | None) -> bool:
+    """Whether a unit is known and one of the quantity `name`."""
+    return unit in UNITS and UNITS[unit].si == QUANTITIES[name]
+
+
+def quantity(value: float, unit: str | None) -> str:
+    """A value with its unit, for a message.
+
+    Examples
+    --------
+    >>> quantity(0.25, "s"), quantity(1.2, "1")
+    ('0.25 s', '1.2')
+    """
+    return f"{value:.10g}" + (f" {unit}" if unit not in (None, "1") else "")
+
+
+def sample_count(count: int) -> str:
+    """A number of samples, for a message."""
+    return f"{count:,} sample{'' if count == 1 else 's'}"
+
+
+def listed(texts: Iterable[str], most: int = SHOWN, total: int | None = None) -> str:
+    """The first `most` texts, and the number of the others; `total` is the number of all, if not all are given.
+
+    Examples
+    --------
+    >>> listed(["line 4", "line 7", "line 9"], 2), listed(["line 4"], total=3)
+    ('line 4, line 7 and 1 more', 'line 4 and 2 more')
+    """
+    given = list(texts)
+    shown = given[:most]
+    rest = (len(given) if total is None else total) - len(shown)
+    return ", ".join(shown) + (f" and {rest} more" if rest else "")
+
+
 def shortened(text: str, length: int = 40) -> str:
     """`text` on one line and not longer than `length`, for a message."""
     line = printable(" ".join(text.split()))
@@ -242,5 +276,4 @@ def _missing(names: list[str], columns: Sequence[Heading]) -> str:
 
 
 def _some(texts: Sequence[str]) -> str:
-    shown = ", ".join(f"'{shortened(text, _SHOWN_LENGTH)}'" for text in texts[:_SHOWN])
-    return shown + (f" and {len(texts) - _SHOWN} more" if len(texts) > _SHOWN else "")
+    return listed((f"'{shortened(text, _SHOWN_LENGTH)}'" for text in texts), _SHOWN_COLUMNS)

@@ -21,7 +21,8 @@ from clutchid.errors import ClutchidError, DataError, ExportError
 if TYPE_CHECKING:
     import polars as pl
 
-CHUNK = 1 << 20
+#: Bytes that are read at a time.
+_CHUNK = 1 << 20
 
 
 @contextmanager
@@ -65,12 +66,12 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
 
 
 def _failure(error: Exception, temporary: Path | None) -> str | None:
-    """Why a file could not be written; None for an error that has another cause, or the sentence already."""
+    """Reason why a file could not be written; None for an error that has another cause, or the sentence already."""
     if isinstance(error, ClutchidError):
         return None
     if isinstance(error, OSError):
         own = error.filename is None or temporary is None or str(error.filename) == str(temporary)
-        return _reason(error) if own else None
+        return reason_of(error) if own else None
     polars = sys.modules.get("polars")
     return str(error) if polars is not None and isinstance(error, polars.exceptions.PolarsError) else None
 
@@ -123,7 +124,7 @@ def check_writable(path: str | PathLike[str]) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise ExportError(f"{path}: the folder '{folder}' cannot be written ({_reason(error)}).") from error
+        raise ExportError(f"{path}: the folder '{folder}' cannot be written ({reason_of(error)}).") from error
 
 
 def is_there(path: Path) -> bool:
@@ -146,7 +147,7 @@ def make_folder(folder: Path, option: str = "") -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         named = f"{option} {folder}".strip()
-        raise ExportError(f"{named}: the folder cannot be created ({_reason(error)}); name another one.") from error
+        raise ExportError(f"{named}: the folder cannot be created ({reason_of(error)}); name another one.") from error
 
 
 def opened(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
@@ -172,7 +173,7 @@ def opened(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
     except PermissionError:
         raise DataError(f"{file}: there is no permission to read it; change its owner or mode.") from None
     except OSError as error:
-        raise DataError(f"{file}: cannot be read ({_reason(error)}).") from error
+        raise DataError(f"{file}: cannot be read ({reason_of(error)}).") from error
 
 
 @contextmanager
@@ -183,7 +184,7 @@ def reading(path: str | PathLike[str]) -> Iterator[None]:
     except OSError as error:
         if isinstance(error, ClutchidError):
             raise
-        raise DataError(f"{path}: cannot be read ({_reason(error)}).") from error
+        raise DataError(f"{path}: cannot be read ({reason_of(error)}).") from error
 
 
 def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
@@ -223,7 +224,7 @@ def digest(path: Path) -> str:
     """
     total = hashlib.sha256()
     with opened(path, "file") as file, reading(path):
-        while chunk := file.read(CHUNK):
+        while chunk := file.read(_CHUNK):
             total.update(chunk)
     return total.hexdigest()
 
@@ -236,7 +237,7 @@ def writable_target(path: str | PathLike[str]) -> Path:
     except (FileNotFoundError, NotADirectoryError):
         pass
     except (OSError, RuntimeError) as error:  # a loop of links, a name that is too long
-        reason = _reason(error) if isinstance(error, OSError) else "a loop of links"
+        reason = reason_of(error) if isinstance(error, OSError) else "a loop of links"
         raise ExportError(f"{path}: cannot be written ({reason}); name another file.") from None
     if not target.parent.is_dir():
         raise ExportError(f"{path}: the folder '{Path(path).parent}' does not exist; create it first.")
@@ -258,5 +259,6 @@ def _nearest(file: Path) -> str:
     return f"; did you mean '{near[0]}'?" if near else "; check its name."
 
 
-def _reason(error: OSError) -> str:
+def reason_of(error: OSError) -> str:
+    """Reason of the operating system, or of the library that raised the error."""
     return error.strerror or str(error) or type(error).__name__

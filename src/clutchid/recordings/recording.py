@@ -7,7 +7,7 @@ it stands, and its time must increase; the time stamps of any other file are rep
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice
 from pathlib import Path
@@ -16,18 +16,24 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import HOLE, FloatArray, Log, Samples
-from clutchid.recordings.alignment import Stream, aligned
-from clutchid.recordings.checks import check, in_si, usual_interval
-from clutchid.recordings.clock import Clock, repair
+from clutchid.recordings.checks import check, in_si
 from clutchid.recordings.columns import Heading, heading_problems, ignored
-from clutchid.recordings.guard.process import MEMORY_VARIABLE, memory
 from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
-from clutchid.recordings.source import Places, Rows, Source, Table, with_unit
+from clutchid.recordings.opening import MEMORY_VARIABLE, memory
+from clutchid.recordings.source import Places, Source, Table, with_unit
+from clutchid.recordings.time_axis import (
+    AT_START,
+    ChannelStream,
+    RepairedTime,
+    SampleBlock,
+    aligned,
+    no_samples,
+    repair,
+    usual_interval,
+)
 
 #: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
 _PART = 0.4
-
-Block = tuple[FloatArray, Mapping[str, FloatArray]]
 
 
 @dataclass(slots=True)
@@ -71,14 +77,13 @@ def pieces(
         messages.warnings += channels.comments.get("", "").splitlines()
     messages.warnings += [note for chosen in picks for note in chosen.notes]
     if len(picks) == 1 and (channels is None or channels.raster is None):
-        base, others = Stream(_blocks(source, picks[0], ambient, rows, messages), {}), list[Stream]()
+        base, others = ChannelStream(_blocks(source, picks[0], ambient, rows, messages), {}), list[ChannelStream]()
     else:
         streams = [(*_stream(source, chosen, ambient, rows, messages), chosen) for chosen in picks]
-        streams.sort(key=lambda stream: stream[0])
-        usual, base, fastest = streams[0]
-        others = [stream for _, stream, _ in streams[1:]]
+        (usual, base, fastest), *slower = sorted(streams, key=lambda stream: stream[0])
+        others = [stream for _, stream, _ in slower]
         if channels is not None and channels.raster is not None:
-            _, clock = _stream(source, fastest, ambient, rows, _Messages())
+            clock = _blocks(source, fastest, ambient, rows, _Messages())
             base, others = _uniform(clock, channels.raster, HOLE * usual), [base, *others]
     read = [heading for chosen in picks for heading, _ in chosen.columns.values()]
     edges = source.edges if channels is None else {}
@@ -134,10 +139,10 @@ def findings(source: Source, picks: Sequence[Pick], ambient: float, rows: int | 
 
 
 def _logs(
-    source: Source, blocks: Iterator[tuple[FloatArray, dict[str, FloatArray], dict[str, Samples]]], messages: _Messages
+    source: Source, blocks: Iterator[tuple[SampleBlock, dict[str, Samples]]], messages: _Messages
 ) -> Iterator[Log]:
     """Blocks as logs; messages since the previous log are attached to the next one."""
-    for time, columns, edges in blocks:
+    for (time, columns), edges in blocks:
         if messages.problems:
             raise DataError.of(str(source.path), messages.problems)
         warnings, messages.warnings = tuple(dict.fromkeys(messages.warnings)), []
@@ -149,50 +154,40 @@ def _logs(
 
 def _stream(
     source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages
-) -> tuple[float, Stream]:
+) -> tuple[float, ChannelStream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     blocks = _blocks(source, chosen, ambient, rows, messages)
     first = list(islice(blocks, 1))
-    usual = usual_interval(first[0][0]) if first else math.inf
-    longest = {
-        name: entry.longest if entry.longest is not None else HOLE * usual
-        for name, (_, entry) in chosen.columns.items()
-        if name != "time"
-    }
-    return usual, Stream(chain(first, blocks), longest)
+    usual = usual_interval(first[0].time) if first else math.inf
+    return usual, ChannelStream(chain(first, blocks), chosen.longest(usual))
 
 
-def _blocks(source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages) -> Iterator[Block]:
+def _blocks(
+    source: Source, chosen: Pick, ambient: float, rows: int | None, messages: _Messages
+) -> Iterator[SampleBlock]:
     """The samples of a pick, block by block, with increasing time stamps."""
-    clock: Clock | None = None
-    done = 0
-    columns_read = [heading.index for heading, _ in chosen.columns.values() if heading.index != COUNTED]
+    clock, done = AT_START, 0
+    columns_read = chosen.indices
     if chosen.increasing:  # of columns with the same name all are checked
         columns_read = [heading.index for heading in source.rasters[chosen.raster].headings if heading.name is not None]
     for table in source.tables(chosen.raster, columns_read, rows):
         if chosen.increasing:
             checked = check(table, ambient)
         else:
-            named = _named(table if chosen.rate is None else _counted(table, done, chosen.rate), chosen)
+            named = _named(table, chosen, done)
             done += table.size
             stamps = in_si(named.headings[0], named.numbers[named.headings[0].index], ambient)
             repaired = repair(stamps, named.places, clock)
             clock = repaired.clock
             messages.warnings += [f"{_where(source, chosen)}{sentence}" for sentence in repaired.messages]
-            checked = check(_kept(named, np.flatnonzero(repaired.kept), repaired.time), ambient)
+            checked = check(_kept(named, repaired), ambient)
         messages.problems += checked.problems
         messages.warnings += checked.warnings
         if table.problems or (chosen.increasing and messages.problems):
-            yield np.empty(0), {name: np.empty(0) for name in chosen.columns if name != "time"}
+            yield no_samples(name for name in chosen.columns if name != "time")
             return
         columns = dict(checked.columns)
-        time = columns.pop("time")
-        yield time - chosen.delay if chosen.delay else time, columns
-
-
-def _counted(table: Table, done: int, rate: float) -> Table:
-    """The table with the time sample / rate, `done` samples after the first one."""
-    return replace(table, numbers={**table.numbers, COUNTED: (done + np.arange(table.size)) / rate})
+        yield SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
 
 
 def _where(source: Source, chosen: Pick) -> str:
@@ -200,16 +195,30 @@ def _where(source: Source, chosen: Pick) -> str:
     return f"{name}: " if name and len(source.rasters) > 1 else ""
 
 
-def _named(table: Table, chosen: Pick) -> Table:
+def _named(table: Table, chosen: Pick, done: int) -> Table:
     """The picked columns under the names of their quantities, with sign, factor and offset applied."""
-    headings, numbers, unread = [], {}, {}
-    for i, (heading, entry) in enumerate(chosen.columns.values()):
-        headings.append(replace(heading, index=i))
-        written = table.numbers.get(heading.index)
-        numbers[i] = np.full(table.size, np.nan) if written is None else scaled(written, entry)
-        if heading.index in table.unread:
-            unread[i] = table.unread[heading.index]
-    return replace(table, headings=tuple(headings), numbers=numbers, unread=unread)
+    headings = [heading for heading, _ in chosen.columns.values()]
+    return replace(
+        table,
+        headings=tuple(replace(heading, index=i) for i, heading in enumerate(headings)),
+        numbers=dict(enumerate(picked_values(table, chosen, done).values())),
+        unread={i: table.unread[heading.index] for i, heading in enumerate(headings) if heading.index in table.unread},
+    )
+
+
+def picked_values(table: Table, chosen: Pick, done: int) -> dict[str, FloatArray]:
+    """The picked columns by quantity, in their units, with sign, factor and offset applied; NaN where there is none.
+
+    A time that is counted begins `done` samples after the first one.
+    """
+    found = {}
+    for name, (heading, entry) in chosen.columns.items():
+        if heading.index == COUNTED and chosen.rate is not None:
+            found[name] = (done + np.arange(table.size)) / chosen.rate
+        else:
+            written = table.numbers.get(heading.index)
+            found[name] = np.full(table.size, np.nan) if written is None else scaled(written, entry)
+    return found
 
 
 def scaled(values: FloatArray, entry: Channel) -> FloatArray:
@@ -221,51 +230,42 @@ def scaled(values: FloatArray, entry: Channel) -> FloatArray:
         return scale * values + entry.offset
 
 
-def _kept(table: Table, rows: Rows, time: FloatArray) -> Table:
-    """The selected rows of a table, with repaired time stamps in s."""
+def _kept(table: Table, repaired: RepairedTime) -> Table:
+    """The rows of a table that are kept, with repaired time stamps in s."""
     clock, *others = table.headings
-    numbers = {heading.index: table.numbers[heading.index][rows] for heading in others}
-    places = table.places
+    rows, places = repaired.kept, table.places
     if rows.size < table.size:
-        numbered = places.numbers
-        places = Places(places.word, numbers=rows + places.first if numbered is None else numbered[rows])
-    unread = {index: _moved(missing, rows) for index, missing in table.unread.items()}
-    return Table(
-        (Heading(clock.index, clock.text, "time", "s"), *others),
-        {clock.index: time, **numbers},
-        rows.size,
-        places,
-        table.problems,
-        unread,
+        places = Places(places.word, numbers=places.each_number(table.size)[rows])
+    return replace(
+        table,
+        headings=(Heading(clock.index, clock.text, "time", "s"), *others),
+        numbers={clock.index: repaired.time, **{other.index: table.numbers[other.index][rows] for other in others}},
+        size=rows.size,
+        places=places,
+        unread={index: np.flatnonzero(np.isin(rows, unread)) for index, unread in table.unread.items()},
     )
 
 
-def _moved(missing: Rows, rows: Rows) -> Rows:
-    """Positions of the rows `missing` among the kept ones."""
-    return np.flatnonzero(np.isin(rows, missing))
-
-
-def _uniform(clock: Stream, interval: float, longest: float) -> Stream:
+def _uniform(clock: Iterator[SampleBlock], interval: float, longest: float) -> ChannelStream:
     """Uniform time grid over the time of a stream, without the instants in its holes."""
 
-    def blocks() -> Iterator[Block]:
+    def blocks() -> Iterator[SampleBlock]:
         start = last = math.nan
         count = 0
-        for time, _ in clock.blocks:
+        for time, _ in clock:
             if not time.size:
                 continue
             if math.isnan(start):
                 start = last = float(time[0])
             end = math.floor((time[-1] - start) / interval + 1e-9) + 1
-            instants = start + interval * np.arange(count, end)
+            instants = _snapped(start + interval * np.arange(count, end), time, 1e-6 * interval)
             stamps = np.r_[last, time]
-            instants = _snapped(instants, time, 1e-6 * interval)
             before = np.clip(np.searchsorted(stamps, instants, side="right") - 1, 0, stamps.size - 2)
             known = (stamps[before + 1] - stamps[before] <= longest) | (instants == stamps[before])
-            yield instants[known], {}
+            yield SampleBlock(instants[known], {})
             count, last = max(count, end), float(time[-1])
 
-    return Stream(blocks(), {})
+    return ChannelStream(blocks(), {})
 
 
 def _snapped(instants: FloatArray, stamps: FloatArray, slack: float) -> FloatArray:

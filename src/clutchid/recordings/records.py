@@ -68,7 +68,7 @@ T = TypeVar("T")
 
 
 class Rule(NamedTuple):
-    """What an entry or a section must be, in words, with what to do next; and a check of a value of its type."""
+    """Requirement on an entry or a section, in words with what to do next; and a check of a value of its type."""
 
     needed: str
     valid: Callable[[Any], bool] = lambda _: True
@@ -151,7 +151,7 @@ def read(kind: type[T], content: object, where: str, rules: Mapping[str, Rule] =
 
 
 def collected(problems: list[str], make: Callable[..., T], *arguments: Any) -> T | None:
-    """What `make` makes of the arguments; None, with its sentences added to `problems`, if it refuses them."""
+    """The result of `make`; None, with its sentences added to `problems`, if it refuses the arguments."""
     try:
         return make(*arguments)
     except ParameterError as error:
@@ -235,7 +235,7 @@ def _place(where: str, name: str, kind: Any) -> str:
 
 
 def covariance_problem(matrix: FloatArray, names: Sequence[str], largest: Sequence[float]) -> str:
-    """Why a matrix is not the covariance of the parameters `names` in SI; empty if it may be one.
+    """Reason why a matrix is not the covariance of the parameters `names` in SI; empty if it may be one.
 
     A parameter that the data do not determine has an infinite variance and covariances of zero.
 

@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from clutchid.log import FloatArray, Log, Samples, name_and_unit
 from clutchid.names import printable
-from clutchid.recordings.columns import REQUIRED, Heading
+from clutchid.recordings.columns import REQUIRED, SHOWN, Heading, listed
 
 if TYPE_CHECKING:
     import polars as pl
 
 Rows = NDArray[np.int64]
-
-#: Number of locations that a message lists before it counts the rest.
-SHOWN = 5
 
 #: End of a message about a file without data.
 EXAMPLE = "a header such as time [s],position [m],duty_supply [1],duty_exhaust [1] and samples below it are needed."
@@ -46,7 +43,7 @@ class Places:
     def each(self, rows: Rows, what: Callable[[int], str]) -> str:
         """The first locations of `rows` with the text `what` about each, and the number of the others."""
         shown = [f"{self.word} {self.number(row)} {what(row)}" for row in rows[:SHOWN].tolist()]
-        return and_more(shown, rows.size - len(shown))
+        return listed(shown, total=rows.size)
 
     def ranges(self, rows: Rows) -> str:
         """The first runs of consecutive `rows`, and the number of the other runs: ``lines 4-9, 12``."""
@@ -54,7 +51,7 @@ class Places:
         starts, ends = rows[np.r_[0, breaks + 1]], rows[np.r_[breaks, rows.size - 1]]
         pairs = [(self.number(a), self.number(b)) for a, b in zip(starts[:SHOWN], ends[:SHOWN], strict=True)]
         shown = [f"{a}" if a == b else f"{a}-{b}" for a, b in pairs]
-        return f"{self.word}{'s' if rows.size > 1 else ''} {and_more(shown, starts.size - len(shown))}"
+        return f"{self.word}{'s' if rows.size > 1 else ''} {listed(shown, total=starts.size)}"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -110,22 +107,6 @@ def to_frame(log: Log) -> pl.DataFrame:
             **{"{} [{}]".format(*name_and_unit(name)): values for name, values in log.columns.items()},
         }
     )
-
-
-def wanted(columns: Sequence[Heading], every: bool) -> tuple[Heading, ...]:
-    """The columns to read: the known ones, or `every` one."""
-    return tuple(column for column in columns if every or column.name is not None)
-
-
-def and_more(shown: Iterable[str], rest: int) -> str:
-    """List the shown items, and the number of the others.
-
-    Examples
-    --------
-    >>> and_more(["line 4", "line 7"], 3)
-    'line 4, line 7 and 3 more'
-    """
-    return ", ".join(shown) + (f" and {rest} more" if rest else "")
 
 
 #: Metadata: the unit in which the chamber pressure is written in the file.
@@ -202,9 +183,14 @@ def own_metadata(text: str | None) -> dict[str, str] | None:
     return {str(key): str(value) for key, value in values.items()} if isinstance(values, dict) else None
 
 
+def no_tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:  # noqa: ARG001
+    """The tables of a file that cannot be read: none."""
+    return iter(())
+
+
 def refused(path: Path, form: str, problem: str, *warnings: str) -> Source:
     """A file of the format `form` of which nothing can be read, and why."""
-    return Source(path, form, (), lambda *_: iter(()), (problem,), warnings)
+    return Source(path, form, (), no_tables, (problem,), warnings)
 
 
 def in_contract(source: Source) -> bool:

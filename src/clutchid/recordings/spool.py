@@ -20,9 +20,9 @@ from typing import BinaryIO, Protocol
 
 from clutchid.errors import ExportError
 from clutchid.log import Log, concatenated
-from clutchid.recordings.files import atomic_write, writable_target
+from clutchid.recordings.files import atomic_write, reason_of, writable_target
 from clutchid.recordings.formats.parquet.file import KEY
-from clutchid.recordings.formats.parquet.footer import MAGIC, Groups, appended, footer_bytes
+from clutchid.recordings.formats.parquet.footer import MAGIC, RowGroups, appended, footer_bytes
 from clutchid.recordings.source import to_frame
 
 #: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
@@ -98,7 +98,7 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     except ExportError:
         raise
     except OSError as error:
-        raise ExportError(f"{path}: cannot be written ({_reason(error)}); what was there is unchanged.") from error
+        raise ExportError(f"{path}: cannot be written ({reason_of(error)}); what was there is unchanged.") from error
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -289,7 +289,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
     held: list[Log] = []
     short: list[Log] = []
     metadata: dict[str, str] = {}
-    groups, size, stopped = Groups(), 0, False
+    groups, size, stopped = RowGroups(), 0, False
     _all(data, MAGIC)
 
     def write(log: Log) -> None:
@@ -361,7 +361,7 @@ def _write_part(write: Callable[[Log], None], piece: Log) -> None:
             rows //= 2
 
 
-def _note(path: Path, groups: Groups, *, synced: bool = False) -> None:
+def _note(path: Path, groups: RowGroups, *, synced: bool = False) -> None:
     """Note the footer of what is written, for `recovered`; where that cannot be, the recording goes on."""
     with suppress(OSError):
         temporary = path.with_suffix(".new")
@@ -379,8 +379,4 @@ def _until(path: str | PathLike[str]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise ExportError(f"{path}: cannot be written any further ({_reason(error)}).") from error
-
-
-def _reason(error: OSError) -> str:
-    return error.strerror or str(error) or type(error).__name__
+        raise ExportError(f"{path}: cannot be written any further ({reason_of(error)}).") from error

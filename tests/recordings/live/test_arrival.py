@@ -5,11 +5,12 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.recordings.columns import channel
-from clutchid.recordings.live.arrival import Piece, live_blocks
-from clutchid.recordings.live.order import Arrived, arrived, picked_streams
+from clutchid.recordings.live.arrival import ArrivedBatch, live_blocks
+from clutchid.recordings.live.order import ArrivedSamples, arrived, picked_streams
 from clutchid.recordings.live.text import text_blocks
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.source import Raster, Table
+from clutchid.recordings.time_axis import SampleBlock
 
 NEEDED = ("time", "position", "duty_supply", "duty_exhaust")
 RASTERS = (
@@ -42,7 +43,7 @@ def blocks_of(rows, size, channels=MAP):
                 numbers = dict(enumerate(table.T))
                 at = np.array([place for place, *_ in own], dtype=np.int64)
                 each.append(arrived(i, chosen, Table(RASTERS[chosen.raster].headings, numbers, len(own)), 1e5, at))
-            yield Piece(each)
+            yield ArrivedBatch(each)
 
     return list(live_blocks(pieces(), picks, "bus", {}))
 
@@ -100,9 +101,9 @@ def test_a_lost_clock_ends_the_recording_after_what_came_before():
 
 def _lazily(rows):
     picks = picked_streams("bus", RASTERS, MAP, NEEDED)
-    one = [Arrived(int(which == 1), np.array([i]), np.array([t]), _columns(which, values))
+    one = [ArrivedSamples(int(which == 1), np.array([i]), SampleBlock(np.array([t]), _columns(which, values)))
            for i, (which, t, values) in enumerate(rows)]  # fmt: skip
-    return live_blocks((Piece([each]) for each in one), picks, "bus", {})
+    return live_blocks((ArrivedBatch([each]) for each in one), picks, "bus", {})
 
 
 def _columns(which, values):

@@ -7,34 +7,36 @@ from clutchid.recordings.live.order import (
     JUMP,
     LOST,
     WINDOW,
-    Arrived,
-    LeftOut,
+    ArrivedSamples,
+    LeftOutCounts,
     final,
     none_waiting,
     sorted_in,
     unconfirmed,
 )
+from clutchid.recordings.time_axis import SampleBlock
 
 
 def fed(stamps, cuts, streams=None):
-    """All samples of two streams in order, and what was left out; `stamps` in the order of arrival."""
+    """Samples of two streams in order, counts of late, repeated, invalid ones; `stamps` in the order of arrival."""
     stream = np.zeros(len(stamps), dtype=int) if streams is None else np.asarray(streams)
     stamps = np.asarray(stamps)
     number = np.arange(stamps.size) * 1.0
-    waiting, counts, found = none_waiting([["x"], ["x"]]), np.zeros(3, dtype=int), ([], [])
+    waiting, counts, found = none_waiting([["x"], ["x"]]), np.zeros(4, dtype=int), ([], [])
     for piece in [*np.split(np.arange(stamps.size), cuts), np.empty(0, dtype=int)]:
         each = []
         for i in (1, 0):
             rows = piece[stream[piece] == i]
-            each.append(Arrived(i, rows - (piece[0] if piece.size else 0), stamps[rows], {"x": number[rows]}))
+            place = rows - (piece[0] if piece.size else 0)
+            each.append(ArrivedSamples(i, place, SampleBlock(stamps[rows], {"x": number[rows]})))
         waiting, out = sorted_in(waiting, each)
         counts += out
-        waiting, out = (waiting, LeftOut()) if piece.size else unconfirmed(waiting)
+        waiting, out = (waiting, LeftOutCounts()) if piece.size else unconfirmed(waiting)
         counts += out
         waiting, ready = final(waiting, ended=not piece.size)
         for have, new in zip(found, ready, strict=True):
             have += [*zip(new.time.tolist(), new.columns["x"].tolist(), strict=True)]
-    return found, counts.tolist(), waiting
+    return found, counts[[0, 1, 3]].tolist(), waiting
 
 
 RNG = np.random.default_rng(5)

@@ -1,1 +1,1 @@
-"""The formats of the field, one module or package each; `opening` tells them apart by their content."""
+"""The formats of the field, one module or package each; `opening` distinguishes them by their content."""

@@ -1,4 +1,4 @@
-"""What kind of file it is, by its first bytes: a format that is read, or one that is refused with advice."""
+"""Kind of a file by its first bytes: a format that is read, or one that is refused with advice."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from clutchid.errors import DataError
 from clutchid.recordings.files import reading
 
-#: Bytes at the start of a file that tell its kind.
+#: Bytes at the start of a file that determine its kind.
 ENOUGH = 4096
 
 _MARKS = (
@@ -62,7 +62,7 @@ _TEXTS = (
 
 
 def head_of(file: Path) -> bytes:
-    """First bytes of a file, which tell its kind.
+    """First bytes of a file, which determine its kind.
 
     Raises
     ------
@@ -104,13 +104,13 @@ def kind_of(head: bytes) -> str:
         from clutchid.recordings.formats.mat.file import is_mat
 
         return "mat" if is_mat(head) else "csv"
-    from clutchid.recordings.formats.can.text import is_asc, is_trc
+    from clutchid.recordings.formats.can.logs import is_asc, is_trc
 
     return "asc" if is_asc(head) else "trc" if is_trc(head) else "csv"
 
 
 def refusal(head: bytes, path: Path) -> str:
-    """What a file is that cannot be a recording, and what to do; empty where it may be one.
+    """Kind of a file that cannot be a recording, and what to do; empty where it may be one.
 
     Examples
     --------

@@ -8,13 +8,18 @@ import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
 from clutchid.recordings.files import reading
 from clutchid.recordings.formats.kinds import head_of, kind_of, readable_kind
-from clutchid.recordings.source import Source, Table, Tables
+from clutchid.recordings.source import Source, Table
+
+if TYPE_CHECKING:
+    from clutchid.recordings.formats.can.frames import FrameLog
 
 #: Bytes to which a packed file may unpack on the disk, and bytes that are unpacked at a time.
 _MOST_UNPACKED = 8_000_000_000
@@ -58,22 +63,25 @@ def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
     return csv_file.open_file(file)
 
 
-def _can(file: Path, dbc: Sequence[Path], kind: str) -> Source:
+def _can(file: Path, dbc: Sequence[Path], kind: str, frames: FrameLog | None = None) -> Source:
     from clutchid.recordings.formats.can import file as can_file
 
-    return can_file.open_file(file, dbc, kind)
+    return can_file.open_file(file, dbc, kind, frames)
 
 
 def _mdf(file: Path, dbc: Sequence[Path]) -> Source:
-    """An MDF file with measured channels, or with bus frames if a DBC file is given."""
-    from clutchid.recordings.formats.can import mf4 as mf4_bus
+    """An MDF file with measured channels, or with bus frames if a DBC file is given or there is nothing else."""
+    from clutchid.recordings.formats.can import mf4
     from clutchid.recordings.formats.mdf import file as mdf_file
 
-    if dbc and mf4_bus.holds_bus_frames(file):
-        return _can(file, dbc, "mdf")
-    source = mdf_file.open_file(file)
-    silent = not (source.rasters or source.problems)
-    return _can(file, (), "mdf") if silent and mf4_bus.holds_bus_frames(file) else source
+    frames = mf4.frame_log(file) if dbc else None
+    if frames is None:
+        source = mdf_file.open_file(file)
+        frames = None if source.rasters or source.problems else mf4.frame_log(file)
+        if frames is None:
+            return source
+        dbc = ()
+    return _can(file, dbc, "mdf", frames)
 
 
 def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
@@ -86,12 +94,12 @@ def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
         if kind == "gzip":
             raise DataError(f"{file}: is packed twice; unpack it once.")
         source = opened_here(inner, dbc, kind)
-    return replace(source, path=file, tables=_UnpackedTables(file, inner, folder, source.tables))
+    return replace(source, path=file, tables=partial(_tables, file, folder, source))
 
 
 @contextmanager
 def _named(file: Path, inner: Path) -> Iterator[None]:
-    """What goes wrong with the unpacked file as an error that names the packed one."""
+    """Errors in the unpacked file as errors that name the packed one."""
     try:
         yield
     except DataError as error:
@@ -112,16 +120,14 @@ def _unpack(file: Path, to: Path) -> None:
         raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
 
 
-@dataclass(frozen=True, slots=True)
-class _UnpackedTables:
-    """Reads from an unpacked file, see `Tables`, and keeps its folder as long."""
-
-    file: Path
-    inner: Path
-    folder: tempfile.TemporaryDirectory[str]
-    tables: Tables
-
-    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-        """Tables of the unpacked file."""
-        with _named(self.file, self.inner):
-            yield from self.tables(raster, columns, rows)
+def _tables(
+    file: Path,
+    _folder: tempfile.TemporaryDirectory[str],
+    source: Source,
+    raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """Tables of the unpacked file `source`, see `Tables`; its folder is deleted with this function."""
+    with _named(file, source.path):
+        yield from source.tables(raster, columns, rows)

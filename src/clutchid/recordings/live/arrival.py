@@ -10,40 +10,20 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, FloatArray, Log
-from clutchid.recordings.alignment import align
-from clutchid.recordings.checks import usual_interval
-from clutchid.recordings.live.order import (
-    Arrived,
-    LeftOut,
-    Ordered,
-    final,
-    followed_by,
-    none_waiting,
-    part,
-    sorted_in,
-    unconfirmed,
-)
+from clutchid.log import FloatArray, Log
+from clutchid.recordings.live.order import ArrivedSamples, LeftOutCounts, final, none_waiting, sorted_in, unconfirmed
 from clutchid.recordings.map.channel_map import Pick
+from clutchid.recordings.time_axis import SampleBlock, align, usual_interval
 
 #: Samples of the first block at least: as many give the time from one sample to the next.
 FIRST = 101
 
 
-class Piece(NamedTuple):
-    """What came together: samples by stream, and lines or frames that could not be read."""
+class ArrivedBatch(NamedTuple):
+    """Samples that came together, by stream, and the number of lines or frames that could not be read."""
 
-    arrived: Sequence[Arrived]
+    arrived: Sequence[ArrivedSamples]
     unreadable: int = 0
-
-
-class LeftOutOf(NamedTuple):
-    """What was left out since the block before: see `clutchid.observer.health.LIVE_FLAGS`."""
-
-    late: int = 0
-    repeated: int = 0
-    unreadable: int = 0
-    invalid: int = 0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,27 +31,27 @@ class LiveBlock:
     """A block of a recording, and what was left out since the block before."""
 
     log: Log
-    left_out: LeftOutOf
+    left_out: LeftOutCounts
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Join:
-    """Samples that are in order: those of the position's stream that no block has had, and the others' about them.
+class _UnusedSamples:
+    """Samples in order: those of the position's stream that no block has had, and the others' about them.
 
     `longest` is by quantity the time in s for which a sample is held, None before the first block.
     """
 
-    base: Ordered
-    others: tuple[Ordered, ...]
+    base: SampleBlock
+    others: tuple[SampleBlock, ...]
     longest: Mapping[str, float] | None = None
 
 
 def live_blocks(
-    pieces: Iterator[Piece], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
+    batches: Iterator[ArrivedBatch], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
 
-    The numbers do not depend on how the samples are cut into pieces. Samples wait
+    The numbers do not depend on how the samples are cut into batches. Samples wait
     `clutchid.recordings.live.order.WINDOW` seconds for those that come out of order. Columns of other streams than the
     position's are held.
 
@@ -83,10 +63,10 @@ def live_blocks(
     Raises
     ------
     DataError
-        If there is no sample; if the time goes back for good, after the block before it was given; or as `pieces`.
+        If there is no sample; if the time goes back for good, after the block before it was given; or as `batches`.
     """
     found = False
-    for block in _all_blocks(pieces, picks, name, metadata):
+    for block in _all_blocks(batches, picks, name, metadata):
         found = found or len(block.log) > 0
         if found:
             yield block
@@ -95,30 +75,31 @@ def live_blocks(
 
 
 def _all_blocks(
-    pieces: Iterator[Piece], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
+    batches: Iterator[ArrivedBatch], picks: Sequence[Pick], name: str, metadata: Mapping[str, str]
 ) -> Iterator[LiveBlock]:
     """The blocks, and where no sample came what was left out."""
     waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks])
-    join, left = _Join(waiting.streams[0], waiting.streams[1:]), LeftOutOf()
+    unused, left = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts()
     trouble: DataError | None = None
     ended = False
     while not ended:
         try:
-            piece = next(pieces, None)
+            batch = next(batches, None)
         except DataError as error:
-            piece, trouble = None, error
-        if piece is not None:
-            waiting, out = sorted_in(waiting, piece.arrived)
+            batch, trouble = None, error
+        if batch is not None:
+            waiting, out = sorted_in(waiting, batch.arrived)
+            left = left.plus(LeftOutCounts(0, 0, batch.unreadable, sum(one.invalid for one in batch.arrived)))
         else:
             waiting, out = unconfirmed(waiting)
-        left = _added(left, piece, out)
+        left = left.plus(out)
         lost = not math.isnan(waiting.lost)
-        ended = piece is None or lost
+        ended = batch is None or lost
         waiting, ready = final(waiting, ended=ended)
-        join, block = _joined(join, ready, picks, ended=ended)
+        unused, block = _joined(unused, ready, picks, ended=ended)
         if block.time.size:
             yield LiveBlock(Log(block.time, block.columns, name, metadata), left)
-            left = LeftOutOf()
+            left = LeftOutCounts()
         if lost:
             trouble = DataError(
                 f"{name}: the time goes back from {waiting.latest:.6g} to {waiting.lost:.6g} s and stays there: the "
@@ -130,61 +111,38 @@ def _all_blocks(
         raise trouble
 
 
-def _added(left: LeftOutOf, piece: Piece | None, out: LeftOut) -> LeftOutOf:
-    unreadable, values = (0, 0) if piece is None else (piece.unreadable, sum(one.invalid for one in piece.arrived))
-    return LeftOutOf(
-        left.late + out.late,
-        left.repeated + out.repeated,
-        left.unreadable + unreadable,
-        left.invalid + out.invalid + values,
-    )
-
-
-def _joined(join: _Join, ready: Sequence[Ordered], picks: Sequence[Pick], *, ended: bool) -> tuple[_Join, Ordered]:
+def _joined(
+    unused: _UnusedSamples, ready: Sequence[SampleBlock], picks: Sequence[Pick], *, ended: bool
+) -> tuple[_UnusedSamples, SampleBlock]:
     """Samples of the position's stream with the columns of the others, as far as all of these are final."""
-    base = followed_by(join.base, _earlier(ready[0], picks[0].delay))
-    others = tuple(
-        followed_by(old, _earlier(new, chosen.delay))
-        for old, new, chosen in zip(join.others, ready[1:], picks[1:], strict=True)
+    base, *others = (
+        old.followed_by(new.earlier(chosen.delay))
+        for old, new, chosen in zip((unused.base, *unused.others), ready, picks, strict=True)
     )
     count = base.time.size if ended else _settled(base.time, picks)
-    if join.longest is None and count < FIRST and not ended:
-        return replace(join, base=base, others=others), part(base, 0, 0)
-    longest = join.longest or _longest(part(base, 0, FIRST).time, others, picks)
-    block = part(base, 0, count)
+    if unused.longest is None and count < FIRST and not ended:
+        return replace(unused, base=base, others=tuple(others)), base.take(slice(0))
+    longest = unused.longest or _longest(base.time[:FIRST], others, picks)
+    block = base.take(slice(count))
     columns = dict(block.columns)
     for one in others:
         columns |= {
             name: align(block.time, one.time, values, longest[name], hold=True) for name, values in one.columns.items()
         }
-    kept = tuple(_still_needed(one, block.time) for one in others)
-    return _Join(part(base, count, base.time.size), kept, longest), Ordered(block.time, columns)
-
-
-def _earlier(samples: Ordered, delay: float) -> Ordered:
-    return samples if delay == 0.0 else Ordered(samples.time - delay, samples.columns)
+    held = tuple(one.since(float(block.time[-1])) for one in others) if block.time.size else tuple(others)
+    return _UnusedSamples(base.take(slice(count, None)), held, longest), SampleBlock(block.time, columns)
 
 
 def _settled(time: FloatArray, picks: Sequence[Pick]) -> int:
-    """How many of the samples no other stream can still change: one with a longer delay is final later."""
+    """Number of the samples that no other stream can still change: one with a longer delay is final later."""
     behind = max(chosen.delay for chosen in picks) - picks[0].delay
     return int(np.searchsorted(time, time[-1] - behind, side="right")) if time.size else 0
 
 
-def _longest(time: FloatArray, others: Sequence[Ordered], picks: Sequence[Pick]) -> dict[str, float]:
+def _longest(time: FloatArray, others: Sequence[SampleBlock], picks: Sequence[Pick]) -> dict[str, float]:
     """The time in s for which each quantity of the other streams is held, from the first samples."""
-    found = {}
+    found: dict[str, float] = {}
     for one, chosen in zip(others, picks[1:], strict=True):
         until = np.searchsorted(one.time, time[-1], side="right") if time.size else 0
-        usual = usual_interval(one.time[:until])
-        for name, (_, entry) in chosen.columns.items():
-            found[name] = HOLE * usual if entry.longest is None else entry.longest
+        found |= chosen.longest(usual_interval(one.time[:until]))
     return found
-
-
-def _still_needed(samples: Ordered, until: FloatArray) -> Ordered:
-    """The samples from the last one on that a later block may hold."""
-    if not until.size:
-        return samples
-    keep = max(int(np.searchsorted(samples.time, until[-1], side="right")) - 1, 0)
-    return part(samples, keep, samples.time.size)

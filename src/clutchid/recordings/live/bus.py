@@ -17,15 +17,22 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.recordings.files import plain_file
-from clutchid.recordings.formats.can.dbc import Message, decode, read_dbc
-from clutchid.recordings.formats.can.frames import Frames, Rows, check_python_can, in_blocks, quiet
-from clutchid.recordings.formats.can.scan import raster_names
-from clutchid.recordings.formats.can.streams import Book, Stream, book, channels_of, in_order, sorted_out
-from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
+from clutchid.recordings.formats.can.dbc import Message, read_dbc
+from clutchid.recordings.formats.can.frames import Frames, check_python_can, in_blocks, quiet
+from clutchid.recordings.formats.can.streams import (
+    FrameStream,
+    MessageCatalogue,
+    by_stream,
+    catalogue,
+    in_order,
+    rasters_of,
+    values_of,
+)
+from clutchid.recordings.live.arrival import ArrivedBatch, LiveBlock, live_blocks
 from clutchid.recordings.live.feed import PACE, PATIENCE
-from clutchid.recordings.live.order import Arrived, arrived, indices, picked_streams
+from clutchid.recordings.live.order import ArrivedSamples, arrived, picked_streams
 from clutchid.recordings.map.channel_map import Pick
-from clutchid.recordings.source import Raster, Table
+from clutchid.recordings.source import Table
 
 if TYPE_CHECKING:
     import can
@@ -236,11 +243,11 @@ ORIGIN = "origin_s"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Bus:
-    """What is known of a bus: its messages, the streams that are read, their picks, and the first stamp in s."""
+class _BusLayout:
+    """Layout of a bus: its messages, time grids and picks of the streams that are read, and the first stamp in s."""
 
-    known: Book
-    rasters: Mapping[Stream, int]
+    known: MessageCatalogue
+    rasters: Mapping[FrameStream, int]
     picks: tuple[Pick, ...]
     origin: float
 
@@ -289,8 +296,8 @@ def bus_blocks(
     found = found if origin is None else replace(found, origin=origin)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
     metadata[ORIGIN] = repr(found.origin)
-    pieces = (_piece(each, found, ambient) for each in chain(first, frames))
-    yield from live_blocks(pieces, found.picks, name, metadata)
+    batches = (_batch(each, found, ambient) for each in chain(first, frames))
+    yield from live_blocks(batches, found.picks, name, metadata)
 
 
 def _learnt(
@@ -299,10 +306,10 @@ def _learnt(
     messages: Sequence[Message],
     channels: ChannelMap | None,
     required: Sequence[str],
-) -> tuple[list[Frames], _Bus]:
+) -> tuple[list[Frames], _BusLayout]:
     """The first frames, and what they show: waits for every signal that is needed."""
-    known, first = book(messages), list[Frames]()
-    streams: dict[Stream, None] = {}
+    known, first = catalogue(messages), list[Frames]()
+    streams: dict[FrameStream, None] = {}
     origin, latest = np.nan, -np.inf
     while True:
         block = next(frames, None)
@@ -311,7 +318,7 @@ def _learnt(
             stamps = block.stamp[np.isfinite(block.stamp)]
             origin = stamps[0] if np.isnan(origin) and stamps.size else origin
             latest = max(latest, stamps.max(initial=-np.inf))
-            streams |= {one: None for one, _ in sorted_out(block, known) if isinstance(one, Stream)}
+            streams |= {one: None for one, _ in by_stream(block, known) if isinstance(one, FrameStream)}
         waited = latest - origin if sum(map(len, first)) < MOST else PATIENT
         if block is not None and not waited >= LEARNT:
             continue
@@ -323,41 +330,31 @@ def _learnt(
             if late:
                 raise
         else:
-            return first, _Bus(known, rasters, picks, float(origin))
+            return first, _BusLayout(known, rasters, picks, float(origin))
 
 
 def _picked(
-    name: str, streams: Sequence[Stream], channels: ChannelMap | None, required: Sequence[str]
-) -> tuple[dict[Stream, int], tuple[Pick, ...]]:
+    name: str, streams: Sequence[FrameStream], channels: ChannelMap | None, required: Sequence[str]
+) -> tuple[dict[FrameStream, int], tuple[Pick, ...]]:
     """The streams by the index of their time grid, and the channels that the map picks."""
     if not streams:
         raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")
-    rasters = [
-        Raster(channels_of(stream), 0, title, 0) for stream, title in zip(streams, raster_names(streams), strict=True)
-    ]
-    picks = picked_streams(name, rasters, channels, required)
+    picks = picked_streams(name, rasters_of(streams, {}), channels, required)
     return {stream: i for i, stream in enumerate(streams)}, picks
 
 
-def _piece(frames: Frames, bus: _Bus, ambient: float) -> Piece:
+def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:
     """The picked channels of some frames, in SI; frames without a stamp, and error frames, cannot be read."""
     stamped = np.isfinite(frames.stamp)
     unreadable = frames.left_out.get(_UNREADABLE, 0) + int(stamped.size - stamped.sum())
     if not stamped.all():
         frames = frames.take(stamped)
-    each: list[Arrived] = []
-    for found, rows in sorted_out(frames, bus.known):
-        raster = bus.rasters.get(found) if isinstance(found, Stream) else None
+    each: list[ArrivedSamples] = []
+    for found, rows in by_stream(frames, bus.known):
+        raster = bus.rasters.get(found) if isinstance(found, FrameStream) else None
         for i, chosen in enumerate(bus.picks):
-            if isinstance(found, Stream) and chosen.raster == raster:
-                each.append(arrived(i, chosen, _table(found, chosen, frames, rows, bus.origin), ambient, rows))
-    return Piece(each, unreadable)
-
-
-def _table(stream: Stream, chosen: Pick, frames: Frames, rows: Rows, origin: float) -> Table:
-    data, length = frames.data[rows], frames.length[rows]
-    numbers = {
-        column: frames.stamp[rows] - origin if column == 0 else decode(stream.page.signals[column - 1], data, length)
-        for column in indices(chosen)
-    }
-    return Table(channels_of(stream), numbers, rows.size)
+            if isinstance(found, FrameStream) and chosen.raster == raster:
+                stamps, data, length = frames.stamp[rows] - bus.origin, frames.data[rows], frames.length[rows]
+                table = Table(numbers=values_of(found, chosen.indices, stamps, data, length), size=rows.size)
+                each.append(arrived(i, chosen, table, ambient, rows))
+    return ArrivedBatch(each, unreadable)

@@ -1,4 +1,4 @@
-"""Where bytes come from while they arrive: a pipe, or a file that grows."""
+"""Bytes as they arrive from a pipe, or from a file that grows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from clutchid.errors import DataError
-from clutchid.recordings.files import plain_file
+from clutchid.recordings.files import plain_file, reason_of
 from clutchid.recordings.formats.kinds import head_of, kind_of
 
 #: Time in s for which arriving bytes are collected, so that a block is worth its cost; bytes of a piece at most.
@@ -51,11 +51,11 @@ def from_descriptor(descriptor: int, stopped: Stopped) -> Iterator[bytes]:
                     yield b"\n"
                 return
     except OSError as error:
-        raise DataError(f"standard input: cannot be read ({error.strerror or error}).") from error
+        raise DataError(f"standard input: cannot be read ({reason_of(error)}).") from error
 
 
 def _collected(descriptor: int) -> tuple[bytes, bool]:
-    """What arrives within `PACE`, and whether the feed has ended."""
+    """Bytes that arrive within `PACE`, and whether the feed has ended."""
     parts: list[bytes] = []
     size, until = 0, time.monotonic() + PACE
     while size < MOST and (rest := until - time.monotonic()) > 0.0:
@@ -103,15 +103,15 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
     except OSError as error:
         if isinstance(error, DataError):
             raise
-        raise DataError(f"{file}: cannot be read any more ({error.strerror or error}).") from error
+        raise DataError(f"{file}: cannot be read any more ({reason_of(error)}).") from error
 
 
 def _trouble(file: Path, number: int, done: int) -> str:
-    """Why a file is not the one any more that was begun, nothing if it is: what is left of that one is read first."""
+    """Reason why a file is no longer the one that was begun, empty if it is; the rest of that one is read first."""
     try:
         found = file.stat()
     except OSError as error:
-        return f"{file}: cannot be read any more ({error.strerror or error})."
+        return f"{file}: cannot be read any more ({reason_of(error)})."
     if found.st_ino == number and found.st_size >= done:
         return ""
     what = "is another file now" if found.st_ino != number else "has become shorter"

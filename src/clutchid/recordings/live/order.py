@@ -6,24 +6,23 @@ A stamp far ahead waits until the next one confirms it, so that one spoiled stam
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray
-from clutchid.recordings.checks import in_si
+from clutchid.recordings.checks import in_si, outside_duty
 from clutchid.recordings.columns import heading_problems
-from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick
+from clutchid.recordings.map.channel_map import Channel, ChannelMap, Pick
 from clutchid.recordings.map.picking import pick
-from clutchid.recordings.recording import scaled
-from clutchid.recordings.source import Raster, Rows, Source, Table, in_contract
-
-#: A duty cycle may be as far outside 0 to 1.
-_SLACK = 1e-9
+from clutchid.recordings.recording import picked_values
+from clutchid.recordings.source import Raster, Rows, Source, Table, in_contract, no_tables
+from clutchid.recordings.time_axis import SampleBlock, no_samples
 
 _ADVICE = (
     "Name the channels as in `time [s],position [m],duty_supply [1],duty_exhaust [1]`, or give a channel map with "
@@ -31,19 +30,22 @@ _ADVICE = (
 )
 
 
-class Arrived(NamedTuple):
+class ArrivedSamples(NamedTuple):
     """Samples of a stream in the order in which they came.
 
-    `place` (n,) is the place of each among all that came together, `time` (n,) in s, `columns` (n,) each in SI;
-    `invalid` counts the values that were infinite, or duty cycles outside 0 to 1, and are NaN now. Samples without a
-    time are left out.
+    `place` (n,) is the place of each among all that came together, `samples` have n time stamps, in the order of
+    arrival; `invalid` counts the values that were infinite, or duty cycles outside 0 to 1, and are NaN now. Samples
+    without a time are left out.
     """
 
     stream: int
     place: Rows
-    time: FloatArray
-    columns: Mapping[str, FloatArray]
+    samples: SampleBlock
     invalid: int = 0
+
+    def take(self, rows: Rows | NDArray[np.bool_]) -> ArrivedSamples:
+        """Some of the samples."""
+        return self._replace(place=self.place[rows], samples=self.samples.take(rows))
 
 
 def picked_streams(
@@ -58,7 +60,7 @@ def picked_streams(
     DataError
         If the map does not fit, or a required quantity has no channel; the text lists all problems.
     """
-    source = Source(Path(name), "CSV" if len(rasters) == 1 else "CAN", tuple(rasters), lambda *_: iter(()))
+    source = Source(Path(name), "CSV" if len(rasters) == 1 else "CAN", tuple(rasters), no_tables)
     problems: list[str] = []
     if channels is None:
         if len(rasters) == 1 and not in_contract(source):
@@ -83,12 +85,7 @@ def _by_names(rasters: Sequence[Raster]) -> ChannelMap:
     return ChannelMap(found)
 
 
-def indices(chosen: Pick) -> list[int]:
-    """The channels of a time grid that are read, by their index in it."""
-    return [heading.index for heading, _ in chosen.columns.values() if heading.index != COUNTED]
-
-
-def arrived(stream: int, chosen: Pick, table: Table, ambient: float, place: Rows, done: int = 0) -> Arrived:
+def arrived(stream: int, chosen: Pick, table: Table, ambient: float, place: Rows, done: int = 0) -> ArrivedSamples:
     """The picked channels of a table in SI, in the order in which they came.
 
     Parameters
@@ -101,24 +98,18 @@ def arrived(stream: int, chosen: Pick, table: Table, ambient: float, place: Rows
         Number of rows before, for a time that is counted.
     """
     columns, invalid = {}, 0
-    for name, (heading, entry) in chosen.columns.items():
-        if heading.index == COUNTED:
-            values = (done + np.arange(table.size)) / float(chosen.rate or 1.0)
-        else:
-            values = in_si(heading, scaled(table.numbers[heading.index], entry), ambient)
+    for name, written in picked_values(table, chosen, done).items():
+        values = in_si(chosen.columns[name][0], written, ambient)
         wrong = np.isinf(values)
         if name in INPUTS:
-            wrong |= (values < -_SLACK) | (values > 1.0 + _SLACK)
+            wrong |= outside_duty(values)
         if wrong.any():
             invalid += int(wrong.sum())
             values = np.where(wrong, np.nan, values)
         columns[name] = values
-    time = columns.pop("time")
-    known = np.isfinite(time)
-    if not known.all():
-        place, time = place[known], time[known]
-        columns = {name: values[known] for name, values in columns.items()}
-    return Arrived(stream, place, time, columns, invalid)
+    found = ArrivedSamples(stream, place, SampleBlock(columns.pop("time"), columns), invalid)
+    known = np.isfinite(found.samples.time)
+    return found if known.all() else found.take(known)
 
 
 #: Time in s by which a stamp may lie behind the latest one: as long samples wait for those that come out of order.
@@ -132,43 +123,45 @@ LOST = 1000
 JUMP = 0.2
 
 
-class Ordered(NamedTuple):
-    """Samples of one stream with increasing stamps: time in s, columns in SI."""
-
-    time: FloatArray
-    columns: Mapping[str, FloatArray]
-
-
 @dataclass(frozen=True, eq=False, slots=True)
-class Waiting:
+class WaitingSamples:
     """Samples by stream that others may still precede; the latest stamp in s; late samples in a row.
 
     `lost` is the stamp in s at which the clock was found to have gone back, NaN before. `ahead` are samples, one each,
     whose stamps are more than `JUMP` ahead of the latest and wait for the next one.
     """
 
-    streams: tuple[Ordered, ...]
+    streams: tuple[SampleBlock, ...]
     latest: float = -math.inf
     late: int = 0
     lost: float = math.nan
-    ahead: tuple[Arrived, ...] = ()
+    ahead: tuple[ArrivedSamples, ...] = ()
 
 
-class LeftOut(NamedTuple):
-    """Samples that were left out: too late, with a stamp that a later one repeats, or that no later one confirms."""
+class LeftOutCounts(NamedTuple):
+    """Numbers of samples left out, see `clutchid.observer.health.LIVE_FLAGS`.
+
+    They are too late, have a stamp that a later one repeats, cannot be read, or are invalid, as no later one confirms
+    their stamp.
+    """
 
     late: int = 0
     repeated: int = 0
+    unreadable: int = 0
     invalid: int = 0
 
+    def plus(self, other: LeftOutCounts) -> LeftOutCounts:
+        """The sum of both."""
+        return LeftOutCounts(*(one + more for one, more in zip(self, other, strict=True)))
 
-def none_waiting(names: Sequence[Sequence[str]]) -> Waiting:
-    """Nothing yet, of streams with columns of these names."""
-    return Waiting(tuple(Ordered(np.empty(0), {name: np.empty(0) for name in each}) for each in names))
+
+def none_waiting(names: Sequence[Sequence[str]]) -> WaitingSamples:
+    """No samples yet, of streams with columns of these names."""
+    return WaitingSamples(tuple(map(no_samples, names)))
 
 
-def sorted_in(waiting: Waiting, found: Sequence[Arrived]) -> tuple[Waiting, LeftOut]:
-    """What waits after some samples came; those that came together may be cut in any way.
+def sorted_in(waiting: WaitingSamples, found: Sequence[ArrivedSamples]) -> tuple[WaitingSamples, LeftOutCounts]:
+    """Waiting samples after some more came; those that came together may be cut in any way.
 
     A sample whose stamp is `WINDOW` or more below one that came before is late. Of equal stamps the last counts. After
     `LOST` late samples in a row all others are left out. A sample whose stamp is more than `JUMP` ahead waits: it is
@@ -179,49 +172,55 @@ def sorted_in(waiting: Waiting, found: Sequence[Arrived]) -> tuple[Waiting, Left
     streams, repeated = list(waiting.streams), 0
     begin = 0
     for one in found:
-        keep = ~late[begin : begin + one.time.size]
-        begin += one.time.size
-        streams[one.stream], again = _merged(streams[one.stream], one, keep)
+        keep = ~late[begin : begin + one.place.size]
+        begin += one.place.size
+        streams[one.stream], again = _merged(streams[one.stream], one.samples, keep)
         repeated += again
     after = replace(waiting, streams=tuple(streams), latest=latest, late=run, lost=end, ahead=ahead)
-    return after, LeftOut(int(late.sum()), repeated, invalid)
+    return after, LeftOutCounts(int(late.sum()), repeated, invalid=invalid)
 
 
-def unconfirmed(waiting: Waiting) -> tuple[Waiting, LeftOut]:
-    """What waits at the end: a sample far ahead is invalid, unless it is the only one."""
+def unconfirmed(waiting: WaitingSamples) -> tuple[WaitingSamples, LeftOutCounts]:
+    """Waiting samples at the end: a sample far ahead is invalid, unless it is the only one."""
     after = replace(waiting, ahead=())
     if waiting.latest > -math.inf or not waiting.ahead:
-        return after, LeftOut(invalid=len(waiting.ahead))
+        return after, LeftOutCounts(invalid=len(waiting.ahead))
     first = waiting.ahead[0]
     streams = list(waiting.streams)
-    streams[first.stream] = _joined(streams[first.stream], first.time, first.columns)
-    return replace(after, streams=tuple(streams), latest=float(first.time[0])), LeftOut()
+    streams[first.stream] = streams[first.stream].followed_by(first.samples)
+    return replace(after, streams=tuple(streams), latest=float(first.samples.time[0])), LeftOutCounts()
 
 
-def _confirmed(waiting: Waiting, found: Sequence[Arrived]) -> tuple[Sequence[Arrived], tuple[Arrived, ...], int]:
+def _confirmed(
+    waiting: WaitingSamples, found: Sequence[ArrivedSamples]
+) -> tuple[Sequence[ArrivedSamples], tuple[ArrivedSamples, ...], int]:
     """The samples that are taken, those that wait because they are far ahead, and the number of invalid ones."""
     held = [one._replace(place=np.array([i - len(waiting.ahead)])) for i, one in enumerate(waiting.ahead)]
     found = [*held, *found]
-    place = np.concatenate([np.empty(0, dtype=np.int64), *(one.place for one in found)])
-    order = np.argsort(place, kind="stable")
-    stamps = np.concatenate([np.empty(0), *(one.time for one in found)])[order]
+    order, stamps = _in_order_of_arrival(found)
     before = np.maximum.accumulate(np.append(waiting.latest, stamps))[:-1]
     if not held and (stamps <= before + JUMP).all():
         return found, (), 0
     wait, invalid = _far_ahead(waiting.latest, stamps.tolist())
     taken = np.ones(stamps.size, dtype=bool)
     taken[order[[*wait, *invalid]]] = False
-    begins = np.cumsum([0, *(one.time.size for one in found)])
+    begins = np.cumsum([0, *(one.place.size for one in found)])
     ahead = []
     for at in order[wait].tolist():
         i = int(np.searchsorted(begins, at, side="right")) - 1
-        ahead.append(_rows(found[i], np.array([at - begins[i]])))
-    rest = [_rows(one, taken[begin : begin + one.time.size]) for one, begin in zip(found, begins, strict=False)]
+        ahead.append(found[i].take(np.array([at - begins[i]])))
+    rest = [one.take(taken[begin : begin + one.place.size]) for one, begin in zip(found, begins, strict=False)]
     return rest, tuple(ahead), len(invalid)
 
 
+def _in_order_of_arrival(found: Sequence[ArrivedSamples]) -> tuple[Rows, FloatArray]:
+    """Indices of all samples in the order in which they came, and their time stamps in that order."""
+    order = np.argsort(np.concatenate([np.empty(0, dtype=np.int64), *(one.place for one in found)]), kind="stable")
+    return order, np.concatenate([np.empty(0), *(one.samples.time for one in found)])[order]
+
+
 def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[int]]:
-    """Which samples still wait for one that confirms them, and which are invalid, in the order of arrival.
+    """The samples that still wait for one that confirms them, and the invalid ones, in the order of arrival.
 
     The next stamp confirms those that wait if it is neither `WINDOW` below nor as far ahead again. Of the first ones of
     all, those far below the ones that are confirmed are invalid.
@@ -246,18 +245,11 @@ def _far_ahead(latest: float, stamps: Sequence[float]) -> tuple[list[int], list[
     return wait, invalid
 
 
-def _rows(samples: Arrived, which: np.ndarray) -> Arrived:
-    columns = {name: values[which] for name, values in samples.columns.items()}
-    return samples._replace(place=samples.place[which], time=samples.time[which], columns=columns)
-
-
-def _late(waiting: Waiting, found: Sequence[Arrived]) -> tuple[np.ndarray, float, int, float]:
-    """Which samples are late; then the latest stamp, the late ones in a row, and the stamp where the clock was lost."""
-    time = np.concatenate([np.empty(0), *(one.time for one in found)])
-    if not time.size or not math.isnan(waiting.lost):
-        return np.ones(time.size, dtype=bool), waiting.latest, waiting.late, waiting.lost
-    order = np.argsort(np.concatenate([one.place for one in found]), kind="stable")
-    stamps = time[order]
+def _late(waiting: WaitingSamples, found: Sequence[ArrivedSamples]) -> tuple[NDArray[np.bool_], float, int, float]:
+    """The late samples as a mask; the latest stamp, the late ones in a row, and the stamp where the clock was lost."""
+    order, stamps = _in_order_of_arrival(found)
+    if not stamps.size or not math.isnan(waiting.lost):
+        return np.ones(stamps.size, dtype=bool), waiting.latest, waiting.late, waiting.lost
     before = np.maximum.accumulate(np.append(waiting.latest, stamps))
     late = stamps <= before[:-1] - WINDOW
     last_good = np.maximum.accumulate(np.where(late, -1 - waiting.late, np.arange(stamps.size)))
@@ -272,46 +264,20 @@ def _late(waiting: Waiting, found: Sequence[Arrived]) -> tuple[np.ndarray, float
     return result, latest, int(run[-1]), end
 
 
-def _merged(held: Ordered, new: Arrived, keep: np.ndarray) -> tuple[Ordered, int]:
-    """The samples of a stream with new ones, and how many have a stamp that a later one repeats."""
-    if (
-        keep.all()
-        and (new.time[1:] > new.time[:-1]).all()
-        and (not held.time.size or not new.time.size or new.time[0] > held.time[-1])
-    ):  # as they should come: no need to sort
-        return _joined(held, new.time, new.columns), 0
-    both = _joined(held, new.time[keep], {name: values[keep] for name, values in new.columns.items()})
+def _merged(held: SampleBlock, new: SampleBlock, keep: NDArray[np.bool_]) -> tuple[SampleBlock, int]:
+    """The samples of a stream with new ones, and the number of those with a stamp that a later one repeats."""
+    begin = held.time[-1:]
+    if keep.all() and (np.diff(np.append(begin, new.time)) > 0).all():  # as they should come: no need to sort
+        return held.followed_by(new), 0
+    both = held.followed_by(new.take(keep))
     order = np.argsort(both.time, kind="stable")
     stamps = both.time[order]
     order = order[np.append(stamps[1:] != stamps[:-1], True)] if stamps.size else order
-    return Ordered(both.time[order], {name: values[order] for name, values in both.columns.items()}), (
-        stamps.size - order.size
-    )
+    return both.take(order), stamps.size - order.size
 
 
-def _joined(held: Ordered, time: FloatArray, columns: Mapping[str, FloatArray]) -> Ordered:
-    return Ordered(
-        np.concatenate([held.time, time]),
-        {name: np.concatenate([values, columns[name]]) for name, values in held.columns.items()},
-    )
-
-
-def final(waiting: Waiting, *, ended: bool) -> tuple[Waiting, tuple[Ordered, ...]]:
-    """What goes on waiting, and the samples that none can precede any more; all of them at the end."""
+def final(waiting: WaitingSamples, *, ended: bool) -> tuple[WaitingSamples, tuple[SampleBlock, ...]]:
+    """Samples that go on waiting, and those that none can precede any more; all of them at the end."""
     until = math.inf if ended else waiting.latest - WINDOW
-    ready, rest = [], []
-    for one in waiting.streams:
-        cut = int(np.searchsorted(one.time, until, side="right"))
-        ready.append(part(one, 0, cut))
-        rest.append(part(one, cut, one.time.size))
-    return replace(waiting, streams=tuple(rest)), tuple(ready)
-
-
-def part(samples: Ordered, begin: int, end: int) -> Ordered:
-    """Some of the samples."""
-    return Ordered(samples.time[begin:end], {name: values[begin:end] for name, values in samples.columns.items()})
-
-
-def followed_by(first: Ordered, then: Ordered) -> Ordered:
-    """Samples and those that come after them."""
-    return _joined(first, then.time, then.columns)
+    parts = [one.split(until) for one in waiting.streams]
+    return replace(waiting, streams=tuple(rest for _, rest in parts)), tuple(ready for ready, _ in parts)

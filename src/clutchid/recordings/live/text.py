@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,10 +16,10 @@ from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.recordings.columns import Heading, headings
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
-from clutchid.recordings.formats.csv.lines import Block
-from clutchid.recordings.formats.csv.rows import Part, by_numpy, by_polars, is_plain, joined, read_text
-from clutchid.recordings.live.arrival import LiveBlock, Piece, live_blocks
-from clutchid.recordings.live.order import arrived, indices, picked_streams
+from clutchid.recordings.formats.csv.lines import BOMS_UTF16, LineBlock
+from clutchid.recordings.formats.csv.rows import joined, read_fast, read_text
+from clutchid.recordings.live.arrival import ArrivedBatch, LiveBlock, live_blocks
+from clutchid.recordings.live.order import arrived, picked_streams
 from clutchid.recordings.map.channel_map import Pick
 from clutchid.recordings.source import EXAMPLE, Raster, Table
 
@@ -122,9 +123,6 @@ _TOO_LONG = b"?\n"
 #: Lines from which on polars reads faster than NumPy.
 _MANY = 400
 
-_MARK = b"\xef\xbb\xbf"
-_WIDE = (b"\xff\xfe", b"\xfe\xff")
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TextRows:
@@ -220,10 +218,10 @@ def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
         if cutting:  # the rest of a line that was too long
             _, ended, text = text.partition(b"\n")
             cutting = not ended
-        if not begun and len(text) >= len(_MARK):
-            if text.startswith(_WIDE):
+        if not begun and len(text) >= len(BOM_UTF8):
+            if text.startswith(BOMS_UTF16):
                 raise DataError(f"{name}: is no text in UTF-8; send CSV or JSON lines, a sample a line.")
-            text, begun = text.removeprefix(_MARK), True
+            text, begun = text.removeprefix(BOM_UTF8), True
         end = text.rfind(b"\n") + 1 if begun else 0
         kept = text[end:]
         if end:
@@ -254,25 +252,19 @@ def _objects(text: bytes, keys: Sequence[str], columns: tuple[Heading, ...], cho
 def _cells(text: bytes, found: Dialect, chosen: Sequence[int]) -> TextRows:
     """The rows of a block of lines of CSV."""
     text, selected = text.rstrip() + b"\n", [found.headings[index] for index in chosen]
-    block = Block(1, text, text.count(b"\n"))
-    parts = [_fast(block, found, selected)]
-    if parts[0] is None:  # one by one: a spoiled line must not take others with it
-        parts = [read_text(Block(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
-    whole = [part for part in parts if part is not None]
-    part = joined(whole)
-    ragged = sum(one.ragged_count + bool(one.broken) for one in whole)
+    block = LineBlock(1, text, text.count(b"\n"))
+    special = b'"' in text or b"\0" in text
+    fast = None if special else read_fast(block, found, selected, large=block.lines >= _MANY)
+    if fast:
+        parts = [fast]
+    else:  # one by one: a spoiled line must not take others with it
+        parts = [read_text(LineBlock(1, line, 1), found, selected) for line in text.splitlines(keepends=True)]
+    part = joined(parts)
+    ragged = sum(one.ragged_count + bool(one.broken) for one in parts)
     spoiled = np.zeros(part.size, dtype=bool)
     for rows in part.unread.values():
         spoiled[rows] = True
     return TextRows(Table(found.headings, part.numbers, part.size), spoiled, ragged)
-
-
-def _fast(block: Block, found: Dialect, selected: Sequence[Heading]) -> Part | None:
-    """The numbers by a fast parser; None if that cannot be, as a line is spoiled or has cells in quotes."""
-    if b'"' in block.text or b"\0" in block.text or not is_plain(block, found):
-        return None
-    read = by_polars if block.lines >= _MANY else by_numpy
-    return read(block, found, selected)
 
 
 def text_blocks(
@@ -301,17 +293,17 @@ def text_blocks(
         raise DataError(f"{name}: {feed.unnamed}")
     picks = picked_streams(name, [feed.raster], channels, required)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
-    yield from live_blocks(_pieces(feed, picks, ambient), picks, name, metadata)
+    yield from live_blocks(_batches(feed, picks, ambient), picks, name, metadata)
 
 
-def _pieces(feed: TextFeed, picks: Sequence[Pick], ambient: float) -> Iterator[Piece]:
+def _batches(feed: TextFeed, picks: Sequence[Pick], ambient: float) -> Iterator[ArrivedBatch]:
     """The picked channels of the rows, in SI."""
     done = 0
-    chosen = sorted({index for each in picks for index in indices(each)})
+    chosen = sorted({index for each in picks for index in each.indices})
     for rows in feed.rows(chosen):
         place, spoiled = np.arange(rows.table.size), rows.spoiled.copy()
         each = [arrived(i, one, rows.table, ambient, place, done) for i, one in enumerate(picks)]
         for one in each:
             spoiled |= ~np.isin(place, one.place)  # without a time
-        yield Piece(each, rows.left_out + int(spoiled.sum()))
+        yield ArrivedBatch(each, rows.left_out + int(spoiled.sum()))
         done += rows.table.size

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.log.units import UNITS, known_units
+from clutchid.log import HOLE
+from clutchid.log.units import known_units
 from clutchid.names import unknown_name
-from clutchid.recordings.columns import QUANTITIES, Heading, unit_spelled
+from clutchid.parameters import is_number
+from clutchid.recordings.columns import QUANTITIES, Heading, is_unit_of, unit_spelled
 from clutchid.recordings.files import write_text
 from clutchid.recordings.records import read_toml
 
@@ -81,6 +83,16 @@ class Pick:
     notes: tuple[str, ...] = ()
     increasing: bool = False
 
+    @property
+    def indices(self) -> list[int]:
+        """The channels that are read, by their index in the time grid."""
+        return [heading.index for heading, _ in self.columns.values() if heading.index != COUNTED]
+
+    def longest(self, usual: float) -> dict[str, float]:
+        """Time in s for which a sample remains valid, by quantity, at a `usual` interval of the channels in s."""
+        entries = {name: entry for name, (_, entry) in self.columns.items() if name != "time"}
+        return {name: HOLE * usual if one.longest is None else one.longest for name, one in entries.items()}
+
 
 def read_map(path: str | PathLike[str]) -> ChannelMap:
     """Read a channel map from a TOML file; paths of DBC files in it are relative to it.
@@ -106,7 +118,7 @@ def read_map(path: str | PathLike[str]) -> ChannelMap:
     found = ChannelMap(channels, dbc, raster, rate)
     problems += contradictions(found)
     if problems:
-        raise ParameterError(_listed(path, problems))
+        raise ParameterError(str(DataError.of(str(path), problems)))
     return found
 
 
@@ -201,11 +213,9 @@ def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
 def _values(name: str, entry: Channel) -> list[str]:
     """Problems of the values of an entry."""
     problems = []
-    if entry.unit is not None:
-        unit = UNITS.get(unit_spelled(entry.unit) or "")
-        if unit is None or unit.si != QUANTITIES[name]:
-            known = ", ".join(known_units(QUANTITIES[name]))
-            problems.append(f"unit = '{entry.unit}': is not known here; use one of {known}.")
+    if entry.unit is not None and not is_unit_of(name, unit_spelled(entry.unit)):
+        known = ", ".join(known_units(QUANTITIES[name]))
+        problems.append(f"unit = '{entry.unit}': is not known here; use one of {known}.")
     if abs(entry.sign) != 1.0:
         problems.append(f"sign = {entry.sign:g}: must be 1 or -1; use factor for another scale.")
     if entry.factor == 0.0:
@@ -238,7 +248,7 @@ def _positive(content: Mapping[str, Any], key: str, what: str, problems: list[st
 
 
 def _number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return is_number(value) and math.isfinite(value)
 
 
 def _relative(file: Path, folder: Path) -> str:
@@ -246,7 +256,3 @@ def _relative(file: Path, folder: Path) -> str:
         return file.resolve().relative_to(folder.resolve()).as_posix()
     except ValueError:
         return str(file.resolve())
-
-
-def _listed(path: str | PathLike[str], problems: list[str]) -> str:
-    return str(DataError.of(str(path), problems))

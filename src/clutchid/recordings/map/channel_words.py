@@ -54,7 +54,7 @@ _FIRST_CIRCUITS, _THIRD_CIRCUIT, _FOURTH_CIRCUIT = _words("1 2 21 22"), _words("
 
 
 class Circuit(IntEnum):
-    """Where the air of a pressure comes from, the nearest to a clutch actuator last."""
+    """Source of the air of a pressure, the nearest to a clutch actuator last."""
 
     BRAKES = 0
     SUPPLY = 1

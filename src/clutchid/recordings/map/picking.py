@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from clutchid.log.units import UNITS, known_units
-from clutchid.recordings.columns import QUANTITIES, Heading, channel_name, unit_at_end, unit_spelled
+from clutchid.log.units import known_units
+from clutchid.recordings.columns import QUANTITIES, Heading, channel_name, is_unit_of, unit_at_end, unit_spelled
 from clutchid.recordings.map.channel_map import COUNTED, Channel, ChannelMap, Pick, contradictions
 from clutchid.recordings.map.channel_words import means_no_time, means_time
 from clutchid.recordings.map.ranges import PLAUSIBLE
@@ -77,7 +77,7 @@ def own_clock(raster: Raster) -> tuple[Heading | None, str]:
         return None, ""
     named = unit_at_end(heading.text, "s")
     unit = heading.unit or named or "s"
-    if unit not in UNITS or UNITS[unit].si != "s":
+    if not is_unit_of("time", unit):
         return None, ""
     said = ""
     if heading.unit is None and named:
@@ -166,7 +166,7 @@ def _unit_problem(name: str, heading: Heading, unit: str | None) -> list[str]:
         return [
             f"{name}: channel '{heading.text}' has no unit; write unit = '...' in the map, one of {', '.join(known)}."
         ]
-    if unit not in UNITS or UNITS[unit].si != QUANTITIES[name]:
+    if not is_unit_of(name, unit):
         return [
             f"{name}: channel '{heading.text}' has the unit [{unit}]; write unit = '...' in the map (and a factor, "
             f"if the unit of the sensor differs), one of {', '.join(known)}."

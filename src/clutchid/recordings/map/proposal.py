@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
 from clutchid.log.units import UNITS
-from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, unit_at_end
+from clutchid.recordings.columns import QUANTITIES, REQUIRED, Heading, is_unit_of, listed, unit_at_end
 from clutchid.recordings.formats.can.j1939 import parameter_in
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.channel_words import Circuit, circuit_of, is_named_by_j1939, is_set_point, name_score
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
-from clutchid.recordings.source import Raster, Source, and_more
+from clutchid.recordings.source import Raster, Source
 
 #: Score of a channel with the standard name of the quantity.
 STANDARD = 100.0
 
-#: What the name of a set point costs a duty cycle: the one that is measured is preferred.
+#: Loss of score of a duty cycle with the name of a set point: the measured one is preferred.
 _SET_POINT = 0.25
 
 
@@ -36,14 +36,12 @@ _REASONS = {
     Circuit.BRAKES: "no other is recorded; check, because braking lowers the circuits of the brakes",
 }
 
-_SHOWN = 5
-
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """A channel that may be a quantity, its score, its range, and its unit with the reason if that is a guess.
 
-    `implied` is what else is assumed of the unit.
+    `implied` is a further assumption about the unit.
     """
 
     raster: Raster
@@ -64,7 +62,7 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
             if heading.text in texts or (clock is not None and heading.index == clock.index and name != "time"):
                 continue
             score = _score(name, heading)
-            if score <= 0.0 or not (heading.unit is None or fits(name, heading.unit)):
+            if score <= 0.0 or not (heading.unit is None or is_unit_of(name, heading.unit)):
                 continue
             seen = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
             seen = seen._replace(constant=seen.constant and score < STANDARD)
@@ -74,7 +72,7 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
 
 
 def _score(name: str, heading: Heading) -> float:
-    """How well a channel is called like a quantity; what a controller asks for is none but a duty cycle."""
+    """Score of the name of a channel for a quantity; a set point is none, except of a duty cycle."""
     if heading.name == name:
         return STANDARD
     score = name_score(name, standard_title(heading) if name in PLAUSIBLE else heading.text)
@@ -113,13 +111,8 @@ def _unit(name: str, unit: str | None, seen: Range) -> tuple[str | None, str]:
     return unit, ""
 
 
-def fits(name: str, unit: str | None) -> bool:
-    """Whether a unit is one of the quantity `name`."""
-    return unit is not None and unit in UNITS and UNITS[unit].si == QUANTITIES[name]
-
-
 def standard_title(heading: Heading) -> str:
-    """What SAE J1939-71 calls a channel that its comment or its name identifies; else its name."""
+    """Title in SAE J1939-71 of a channel that its comment or its name identifies; else its name."""
     found = parameter_in(heading.comment) or parameter_in(heading.text)
     return found.title if found else heading.text
 
@@ -131,7 +124,7 @@ def gauge_by_standard(heading: Heading) -> bool:
 
 
 def implausible(name: str, heading: Heading, unit: str | None, seen: Range) -> str:
-    """Why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
+    """Reason why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
     if math.isnan(seen.low) or (seen.constant and seen.low == 0.0):
         return f"{name}: '{heading.text}' has no values and is left out."
     known = UNITS.get(unit or "")
@@ -148,14 +141,14 @@ def implausible(name: str, heading: Heading, unit: str | None, seen: Range) -> s
 
 
 def reason(chosen: Heading, others: Sequence[Heading]) -> str:
-    """Why of several pressures one is proposed as that of the supply; empty where there is no other, and it is sure."""
+    """Reason to propose one of several pressures as that of the supply; empty if it is sure and the only one."""
     circuit = circuit_of(standard_title(chosen))
     if circuit is None or not (others or circuit is Circuit.BRAKES):
         return ""
     beside = ""
     if others:
-        names = [f"'{heading.text}'" for heading in others[:_SHOWN]]
-        beside = f"; others are {and_more(names, len(others) - len(names))}"
+        names = listed(f"'{heading.text}'" for heading in others)
+        beside = f"; others are {names}"
     return f"pressure_supply: '{chosen.text}' is proposed, because {_REASONS[circuit]}{beside}."
 
 
@@ -302,7 +295,7 @@ def _ranked(name: str, found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
-    """What has to be decided about a proposed channel; empty if nothing."""
+    """Decision that a proposed channel needs; empty if none."""
     text = best.heading.text
     if equal:
         others = ", ".join(f"'{candidate.heading.text}'" for candidate in equal[:5])
@@ -313,7 +306,7 @@ def _remark(name: str, best: Candidate, equal: Sequence[Candidate]) -> str:
 
 
 def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
-    """Why channels that are called like a condition are none."""
+    """Reasons why channels that are called like a condition are none."""
     if name not in PLAUSIBLE:
         return []
     named = [c for c in found if c.score < STANDARD]
@@ -321,7 +314,7 @@ def _left_out(name: str, found: Sequence[Candidate]) -> list[str]:
 
 
 def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
-    """What the name and the samples of a proposed channel imply, and why it is not one of the `others`."""
+    """Implications of the name and the samples of a proposed channel, and the reason against the `others`."""
     if name == "pressure_supply" and best.score < STANDARD:
         why = reason(best.heading, [other.heading for other in others])
         yield from [why] if why else []
@@ -336,7 +329,9 @@ def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[
 def _set_points(source: Source, name: str) -> list[str]:
     """Channels that are what a controller asks of a quantity."""
     headings = [heading for raster in source.rasters for heading in raster.headings]
-    return [h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and fits(name, h.unit)]
+    return [
+        h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and is_unit_of(name, h.unit)
+    ]
 
 
 def _missing(name: str, found: Sequence[Candidate], set_points: Sequence[str]) -> str:
@@ -359,9 +354,9 @@ def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
         for heading in raster.headings
         if heading.text and heading.text not in taken and heading.text not in dict(raster.others)
     ]
-    chosen = [heading for heading in free if fits(name, heading.unit)] or [h for h in free if h.unit is None]
-    shown = [f"'{heading.text}'" for heading in chosen[:_LISTED]]
-    return f"candidates: {and_more(shown, len(chosen) - len(shown))}" if shown else "no channel has a unit of it"
+    chosen = [heading for heading in free if is_unit_of(name, heading.unit)] or [h for h in free if h.unit is None]
+    shown = listed((f"'{heading.text}'" for heading in chosen), _LISTED)
+    return f"candidates: {shown}" if shown else "no channel has a unit of it"
 
 
 def _entry(source: Source, best: Candidate) -> Channel:

@@ -29,20 +29,20 @@ VENTED, PRESSED = 1.1, 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pending:
+class PendingSamples:
     """Samples of one stretch whose section is incomplete, and their bins; `vented` is the rest before them in s."""
 
     samples: Samples
     bins: Bins
     vented: float = 0.0
 
-    def followed_by(self, samples: Samples, bins: Bins) -> Pending:
+    def followed_by(self, samples: Samples, bins: Bins) -> PendingSamples:
         """These samples and the next ones."""
-        return Pending(self.samples.followed_by(samples), self.bins.followed_by(bins), self.vented)
+        return PendingSamples(self.samples.followed_by(samples), self.bins.followed_by(bins), self.vented)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Completed:
+class CompletedSamples:
     """A complete stroke or rest; `vented` is the vented rest before it (for a rest: in it) in s.
 
 
@@ -69,7 +69,7 @@ class _Span:
     departs: int = 0
 
 
-def completed(pending: Pending, *, final: bool) -> tuple[list[Completed], Pending | None]:
+def completed(pending: PendingSamples, *, final: bool) -> tuple[list[CompletedSamples], PendingSamples | None]:
     """Complete strokes and rests, and what is still pending; with `final` everything is complete."""
     bins, n = pending.bins, len(pending.bins)
     full = len(pending.samples) > LONGEST
@@ -89,7 +89,7 @@ def completed(pending: Pending, *, final: bool) -> tuple[list[Completed], Pendin
     return [_completed(pending, span) for span in parts], _left(pending, keep, max(vented - overlap, 0.0))
 
 
-def _spans(pending: Pending) -> list[_Span]:
+def _spans(pending: PendingSamples) -> list[_Span]:
     """Pending rests and strokes, in order and without gaps."""
     bins, n = pending.bins, len(pending.bins)
     found: list[_Span] = []
@@ -148,7 +148,7 @@ def _seconds(bins: Bins, start: int, stop: int) -> float:
     return float(bins.time[min(stop, len(bins) - 1)] - bins.time[start]) if stop > start else 0.0
 
 
-def _vented(pending: Pending, begin: int, end: int) -> float:
+def _vented(pending: PendingSamples, begin: int, end: int) -> float:
     """Time in s at the end of a rest with the supply closed and, where pressure is measured, the chamber vented."""
     bins = pending.bins
     opened = np.flatnonzero(~bins.closed[begin:end])
@@ -196,27 +196,29 @@ def _divided(bins: Bins, span: _Span) -> list[_Span]:
     return [*found, replace(span, start=start, vented=vented)]
 
 
-def _vented_before(pending: Pending, last: _Span) -> float:
+def _vented_before(pending: PendingSamples, last: _Span) -> float:
     """Vented rest in s before the bins that stay pending."""
     if last.start == 0:
         return pending.vented
     return 0.0 if last.kind == "rest" else max(last.vented - _seconds(pending.bins, last.start, last.departs), 0.0)
 
 
-def _left(pending: Pending, start: int, vented: float) -> Pending | None:
+def _left(pending: PendingSamples, start: int, vented: float) -> PendingSamples | None:
     """The pending samples from bin `start` on."""
     if start >= len(pending.bins):
         return None
     at = int(pending.bins.first[start] - pending.bins.first[0])
     samples = pending.samples.part(at, len(pending.samples))
-    return Pending(samples, pending.bins.part(start, len(pending.bins)), vented)
+    return PendingSamples(samples, pending.bins.part(start, len(pending.bins)), vented)
 
 
-def _completed(pending: Pending, span: _Span) -> Completed:
+def _completed(pending: PendingSamples, span: _Span) -> CompletedSamples:
     edges = np.append(pending.bins.first, pending.samples.first + len(pending.samples)) - pending.samples.first
     samples = pending.samples.part(int(edges[span.start]), int(edges[span.stop]))
     lead = max(span.departs - span.start, 0) if span.kind == "stroke" else 0
-    return Completed(span.kind, span.long_hold, samples, pending.bins.part(span.start, span.stop), span.vented, lead)
+    return CompletedSamples(
+        span.kind, span.long_hold, samples, pending.bins.part(span.start, span.stop), span.vented, lead
+    )
 
 
 #: Fractions of the reach: least peak of a full stroke, least amplitude of a swing and of a swing in slip, least

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import Log, sample_interval
 from clutchid.recordings.signals.sampled import difference_velocity
-from clutchid.recordings.strokes.borders import Completed, Pending, completed, rest_label, stroke_label
+from clutchid.recordings.strokes.borders import CompletedSamples, PendingSamples, completed, rest_label, stroke_label
 from clutchid.recordings.strokes.rest_level import (
     CLOSED,
     Bins,
@@ -27,7 +27,7 @@ from clutchid.recordings.strokes.stream import Samples, Stretch, blocks, last_kn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Carried:
+class _CuttingState:
     """State carried between blocks: rest level, sampling interval, last known position, time of the last sample."""
 
     level: RestLevel | None = None
@@ -73,7 +73,7 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
     full stroke 1.0 2.3 1.0 mm
     vented rest 2.3 4.0 1.0 mm
     """
-    carried, pending, name = _Carried(), None, "log"
+    carried, pending, name = _CuttingState(), None, "log"
     metadata: dict[str, str] = {}
 
     def with_metadata() -> Iterator[Log]:
@@ -84,7 +84,7 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
                 metadata.update(piece.metadata)
             yield piece
 
-    def described(parts: Iterable[Completed]) -> Iterator[Section]:
+    def described(parts: Iterable[CompletedSamples]) -> Iterator[Section]:
         for part in parts:
             yield section(part, name, metadata)
 
@@ -94,7 +94,7 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
             if opens and pending is not None:
                 yield from described(completed(pending, final=True)[0])
                 pending = None
-            pending = Pending(samples, bins) if pending is None else pending.followed_by(samples, bins)
+            pending = PendingSamples(samples, bins) if pending is None else pending.followed_by(samples, bins)
         if pending is not None:
             parts, pending = completed(pending, final=False)
             yield from described(parts)
@@ -102,7 +102,7 @@ def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
         yield from described(completed(pending, final=True)[0])
 
 
-def _binned(block: Samples, before: _Carried) -> tuple[_Carried, list[tuple[Samples, Bins, bool]]]:
+def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[tuple[Samples, Bins, bool]]]:
     """State after a block, and the stretches of the block with their bins."""
     interval = sample_interval(block.time, before.interval)
     width = samples_in_bin(interval)
@@ -124,14 +124,14 @@ def _binned(block: Samples, before: _Carried) -> tuple[_Carried, list[tuple[Samp
         (block.part(stretch.start, stretch.stop), relative_to_rest(raw, rest, window), stretch.opens)
         for stretch, raw in zip(found, raws, strict=True)
     ]
-    return _Carried(level, interval, last, last_known(block)), parts
+    return _CuttingState(level, interval, last, last_known(block)), parts
 
 
 #: Half the number of bins over which a speed is computed: 20 ms before and after.
 SPEED_BINS = 2
 
 
-def section(part: Completed, name: str, metadata: Mapping[str, str]) -> Section:
+def section(part: CompletedSamples, name: str, metadata: Mapping[str, str]) -> Section:
     """The section of a completed stroke or rest; samples are copied so that the recording can be freed."""
     samples = part.samples
     columns = {column: values.copy() for column, values in samples.columns.items()}
@@ -146,7 +146,7 @@ def section(part: Completed, name: str, metadata: Mapping[str, str]) -> Section:
     return Section(part.kind, label, log, start, end, departure, samples.first, summary)
 
 
-def _summary(part: Completed) -> SectionSummary:
+def _summary(part: CompletedSamples) -> SectionSummary:
     samples, bins = part.samples, part.bins
     known = bins.position[np.isfinite(bins.position)]
     speed = difference_velocity(bins.time, bins.position, SPEED_BINS)

@@ -1,4 +1,4 @@
-"""Where the vented piston rests, as its sensor reads it, and how far that has moved between two recordings."""
+"""Position of the vented piston at rest, as its sensor reads it, and its shift between two recordings."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class VentedRest(NamedTuple):
 
     @property
     def held(self) -> float:
-        """How far in m friction holds the piston above the lowest rest after a stroke."""
+        """Distance in m at which friction holds the piston above the lowest rest after a stroke."""
         return self.returned - self.lowest
 
     @property
@@ -78,7 +78,7 @@ class VentedRest(NamedTuple):
 
 
 class RestShift(NamedTuple):
-    """How far the vented rest has moved since a calibration, in m with its 95 % interval.
+    """Shift of the vented rest since a calibration, in m with its 95 % interval.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def merged(rests: Sequence[VentedRest | None]) -> VentedRest | None:
 
 
 def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
-    """How far the vented rest has moved from one recording to another; None where they cannot be compared.
+    """Shift of the vented rest from one recording to another; None where they cannot be compared.
 
     Rests at the stop are compared where both recordings have one. Else it is those after a stroke, which friction holds
     above the stop, so that they move with the friction of the seals too; or one of each, which may be as far apart.
@@ -201,8 +201,8 @@ def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
     return RestShift(value, value - half, value + half) if abs(value) <= FURTHEST else None
 
 
-class Rested(NamedTuple):
-    """A recording whose position counts from the vented rest, how far that has moved, and what was subtracted in m.
+class ZeroedLog(NamedTuple):
+    """A recording whose position counts from the vented rest, the shift of that, and the length subtracted in m.
 
     `shift` is None where it is not known.
     """
@@ -212,7 +212,7 @@ class Rested(NamedTuple):
     subtracted: float = 0.0
 
 
-def from_rest(log: Log, rest: VentedRest | None, zero: Zero = "subtract") -> Rested:
+def from_rest(log: Log, rest: VentedRest | None, zero: Zero = "subtract") -> ZeroedLog:
     """A recording with its position as travel from the vented rest, so that this is where it was at a calibration.
 
     A shift within its interval of 0 is not subtracted: the same zero gives the same numbers.
@@ -229,5 +229,5 @@ def from_rest(log: Log, rest: VentedRest | None, zero: Zero = "subtract") -> Res
     now = None if rest is None else vented_rest(log)
     shift = rest_shift(rest, now) if rest and now else None
     if shift is None or not shift.moved or zero == "keep":
-        return Rested(log, shift)
-    return Rested(log.with_columns(position=log["position"] - shift.value), shift, shift.value)
+        return ZeroedLog(log, shift)
+    return ZeroedLog(log.with_columns(position=log["position"] - shift.value), shift, shift.value)

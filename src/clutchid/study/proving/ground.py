@@ -16,7 +16,7 @@ from clutchid.errors import ExportError
 from clutchid.fleets.cluster import HERE, Place, results
 from clutchid.fleets.jobs import version_and_source
 from clutchid.log import Log
-from clutchid.processes import Lost, check_workers
+from clutchid.processes import LostWork, check_workers
 from clutchid.recordings.files import write_text
 from clutchid.study.proving.scores import Answer, Workflow, score
 from clutchid.study.proving.workflows import workflow
@@ -157,7 +157,7 @@ def prove(
     work = partial(prove_one, name, conditions=conditions)
     for count, one in enumerate(results(work, todo, place) if todo else (), 1):
         number, found = one.item, one.result
-        result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, Lost) else found
+        result = _result(number, conditions, found.message, 0.0, {}) if isinstance(found, LostWork) else found
         _write(folder / f"truck_{number:05d}.json", result)
         done[number] = result
         if progress:

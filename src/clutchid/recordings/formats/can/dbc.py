@@ -1,6 +1,6 @@
 """DBC, KCD, SYM and ARXML: the meaning of frames, read by cantools, and signals unpacked in bulk.
 
-cantools decodes one message in about 2 µs, so it reads the database only; `signals` unpacks the frames.
+cantools decodes one message in about 2 µs, so it reads the database only; `decode` unpacks the frames.
 """
 
 from __future__ import annotations
@@ -59,17 +59,26 @@ class Signal:
         return (self.begin + self.length - 1) // 8 + 1
 
 
+#: Selectors with the numbers that each may hold.
+Condition = tuple[tuple[Signal, frozenset[int]], ...]
+
+
 @dataclass(frozen=True, eq=False, slots=True)
-class Page:
+class SignalGroup:
     """Signals that a message holds at the same time, when every selector holds one of its numbers."""
 
     signals: tuple[Signal, ...]
-    selectors: tuple[tuple[Signal, frozenset[int]], ...] = ()
+    selectors: Condition = ()
 
     @property
     def name(self) -> str:
         """The numbers that select it: ``Mode=3``."""
         return " ".join(f"{selector.name}={_spelled(numbers)}" for selector, numbers in self.selectors)
+
+    @property
+    def bytes(self) -> int:
+        """Number of payload bytes that its signals need."""
+        return max((signal.bytes for signal in self.signals), default=0)
 
 
 def raw_bits(signal: Signal, data: Bytes) -> Raw:
@@ -100,7 +109,7 @@ def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
     Parameters
     ----------
     signal : Signal
-        The signal, of a page that is present in all frames.
+        The signal, of a group that is present in all frames.
     data : uint8, n x 8 or n x 64
         Payloads, a row a frame.
     length : 1
@@ -145,10 +154,10 @@ def _numbers(signal: Signal, raw: Raw) -> FloatArray:
     return raw.astype(np.float64)
 
 
-def present(page: Page, data: Bytes, length: Counts) -> NDArray[np.bool_]:
-    """In which frames a page is present: all of its selectors are in the frame and hold one of their numbers."""
+def present(group: SignalGroup, data: Bytes, length: Counts) -> NDArray[np.bool_]:
+    """Whether each frame has a signal group: all of its selectors are in the frame and hold one of their numbers."""
     there = np.ones(len(data), dtype=np.bool_)
-    for selector, numbers in page.selectors:
+    for selector, numbers in group.selectors:
         if selector.bytes > data.shape[1]:
             return np.zeros(len(data), dtype=np.bool_)
         wanted = np.array([n & (1 << selector.length) - 1 for n in numbers], dtype=np.uint64)
@@ -162,8 +171,6 @@ def _spelled(numbers: frozenset[int]) -> str:
     ends = sorted(n for n in numbers if n + 1 not in numbers)
     return ",".join(f"{a}" if a == b else f"{a}-{b}" for a, b in zip(starts, ends, strict=True))
 
-
-Condition = tuple[tuple[Signal, frozenset[int]], ...]
 
 _LARGEST_FILE = 1 << 26
 _MOST_SELECTORS = 1 << 16
@@ -184,14 +191,14 @@ _LAST_BIT = 1 << 14
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Message:
-    """A message of a database: its frames, and the pages of signals in them; one page where nothing is multiplexed."""
+    """A message of a database: its frames, and the signal groups in them; one where nothing is multiplexed."""
 
     name: str
     identifier: int
     extended: bool
     length: int
     j1939: bool
-    pages: tuple[Page, ...]
+    groups: tuple[SignalGroup, ...]
     comment: str = ""
     undecodable: tuple[str, ...] = ()
 
@@ -229,7 +236,7 @@ def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
     except ImportError as error:
         raise missing("reading a DBC", "cantools", "can") from error
     kind = _kind(text)
-    if problem := _selectors(text) if kind == "DBC" else _entities(text):
+    if problem := _too_many_selectors(text) if kind == "DBC" else _entities(text):
         raise DataError(f"{source}: {problem}")
     try:
         with quiet("cantools.database.can.database"):
@@ -251,7 +258,7 @@ def _kind(text: str) -> str:
 
 
 def _entities(text: str) -> str:
-    """What is wrong where an XML text declares entities, which could unfold to gigabytes."""
+    """Problem of an XML text that declares entities, which could unfold to gigabytes."""
     return "declares XML entities, which no bus database needs; export it again." if "<!ENTITY" in text else ""
 
 
@@ -265,8 +272,8 @@ def _refusal(reason: str, text: str, kind: str) -> str:
     return f"line {match[1]}, column {match[2]} cannot be read as DBC; mend it, or export the DBC again."
 
 
-def _selectors(text: str) -> str:
-    """What is wrong where ranges of multiplexing hold more numbers than can be listed, as cantools does."""
+def _too_many_selectors(text: str) -> str:
+    """Problem of ranges of multiplexing with more numbers than can be listed, as cantools does."""
     total = 0
     for statement in re.finditer(r"^[ \t]*SG_MUL_VAL_\s[^;]*;", text, re.MULTILINE):
         for first, last in re.findall(r"\b(\d{1,20})\s*-\s*(\d{1,20})\b", statement[0]):
@@ -300,7 +307,7 @@ def _message(message: CantoolsMessage, named: bool) -> Message:
         bool(message.is_extended_frame),
         int(message.length),
         j1939,
-        _pages(usable, j1939),
+        _groups(usable, j1939),
         message.comment or "",
         tuple(signal.name for signal in message.signals if signal not in usable),
     )
@@ -311,13 +318,13 @@ def _usable(signal: CantoolsSignal) -> bool:
     return signal.length in sizes and 0 <= signal.start < _LAST_BIT
 
 
-def _pages(signals: Sequence[CantoolsSignal], j1939: bool) -> tuple[Page, ...]:
-    """The pages of a message: signals under the same selectors stand on the same page."""
+def _groups(signals: Sequence[CantoolsSignal], j1939: bool) -> tuple[SignalGroup, ...]:
+    """The signal groups of a message: those under the same selectors."""
     by_name = {signal.name: signal for signal in signals}
-    pages: dict[Condition, list[Signal]] = {}
+    groups: dict[Condition, list[Signal]] = {}
     for signal in signals:
-        pages.setdefault(_condition(signal, by_name), []).append(_signal(signal, j1939))
-    return tuple(Page(tuple(held), condition) for condition, held in pages.items())
+        groups.setdefault(_condition(signal, by_name), []).append(_signal(signal, j1939))
+    return tuple(SignalGroup(tuple(held), condition) for condition, held in groups.items())
 
 
 def _above(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> list[CantoolsSignal]:

@@ -1,4 +1,4 @@
-"""SAE J1939: what a 29-bit identifier says, which numbers are none, and where a vehicle sends its air and weather."""
+"""SAE J1939: parts of a 29-bit identifier, numbers that are none, and parameters of the air supply and the weather."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Parameter(NamedTuple):
 
     @property
     def comment(self) -> str:
-        """What identifies it in the comment on a channel."""
+        """Text that identifies it in the comment on a channel."""
         return f"{_MARK}{self.acronym}: {self.title}" + (f" (SPN {self.number})" if self.number else "")
 
 
@@ -120,7 +120,7 @@ def addresses(identifier: int) -> tuple[int, int]:
 def first_code(length: int) -> int | None:
     """The first raw number of `length` bits that means "error" or, higher up, "not available", by SAE J1939-71.
 
-    From 8 bits on the highest byte tells: 0xFE error, 0xFF not available. Below, the highest two numbers do.
+    From 8 bits on the highest byte is 0xFE for an error, 0xFF for not available; below, the highest two numbers are.
 
     Examples
     --------

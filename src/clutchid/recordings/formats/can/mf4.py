@@ -15,7 +15,7 @@ from clutchid.errors import DataError
 from clutchid.recordings.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Bytes, Counts, FrameLog, Frames, merged
 from clutchid.recordings.formats.mdf.file import blocks
 from clutchid.recordings.formats.mdf.numbers import converted
-from clutchid.recordings.formats.mdf.opening import Spoiled, opened
+from clutchid.recordings.formats.mdf.opening import BrokenMdf, opened
 
 #: How a file begins: MDF 4, finished or (a logger that lost its supply) not.
 MAGIC = (b"MDF     4", b"UnFinMF 4")
@@ -33,8 +33,8 @@ _LOCAL = 1
 _WHOLE = float(1 << 62)
 
 
-def holds_bus_frames(path: Path) -> bool:
-    """Whether a file is MDF 4 with groups for the frames of a CAN bus.
+def frame_log(path: Path) -> FrameLog | None:
+    """The CAN frames of an MDF 4 file; None where it has no groups for them, or cannot be read.
 
     Raises
     ------
@@ -45,34 +45,12 @@ def holds_bus_frames(path: Path) -> bool:
     """
     with path.open("rb") as file:
         if not file.read(len(MAGIC[0])).startswith(MAGIC):
-            return False
+            return None
     try:
         with opened(path) as mdf:
-            return bool(_groups(mdf))
-    except Spoiled:
-        return False
-
-
-def frame_log(path: Path) -> FrameLog:
-    """The CAN frames of an MDF 4 file; groups without any are passed over.
-
-    Raises
-    ------
-    MissingExtra
-        If asammdf is not installed.
-    DataError
-        If it is no complete MDF file, or has no groups for CAN frames.
-    OSError
-        If the file cannot be read.
-    """
-    try:
-        with opened(path) as mdf:
-            found, start = _groups(mdf), _start(mdf)
-    except Spoiled as error:
-        raise DataError(str(error)) from error
-    if not found:
-        raise DataError("is an MDF file that holds no frames of a CAN bus; its channels are read without a DBC.")
-    return FrameLog("MF4", start, lambda: _blocks(path))
+            return FrameLog("MF4", _start(mdf), lambda: _blocks(path)) if _groups(mdf) else None
+    except BrokenMdf:
+        return None
 
 
 def _start(mdf: Any) -> datetime | None:
@@ -106,7 +84,7 @@ def _blocks(path: Path) -> Iterator[Frames]:
     try:
         with opened(path) as mdf:
             yield from merged([_frames(mdf, number, fields) for number, fields in _groups(mdf).items()])
-    except Spoiled as error:
+    except BrokenMdf as error:
         raise DataError(str(error).rstrip(".")) from error
 
 

@@ -1,4 +1,4 @@
-"""Streams: frames sorted by the message that they carry, the bus and the address that they come from."""
+"""Frames sorted by the message that they carry, the bus and the address that they come from; time grids of these."""
 
 from __future__ import annotations
 
@@ -7,28 +7,33 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from clutchid.recordings.columns import Heading, channel
-from clutchid.recordings.formats.can.dbc import Message, Page, Signal, present
-from clutchid.recordings.formats.can.frames import CLASSIC, Frames, Rows
+from clutchid.log import FloatArray
+from clutchid.recordings.columns import Heading, channel, shortened
+from clutchid.recordings.formats.can.dbc import Message, Signal, SignalGroup, decode, present
+from clutchid.recordings.formats.can.frames import CLASSIC, Bytes, Frames, Rows
 from clutchid.recordings.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number, parameter_at
+from clutchid.recordings.source import Raster
 
-#: What frames are that belong to no stream.
-UNKNOWN, PIECE = "unknown", "piece"
+#: Owners of frames that belong to no stream: unknown messages, fragments of longer ones.
+UNKNOWN, FRAGMENT = "unknown", "fragment"
 
 #: Places of the bits of a key above the identifier.
 _EXTENDED, _BUS = 29, 30
 
-#: A message, or what the frames are that have none; bus, sender, receiver.
+_LONGEST_NAME = 100
+
+#: A message, or one of `UNKNOWN` and `FRAGMENT`; bus, sender, receiver.
 _Owner = tuple[Message | str, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Book:
+class MessageCatalogue:
     """The messages of all DBC files, by identifier, and by group number where they are J1939; the first one counts."""
 
     exact: Mapping[tuple[int, bool], Message]
-    groups: Mapping[int, tuple[Message, ...]]
+    groups: Mapping[int, Sequence[Message]]
 
     def find(self, identifier: int, extended: bool) -> Message | None:
         """The message that a frame carries: of several of one group the one from its sender, else the first."""
@@ -40,47 +45,57 @@ class Book:
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
-    """Frames that become one raster: a page of a message, on one bus, from one sender to one receiver (J1939)."""
+class FrameStream:
+    """Frames of one time grid: a signal group of a message, on one bus, from one sender to one receiver (J1939)."""
 
     message: Message
-    page: Page
+    group: SignalGroup
     bus: int
     sender: int = ANYBODY
     receiver: int = EVERYBODY
 
 
 def _distance(written: tuple[int, int], own: tuple[int, int]) -> int:
-    """How badly the addresses that a DBC writes fit those of a frame."""
+    """Mismatch of the addresses that a DBC writes with those of a frame."""
     if written[0] == own[0]:
         return 0 if written[1] == own[1] else 1
     return 2 if written[0] == ANYBODY else 3
 
 
-def book(messages: Sequence[Message]) -> Book:
-    """The messages, ready to be found."""
+def catalogue(messages: Sequence[Message]) -> MessageCatalogue:
+    """Messages by identifier and by group number."""
     exact: dict[tuple[int, bool], Message] = {}
     groups: dict[int, list[Message]] = defaultdict(list)
     for message in messages:
         exact.setdefault((message.identifier, message.extended), message)
         if message.j1939 and message.extended:
             groups[group_number(message.identifier)].append(message)
-    return Book(exact, {number: tuple(found) for number, found in groups.items()})
+    return MessageCatalogue(exact, groups)
 
 
-def in_order(streams: Iterable[Stream], messages: Sequence[Message]) -> list[Stream]:
+def in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> list[FrameStream]:
     """The streams by their messages in the order of the DBC files, then by bus and addresses."""
     order = {message: number for number, message in enumerate(messages)}
 
-    def place(one: Stream) -> tuple[int, ...]:
-        return order[one.message], one.bus, one.sender, one.receiver, one.message.pages.index(one.page)
+    def place(one: FrameStream) -> tuple[int, ...]:
+        return order[one.message], one.bus, one.sender, one.receiver, one.message.groups.index(one.group)
 
     return sorted(streams, key=place)
 
 
-def channels_of(stream: Stream) -> tuple[Heading, ...]:
-    """The channels of a stream: its stamps, then its signals."""
-    signals = enumerate(stream.page.signals, 1)
+def rasters_of(streams: Sequence[FrameStream], sizes: Mapping[FrameStream, int]) -> tuple[Raster, ...]:
+    """Time grids of the streams: the stamps, then the signals; named by the message and what distinguishes it."""
+    same: dict[str, list[FrameStream]] = defaultdict(list)
+    for stream in streams:
+        same[stream.message.name].append(stream)
+    return tuple(
+        Raster(_channels(stream), sizes.get(stream, 0), _name(stream, same[stream.message.name]), clock=0)
+        for stream in streams
+    )
+
+
+def _channels(stream: FrameStream) -> tuple[Heading, ...]:
+    signals = enumerate(stream.group.signals, 1)
     named = (channel(i, one.name, one.unit, _comment(stream.message, one)) for i, one in signals)
     return (channel(0, "time", "s"), *named)
 
@@ -95,6 +110,26 @@ def _comment(message: Message, signal: Signal) -> str:
     return "; ".join(filter(None, (found.comment, signal.comment))) if found and aligned else signal.comment
 
 
+def _name(stream: FrameStream, same: Sequence[FrameStream]) -> str:
+    differ = {
+        f"0x{stream.message.identifier:X}": len({other.message for other in same}) > 1,
+        f"CAN{stream.bus}": len({other.bus for other in same}) > 1,
+        f"from 0x{stream.sender:02X}": len({other.sender for other in same}) > 1,
+        f"to 0x{stream.receiver:02X}": len({other.receiver for other in same}) > 1 and stream.receiver != EVERYBODY,
+        stream.group.name: bool(stream.group.selectors),
+    }
+    marks = ", ".join(mark for mark, needed in differ.items() if needed)
+    return shortened(f"{stream.message.name} ({marks})" if marks else stream.message.name, _LONGEST_NAME)
+
+
+def values_of(
+    stream: FrameStream, columns: Iterable[int], stamp: FloatArray, data: Bytes, length: NDArray[np.integer]
+) -> dict[int, FloatArray]:
+    """Values of some channels of a time grid of `rasters_of` by index, from the stamps and payloads of its frames."""
+    whole = length.astype(np.int64)
+    return {column: decode(stream.group.signals[column - 1], data, whole) if column else stamp for column in columns}
+
+
 def keys(frames: Frames) -> Rows:
     """One number a frame for its identifier, the kind of it, and its bus."""
     return frames.identifier | (frames.extended.astype(np.int64) << _EXTENDED) | (frames.bus << _BUS)
@@ -105,11 +140,11 @@ def parts_of(key: int) -> tuple[int, bool, int]:
     return key & ((1 << _EXTENDED) - 1), bool(key >> _EXTENDED & 1), key >> _BUS
 
 
-def sorted_out(frames: Frames, messages: Book) -> Iterator[tuple[Stream | str, Rows]]:
+def by_stream(frames: Frames, messages: MessageCatalogue) -> Iterator[tuple[FrameStream | str, Rows]]:
     """The streams that occur in a block with the rows of their frames, and the rows that belong to none.
 
-    Rows stand in the order of the block. What belongs to no stream comes as `UNKNOWN`, and as `PIECE` what is part of
-    a longer message: transport protocol, fast packets.
+    Rows stand in the order of the block. Those without a stream come as `UNKNOWN`, and as `FRAGMENT` what is part of a
+    longer message: transport protocol, fast packets.
     """
     found, places = np.unique(keys(frames), return_inverse=True)
     owners: dict[_Owner, int] = {}
@@ -124,17 +159,17 @@ def sorted_out(frames: Frames, messages: Book) -> Iterator[tuple[Stream | str, R
             continue
         if message.j1939 and message.length > CLASSIC:
             partial = frames.length[rows] < message.length
-            yield PIECE, rows[partial]
+            yield FRAGMENT, rows[partial]
             rows = rows[~partial]
-        for page in message.pages:
-            held = rows[present(page, frames.data[rows], frames.length[rows])] if page.selectors else rows
+        for group in message.groups:
+            held = rows[present(group, frames.data[rows], frames.length[rows])] if group.selectors else rows
             if held.size:
-                yield Stream(message, page, bus, sender, receiver), held
+                yield FrameStream(message, group, bus, sender, receiver), held
 
 
-def _owner(messages: Book, identifier: int, extended: bool, bus: int) -> _Owner:
+def _owner(messages: MessageCatalogue, identifier: int, extended: bool, bus: int) -> _Owner:
     if extended and messages.groups and group_number(identifier) in TRANSPORT:
-        return PIECE, 0, 0, 0
+        return FRAGMENT, 0, 0, 0
     message = messages.find(identifier, extended)
     if message is None:
         return UNKNOWN, 0, 0, 0

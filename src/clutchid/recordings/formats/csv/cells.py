@@ -49,7 +49,7 @@ def matches(pattern: str, text: str) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
+class CellForm:
     """Type of the cells of one column: ``number``, ``truth``, ``stamp`` (date or time) or ``text``.
 
     `decimal` is the decimal mark; `origin` the first time stamp in ns.
@@ -75,13 +75,15 @@ def plain_number(text: str) -> float | None:
     return value if text.isascii() and "_" not in text else None
 
 
-def reader(form: Form) -> Callable[[str], float | None]:
+def reader(form: CellForm) -> Callable[[str], float | None]:
     """Function that reads a cell of this form; it returns None for an invalid cell, NaN for a missing sample.
 
     Examples
     --------
-    >>> reader(Form(decimal=","))("0,5"), reader(Form("truth"))("Ein"), reader(Form())("n/a"), reader(Form())("1,5")
-    (0.5, 1.0, nan, None)
+    >>> reader(CellForm(decimal=","))("0,5"), reader(CellForm("truth"))("Ein")
+    (0.5, 1.0)
+    >>> reader(CellForm())("n/a"), reader(CellForm())("1,5")
+    (nan, None)
     """
 
     def word(text: str) -> float | None:
@@ -199,7 +201,7 @@ def decimal_mark(cells: Iterable[str]) -> str:
     return "," if commas > points else "." if points else ""
 
 
-def form(cells: Sequence[str], decimal: str) -> Form:
+def form(cells: Sequence[str], decimal: str) -> CellForm:
     """Form of a column, from some of its cells.
 
     Examples
@@ -210,8 +212,8 @@ def form(cells: Sequence[str], decimal: str) -> Form:
     given = [cell for cell in cells if not missing(cell)]
     stamps = [found for cell in given if (found := nanoseconds(cell)) is not None]
     if len(stamps) > len(given) / 2:
-        return Form("stamp", decimal, stamps[0])
+        return CellForm("stamp", decimal, stamps[0])
     others = [cell for cell in given if cell.strip() not in ("0", "1")]
     if others and all(cell.strip().casefold() in TRUTH for cell in others):
-        return Form("truth", decimal)
-    return Form("number" if not given or any(map(numberlike, given)) else "text", decimal)
+        return CellForm("truth", decimal)
+    return CellForm("number" if not given or any(map(numberlike, given)) else "text", decimal)

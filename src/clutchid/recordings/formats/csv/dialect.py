@@ -7,7 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from clutchid.recordings.columns import Heading, distinct, headings, shortened
-from clutchid.recordings.formats.csv.cells import Form, decimal_mark, form, missing, nanoseconds, numberlike, written
+from clutchid.recordings.formats.csv.cells import (
+    CellForm,
+    decimal_mark,
+    form,
+    missing,
+    nanoseconds,
+    numberlike,
+    written,
+)
 from clutchid.recordings.formats.csv.lines import (
     heading,
     is_comment,
@@ -35,7 +43,7 @@ Filled = Sequence[tuple[int, str]]
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """How a CSV file is written.
+    """Notation of a CSV file.
 
     `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous. `header`, `units`, `samples` are
     the lines of the names, of the units (0: there is none) and of the first sample. `clock` is the time column, `start`
@@ -45,7 +53,7 @@ class Dialect:
     separator: str
     decimal: str
     headings: tuple[Heading, ...]
-    forms: tuple[Form, ...]
+    forms: tuple[CellForm, ...]
     header: int
     units: int
     samples: int
@@ -273,7 +281,7 @@ def _unit_cells(filled: Filled, structure: _Structure) -> list[str]:
     return split_header(text, structure.separator, len(structure.names))
 
 
-def _stamped(column: Heading, form: Form) -> Heading:
+def _stamped(column: Heading, form: CellForm) -> Heading:
     """A column of dates or times is read in seconds, whatever its heading says."""
     return replace(column, unit="s") if form.kind == "stamp" else column
 

@@ -13,10 +13,9 @@ from pathlib import Path
 
 from clutchid.log import Log
 from clutchid.recordings.columns import Heading
-from clutchid.recordings.files import CHUNK
 from clutchid.recordings.formats.csv.dialect import Dialect, dialect
-from clutchid.recordings.formats.csv.lines import SAMPLE, Block, Lines, blocks, lines_of, sample, whole_records
-from clutchid.recordings.formats.csv.rows import Part, by_numpy, by_polars, is_plain, joined, read_text, table
+from clutchid.recordings.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample, whole_records
+from clutchid.recordings.formats.csv.rows import ParsedRows, joined, read_fast, read_text, table
 from clutchid.recordings.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
 
 #: Bytes up to which NumPy reads a file sooner than polars, which is faster but takes 80 ms to import.
@@ -63,7 +62,7 @@ def open_file(path: Path) -> Source:
     >>> source.metadata["dialect"], table.headings[1].unit, table.numbers[1].tolist()
     ('UTF-8, semicolon, decimal comma, names on line 2, samples from line 3', 'mm', [0.25, 0.5])
     """
-    lines = lines_of(path, CHUNK)
+    lines = lines_of(path)
     if lines is None:
         return refused(path, "CSV", _NOT_TEXT)
     first = sample(lines)
@@ -114,7 +113,7 @@ def _ambiguity(found: Dialect) -> tuple[str, ...]:
     return ("two columns of integers without names were found; this may also be one column with a decimal comma.",)
 
 
-def _with_decimal_mark(lines: Lines, found: Dialect) -> Dialect:
+def _with_decimal_mark(lines: TextLines, found: Dialect) -> Dialect:
     """The dialect with the decimal mark of later lines, if the first ones are ambiguous."""
     if found.decimal or found.separator == ",":
         return found
@@ -125,7 +124,7 @@ def _with_decimal_mark(lines: Lines, found: Dialect) -> Dialect:
 
 
 def _tables(
-    lines: Lines, found: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
+    lines: TextLines, found: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
 ) -> Iterator[Table]:
     """The tables of the only time grid, see `Tables`."""
     selected = [found.headings[index] for index in columns]
@@ -140,18 +139,11 @@ def _tables(
         yield from (table(part, found) for part in parts)
 
 
-def _parts(lines: Lines, found: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[Part]:
+def _parts(lines: TextLines, found: Dialect, selected: Sequence[Heading], rows: int | None) -> Iterator[ParsedRows]:
     """The samples block by block, until a line cannot be split."""
     small = lines.path.stat().st_size < _SMALL
     for block in whole_records(blocks(lines, found.samples - 1, rows or (lines.last if small else BLOCK))):
-        part = _fast(block, found, selected, small) or read_text(block, found, selected)
+        part = read_fast(block, found, selected, large=not small) or read_text(block, found, selected)
         yield part
         if part.broken:
             return
-
-
-def _fast(block: Block, found: Dialect, selected: Sequence[Heading], small: bool) -> Part | None:
-    """The numbers by a fast parser; None if the block must be read cell by cell."""
-    if not is_plain(block, found):
-        return None
-    return by_numpy(block, found, selected) if small else by_polars(block, found, selected)

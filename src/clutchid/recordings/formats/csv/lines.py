@@ -1,4 +1,4 @@
-"""Lines of a CSV file in any encoding, as blocks of UTF-8, and its header with units and comments.
+"""Lines of a CSV file in any encoding, as blocks of UTF-8, and the cells of its header with units and comments.
 
 Lines are joined to records where a cell in quotes contains line breaks.
 """
@@ -140,34 +140,32 @@ def split_header(line: str, separator: str, width: int) -> list[str]:
 SAMPLE = 1 << 20
 _SAMPLE_LINES = 2000
 
-#: Largest number of bytes of a block.
-_MOST = 1 << 26
+#: Bytes that are read at a time, and largest number of bytes of a block; a quote beyond these is a character.
+CHUNK = 1 << 20
+_MOST_BYTES = 1 << 26
 
-_UTF8 = b"\xef\xbb\xbf"
-_WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+BOMS_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _CONTROL = bytes({*range(32), 127} - {9, 10, 11, 12, 13, 26})
 
 
 #: The end of a line is in a quoted cell that is not closed there; a quote inside a cell is written twice.
 _OPEN = re.compile(r'(?:^|[,;\t|]) *"(?:[^"]|"")*$')
 
-#: Largest number of lines of a record above the samples, and of bytes of a block; a quote beyond them is a character.
+#: Largest number of lines of a record above the samples; a quote beyond them is a character.
 _MOST_LINES = 100
-_MOST_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, slots=True)
-class Lines:
-    """How a file is split into lines: encoding, bytes per read, and number of the last non-blank line."""
+class TextLines:
+    """A file of lines: its encoding, and the number of the last non-blank line."""
 
     path: Path
     encoding: str
-    chunk: int
     last: int
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class LineBlock:
     """Complete lines of a file: number of the first one, text in UTF-8, and number of lines."""
 
     first: int
@@ -175,27 +173,27 @@ class Block:
     lines: int
 
 
-def lines_of(path: Path, chunk: int) -> Lines | None:
-    """How the lines of a file are read; None if it is neither UTF-8, UTF-16 with a byte order mark nor Windows-1252.
+def lines_of(path: Path) -> TextLines | None:
+    """The lines of a file; None if it is neither UTF-8, UTF-16 with a byte order mark nor Windows-1252.
 
     Raises
     ------
     OSError
         If the file cannot be read.
     """
-    encoding = _encoding(path, chunk)
+    encoding = _encoding(path)
     if encoding is None:
         return None
     before = last = 0
-    for piece in _pieces(path, encoding, chunk):
+    for piece in _pieces(path, encoding):
         before += piece.count(b"\n")
         blank = _blank_end(piece)
         if len(blank) < len(piece):
             last = before - blank.count(b"\n") + 1
-    return Lines(path, encoding, chunk, last)
+    return TextLines(path, encoding, last)
 
 
-def sample(lines: Lines) -> list[str]:
+def sample(lines: TextLines) -> list[str]:
     """The first lines, at most `SAMPLE` bytes in total; a single line may be truncated.
 
     Raises
@@ -204,7 +202,7 @@ def sample(lines: Lines) -> list[str]:
         If the file cannot be read.
     """
     text = b""
-    for piece in _pieces(lines.path, lines.encoding, lines.chunk):
+    for piece in _pieces(lines.path, lines.encoding):
         text += piece
         if len(text) > SAMPLE:
             text = text[: text.rfind(b"\n", 0, SAMPLE) + 1] or text
@@ -212,7 +210,7 @@ def sample(lines: Lines) -> list[str]:
     return [line.decode("utf-8", "replace").rstrip("\n") for line in islice(io.BytesIO(text), _SAMPLE_LINES)]
 
 
-def blocks(lines: Lines, skip: int, rows: int) -> Iterator[Block]:
+def blocks(lines: TextLines, skip: int, rows: int) -> Iterator[LineBlock]:
     """The lines after the first `skip`, in blocks of `rows` lines, or fewer if they are long.
 
     Raises
@@ -222,10 +220,10 @@ def blocks(lines: Lines, skip: int, rows: int) -> Iterator[Block]:
     """
     number, size, lacking = 1, 0, skip or rows
     pending: list[bytes] = []
-    for piece in _pieces(lines.path, lines.encoding, lines.chunk):
+    for piece in _pieces(lines.path, lines.encoding):
         pending.append(piece)
         size, lacking = size + len(piece), lacking - piece.count(b"\n")
-        if lacking > 0 and size < _MOST:
+        if lacking > 0 and size < _MOST_BYTES:
             continue
         text = b"".join(pending)
         start = 0
@@ -247,19 +245,19 @@ def _cuts(text: bytes, skip: int, rows: int, number: int) -> Iterator[tuple[int,
     while True:
         want = skip + 1 - number if number <= skip else rows
         have = min(want, ends.size - taken)
-        if have < want and len(text) - start < _MOST:
+        if have < want and len(text) - start < _MOST_BYTES:
             return
         taken, number = taken + have, number + have
         start = int(ends[taken - 1]) if have else len(text)
         yield start, have
 
 
-def _whole(lines: Lines, number: int, text: bytes, count: int) -> Block:
+def _whole(lines: TextLines, number: int, text: bytes, count: int) -> LineBlock:
     """A block without the blank lines at the end of the file."""
     if number + count - 1 > lines.last:
         end = text.find(b"\n", len(text) - len(_blank_end(text)))
         text, count = text[: end + 1], lines.last - number + 1
-    return Block(number, text, max(count, 1))
+    return LineBlock(number, text, max(count, 1))
 
 
 def _blank_end(text: bytes) -> bytes:
@@ -271,22 +269,22 @@ def _blank_end(text: bytes) -> bytes:
     return tail[len(tail.rstrip()) :]
 
 
-def _encoding(path: Path, chunk: int) -> str | None:
+def _encoding(path: Path) -> str | None:
     """The encoding of the whole file, or None."""
     with path.open("rb") as file:
         mark = file.read(4)
     if mark == codecs.BOM_UTF32_LE:
         return None
-    if mark.startswith(_WIDE):
-        return "utf-16" if _is_text(path, chunk, "utf-16") else None
-    return next((encoding for encoding in ("utf-8", "cp1252") if _is_text(path, chunk, encoding)), None)
+    if mark.startswith(BOMS_UTF16):
+        return "utf-16" if _is_text(path, "utf-16") else None
+    return next((encoding for encoding in ("utf-8", "cp1252") if _is_text(path, encoding)), None)
 
 
-def _is_text(path: Path, chunk: int, encoding: str) -> bool:
+def _is_text(path: Path, encoding: str) -> bool:
     decoder = codecs.getincrementaldecoder("utf-8" if encoding == "cp1252" else encoding)()
     try:
         with path.open("rb") as file:
-            while raw := file.read(chunk):
+            while raw := file.read(CHUNK):
                 if encoding == "cp1252":
                     if len(raw.translate(None, _CONTROL)) < len(raw):
                         return False
@@ -298,14 +296,14 @@ def _is_text(path: Path, chunk: int, encoding: str) -> bool:
     return True
 
 
-def _pieces(path: Path, encoding: str, chunk: int) -> Iterator[bytes]:
+def _pieces(path: Path, encoding: str) -> Iterator[bytes]:
     """The text of a file in UTF-8 with line feeds, piece by piece."""
     decoder = codecs.getincrementaldecoder(encoding)("replace")
     carried = b""
     with path.open("rb") as file:
-        if file.read(3) != _UTF8 or encoding != "utf-8":
+        if file.read(3) != codecs.BOM_UTF8 or encoding != "utf-8":
             file.seek(0)
-        while raw := file.read(chunk):
+        while raw := file.read(CHUNK):
             text = carried + (raw if encoding == "utf-8" else decoder.decode(raw).encode())
             carried = b"\r" if text.endswith(b"\r") else b""
             text = text[: len(text) - len(carried)]
@@ -343,11 +341,11 @@ def _end(lines: Sequence[str], start: int) -> int:
     return start + 1
 
 
-def whole_records(blocks: Iterator[Block]) -> Iterator[Block]:
+def whole_records(blocks: Iterator[LineBlock]) -> Iterator[LineBlock]:
     """Blocks, joined where one ends in a quoted cell."""
-    held: Block | None = None
+    held: LineBlock | None = None
     for block in blocks:
-        whole = block if held is None else Block(held.first, held.text + block.text, held.lines + block.lines)
+        whole = block if held is None else LineBlock(held.first, held.text + block.text, held.lines + block.lines)
         held = whole if whole.text.count(b'"') % 2 and len(whole.text) < _MOST_BYTES else None
         if held is None:
             yield whole

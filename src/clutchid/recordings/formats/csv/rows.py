@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.recordings.columns import Heading, shortened
+from clutchid.recordings.columns import SHOWN, Heading, listed, shortened
 from clutchid.recordings.formats.csv.cells import (
     AMBIGUOUS,
     COMMA,
@@ -21,15 +21,15 @@ from clutchid.recordings.formats.csv.cells import (
     NUMBER,
     STAMP,
     THOUSANDS,
-    Form,
+    CellForm,
     counted,
     matches,
     reader,
     zone_minutes,
 )
 from clutchid.recordings.formats.csv.dialect import Dialect
-from clutchid.recordings.formats.csv.lines import Block, split
-from clutchid.recordings.source import SHOWN, Places, Rows, Table, and_more, joined_samples
+from clutchid.recordings.formats.csv.lines import LineBlock, split
+from clutchid.recordings.source import Places, Rows, Table, joined_samples
 
 if TYPE_CHECKING:
     import polars as pl
@@ -38,7 +38,7 @@ Cell = Callable[[str], float | None]
 
 
 @dataclass(eq=False, slots=True)
-class Part:
+class ParsedRows:
     """Samples of some lines: values by column, their line numbers, and invalid cells and lines.
 
     `unread` has all rows with an invalid cell; `texts` and `ragged` the first invalid cells and lines, for messages;
@@ -60,12 +60,12 @@ def must_be_numeric(column: Heading, dialect: Dialect) -> bool:
     return column.name is not None or dialect.forms[column.index].kind != "text"
 
 
-def read_text(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
+def read_text(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows:
     """Read lines whose text is not a plain table of numbers.
 
     Lines with another number of cells than the header are dropped; cells that are not numbers are NaN.
     """
-    part = Part(0, Places("line"), {})
+    part = ParsedRows(0, Places("line"), {})
     lines: array[int] = array("q")
     numbers: dict[int, array[float]] = defaultdict(lambda: array("d"))
     unread: dict[int, array[int]] = defaultdict(lambda: array("q"))
@@ -93,7 +93,7 @@ def read_text(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Pa
     return part
 
 
-def _rows(block: Block, separator: str, part: Part) -> Iterator[tuple[int, list[str]]]:
+def _rows(block: LineBlock, separator: str, part: ParsedRows) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each row; if a line cannot be split, `part.broken` gives the reason."""
     text = io.StringIO(block.text.decode("utf-8", "replace"), newline="\n")
     if separator == " ":
@@ -109,7 +109,7 @@ def _rows(block: Block, separator: str, part: Part) -> Iterator[tuple[int, list[
         part.broken = f"line {line}: cannot be split into cells ({error}); is a quotation mark left open?"
 
 
-def _ragged(part: Part, line: int, cells: Sequence[str]) -> None:
+def _ragged(part: ParsedRows, line: int, cells: Sequence[str]) -> None:
     """Record a line with another number of cells, unless it is blank."""
     if len(cells) > 1 or (cells and cells[0].strip()):
         part.ragged_count += 1
@@ -117,18 +117,18 @@ def _ragged(part: Part, line: int, cells: Sequence[str]) -> None:
             part.ragged.append(f"line {line} has {len(cells)}")
 
 
-def _text(part: Part, index: int, cell: str) -> None:
+def _text(part: ParsedRows, index: int, cell: str) -> None:
     texts = part.texts.setdefault(index, [])
     if len(texts) < SHOWN:
         texts.append(cell)
 
 
-def joined(parts: Sequence[Part]) -> Part:
+def joined(parts: Sequence[ParsedRows]) -> ParsedRows:
     """Join consecutive parts."""
     if len(parts) == 1:
         return parts[0]
     numbers, size, places, unread = joined_samples(parts)
-    whole = Part(size, places, numbers, unread)
+    whole = ParsedRows(size, places, numbers, unread)
     for part in parts:
         for index, cells in part.texts.items():
             for cell in cells:
@@ -139,12 +139,12 @@ def joined(parts: Sequence[Part]) -> Part:
     return whole
 
 
-def table(part: Part, dialect: Dialect) -> Table:
+def table(part: ParsedRows, dialect: Dialect) -> Table:
     """Table of a part, with messages about its problems."""
     columns = dialect.headings
     problems = [part.broken] if part.broken else []
     if part.ragged:
-        lines = and_more(part.ragged, part.ragged_count - len(part.ragged))
+        lines = listed(part.ragged, total=part.ragged_count)
         problems.append(
             f"the {'header' if dialect.header else 'first line'} has {len(columns)} cells, but {lines}; "
             "give every line one cell for each column, empty where a sample is missing."
@@ -156,7 +156,7 @@ def table(part: Part, dialect: Dialect) -> Table:
         ]
         problems.append(
             f"column '{columns[index].text}' contains cells that are not numbers: "
-            f"{and_more(shown, len(rows) - len(shown))}; {_advice(texts, dialect, index)}, or leave the cell empty "
+            f"{listed(shown, total=len(rows))}; {_advice(texts, dialect, index)}, or leave the cell empty "
             "where the sample is missing."
         )
     metadata = {"start": dialect.start} if dialect.start else {}
@@ -184,7 +184,14 @@ def _advice(texts: Sequence[str], dialect: Dialect, index: int) -> str:
 _WORDS = sorted({"", *MISSING, *(word.upper() for word in MISSING), "NaN", "Null", "None", "n/A", "N/a"})
 
 
-def is_plain(block: Block, dialect: Dialect) -> bool:
+def read_fast(block: LineBlock, dialect: Dialect, selected: Sequence[Heading], *, large: bool) -> ParsedRows | None:
+    """The samples of lines by NumPy, or by polars if they are a `large` text; None if only `read_text` reads them."""
+    if not _is_plain(block, dialect):
+        return None
+    return _by_polars(block, dialect, selected) if large else _by_numpy(block, dialect, selected)
+
+
+def _is_plain(block: LineBlock, dialect: Dialect) -> bool:
     """Whether the lines have as many separators as the header, and none in quotes."""
     width = len(dialect.headings)
     if dialect.separator == " ":
@@ -194,7 +201,7 @@ def is_plain(block: Block, dialect: Dialect) -> bool:
     return block.text.count(dialect.separator.encode()) == block.lines * (width - 1)
 
 
-def by_numpy(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
+def _by_numpy(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows | None:
     """The values of a block with numbers and empty cells only; None if it contains anything else."""
     comma = dialect.decimal == "," and dialect.separator != ","
     if any(dialect.forms[column.index].kind == "stamp" for column in selected) or (comma and b"." in block.text):
@@ -210,7 +217,7 @@ def by_numpy(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Par
     if numbers.shape != (block.lines, len(dialect.headings)):
         return None
     columns = {column.index: np.ascontiguousarray(numbers[:, column.index]) for column in selected}
-    return Part(block.lines, Places("line", block.first), columns)
+    return ParsedRows(block.lines, Places("line", block.first), columns)
 
 
 def _loaded(text: bytes, delimiter: str | None) -> FloatArray:
@@ -231,7 +238,7 @@ def _filled(text: str, separator: str) -> str:
     return text.replace(f"{separator}\n", end).replace(f"\n{separator}", start)[1:-1]
 
 
-def by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part | None:
+def _by_polars(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows | None:
     """The samples of a block by polars; None if their number differs from the number of lines."""
     import polars as pl
 
@@ -240,7 +247,7 @@ def by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Pa
         while b"  " in lines:
             lines = lines.replace(b"  ", b" ")
         lines = lines.replace(b" \n", b"\n").replace(b"\n ", b"\n").removeprefix(b" ")
-        block = Block(block.first, lines, block.lines)
+        block = LineBlock(block.first, lines, block.lines)
         if lines.count(b" ") != block.lines * (len(dialect.headings) - 1):
             return None
     try:
@@ -253,37 +260,37 @@ def by_polars(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Pa
     return part if part.size == block.lines else None
 
 
-def _numbers(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
+def _numbers(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows:
     """The samples if all selected columns are numeric; otherwise polars raises an error."""
     import polars as pl
 
     kinds = [dialect.forms[column.index].kind for column in selected]
-    strange = b'"' in block.text or (dialect.decimal == "," and (b"." in block.text or dialect.separator == ","))
-    if strange or any(kind in ("stamp", "truth", "text") for kind in kinds):
+    special = b'"' in block.text or (dialect.decimal == "," and (b"." in block.text or dialect.separator == ","))
+    if special or any(kind in ("stamp", "truth", "text") for kind in kinds):
         raise pl.exceptions.ComputeError("not every column is numeric")
     text = block.text.replace(b",", b".") if dialect.decimal == "," else block.text
     frame = _frame(text, dialect, selected, pl.Float64())
     columns = {column.index: frame[str(column.index)].to_numpy() for column in selected}
-    return Part(frame.height, Places("line", block.first), columns)
+    return ParsedRows(frame.height, Places("line", block.first), columns)
 
 
-def _words(block: Block, dialect: Dialect, selected: Sequence[Heading]) -> Part:
+def _words(block: LineBlock, dialect: Dialect, selected: Sequence[Heading]) -> ParsedRows:
     """The samples if some cells are words, dates or times; each word is interpreted once."""
     import polars as pl
 
     frame = _frame(block.text, dialect, selected, pl.String())
-    part = Part(frame.height, Places("line", block.first), {})
+    part = ParsedRows(frame.height, Places("line", block.first), {})
     for column in selected:
         form, cells = dialect.forms[column.index], frame[str(column.index)]
         stripped = cells.str.strip_chars()
         numbers = _stamps(stripped, form) if form.kind == "stamp" else _plain(stripped, form)
-        odd = numbers.is_null() & stripped.is_not_null()
-        if odd.any():
+        not_number = numbers.is_null() & stripped.is_not_null()
+        if not_number.any():
             read = reader(form)
-            meant = {word: read(word) for word in stripped.filter(odd).unique().to_list()}
+            meant = {word: read(word) for word in stripped.filter(not_number).unique().to_list()}
             known = {word: value for word, value in meant.items() if value is not None}
             words = stripped.replace_strict(known, default=None, return_dtype=pl.Float64)
-            unread = odd & words.is_null()
+            unread = not_number & words.is_null()
             numbers = numbers.fill_null(words)
             if must_be_numeric(column, dialect) and unread.any():
                 part.unread[column.index] = rows = unread.arg_true().to_numpy().astype(np.int64)
@@ -307,7 +314,7 @@ def _frame(text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.
     )
 
 
-def _plain(cells: pl.Series, form: Form) -> pl.Series:
+def _plain(cells: pl.Series, form: CellForm) -> pl.Series:
     """Cells as numbers, null if invalid."""
     import polars as pl
 
@@ -317,7 +324,7 @@ def _plain(cells: pl.Series, form: Form) -> pl.Series:
     return cells.cast(pl.Float64, strict=False)
 
 
-def _stamps(cells: pl.Series, form: Form) -> pl.Series:
+def _stamps(cells: pl.Series, form: CellForm) -> pl.Series:
     """Dates and times in seconds since the first one, null if invalid."""
     import polars as pl
 

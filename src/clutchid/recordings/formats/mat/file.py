@@ -11,19 +11,20 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
 from clutchid.names import printable
-from clutchid.recordings.columns import shortened
+from clutchid.recordings.columns import listed, shortened
 from clutchid.recordings.formats.mat import hdf5, loaded
-from clutchid.recordings.formats.mat.loaded import BrokenMat, ReadSamples, Struct, Text
+from clutchid.recordings.formats.mat.loaded import BrokenMat, CharArray, ReadSamples, Struct
 from clutchid.recordings.formats.mat.objects import with_objects
-from clutchid.recordings.formats.mat.rasters import Found, Signal, rasters_of, signals_of
-from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, and_more, own_metadata, refused
+from clutchid.recordings.formats.mat.rasters import ArrayChannel, ScannedChannels, rasters_of, signals_of
+from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, own_metadata, refused
 
-#: Bytes of the start of a file that tell its format.
+#: Bytes of the start of a file that determine its format.
 HEAD = 1024
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -128,8 +129,8 @@ def save(log: Log, path: Path) -> None:
     units = {"time": "s", **dict(map(name_and_unit, log.columns))}
     values = {"time": log.time, **{name_and_unit(column)[0]: values for column, values in log.columns.items()}}
     variables = {_variable(name): array.reshape(-1, 1) for name, array in values.items()}
-    told = {"units": {_variable(name): unit for name, unit in units.items()}, _KEY: json.dumps(dict(log.metadata))}
-    savemat(str(path), {**variables, **told}, appendmat=False, long_field_names=True)
+    texts = {"units": {_variable(name): unit for name, unit in units.items()}, _KEY: json.dumps(dict(log.metadata))}
+    savemat(str(path), {**variables, **texts}, appendmat=False, long_field_names=True)
 
 
 def _variable(name: str) -> str:
@@ -159,43 +160,47 @@ def _is_v4(head: bytes) -> bool:
 def _source(path: Path, version: _Version, head: bytes) -> Source:
     root = with_objects(path, version.contents(path))
     mark = root.fields.get(_KEY)
-    own = own_metadata(mark.text) if isinstance(mark, Text) else None
+    own = own_metadata(mark.text) if isinstance(mark, CharArray) else None
     root = Struct({name: node for name, node in root.fields.items() if own is None or name != _KEY})
     with version.opened(path) as read:
 
-        def peek(signal: Signal) -> FloatArray:
+        def peek(signal: ArrayChannel) -> FloatArray:
             return read(signal.numbers, signal.column, 0, min(signal.numbers.samples, BLOCK))
 
         found = signals_of(root, peek, least=2 if own is None else 0)
     rasters = rasters_of(found)
-    objects, told = _objects(found), _left_out(found)
+    objects, others = _objects(found), _left_out(found)
     if not rasters:
         nothing = "holds no vector of two or more numbers; save the time and the channels as vectors of one length."
-        return refused(path, version.name, objects or nothing, *told)
+        return refused(path, version.name, objects or nothing, *others)
     header = "" if version is _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
-    warnings = (objects, *told) if objects else told
+    warnings = (objects, *others) if objects else others
     metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
-    return Source(path, version.name, rasters, _tables(path, version, rasters, found), (), warnings, metadata)
+    return Source(path, version.name, rasters, partial(_tables, path, version, rasters, found), (), warnings, metadata)
 
 
-def _tables(path: Path, version: _Version, rasters: Sequence[Raster], found: Found) -> Callable[..., Iterator[Table]]:
-    """What reads the channels of a raster block by block."""
-
-    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-        headings, size = rasters[raster].headings, rasters[raster].size
-        signals = found.groups[raster][1]
-        with _named(path), version.opened(path) as read:
-            for start in range(0, max(size, 1), rows or max(size, 1)):
-                stop = min(start + (rows or size), size)
-                numbers = {i: read(signals[i].numbers, signals[i].column, start, stop) for i in columns}
-                yield Table(headings, numbers, stop - start, Places("sample", start + 1))
-
-    return tables
+def _tables(
+    path: Path,
+    version: _Version,
+    rasters: Sequence[Raster],
+    found: ScannedChannels,
+    raster: int,
+    columns: Sequence[int],
+    rows: int | None = None,
+) -> Iterator[Table]:
+    """Tables of one time grid, see `Tables`."""
+    headings, size = rasters[raster].headings, rasters[raster].size
+    channels = found.groups[raster][1]
+    with _named(path), version.opened(path) as read:
+        for start in range(0, max(size, 1), rows or max(size, 1)):
+            stop = min(start + (rows or size), size)
+            numbers = {i: read(channels[i].numbers, channels[i].column, start, stop) for i in columns}
+            yield Table(headings, numbers, stop - start, Places("sample", start + 1))
 
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Whatever is wrong inside the file, as an error that names it."""
+    """Errors inside the file as errors that name it."""
     try:
         yield
     except BrokenMat as error:
@@ -204,14 +209,14 @@ def _named(path: Path) -> Iterator[None]:
         raise DataError(f"{path}: {_NO_MEMORY}") from error
 
 
-def _left_out(found: Found) -> tuple[str, ...]:
-    """What is no channel, a sentence for each kind but objects."""
+def _left_out(found: ScannedChannels) -> tuple[str, ...]:
+    """Sentences about what is no channel, one for each kind but objects."""
     kinds = [(what.what, paths) for what, paths in found.left.items() if not what.class_name]
     return tuple(f"left out {what} ({len(paths):,}): {_some(paths)}." for what, paths in kinds)
 
 
-def _objects(found: Found) -> str:
-    """What is an object of a class, and how MATLAB makes numbers of it; empty where there is none."""
+def _objects(found: ScannedChannels) -> str:
+    """Sentence about the objects of classes, and how MATLAB makes numbers of them; empty where there is none."""
     paths = {what.class_name: paths for what, paths in found.left.items() if what.class_name}
     if not paths:
         return ""
@@ -220,12 +225,11 @@ def _objects(found: Found) -> str:
     x = f"with x = {printable(paths[kind][0])}, " if kind else ""
     how = _IN_MATLAB.get(kind, "copy the numbers in them to a struct s")
     return (
-        f"left out objects, which only MATLAB can read: {and_more(shown[:_SHOWN], max(len(shown) - _SHOWN, 0))}; "
+        f"left out objects, which only MATLAB can read: {listed(shown, _SHOWN)}; "
         f"in MATLAB, {x}{how}; save('numbers.mat', 's', '-v7.3')."
     )
 
 
 def _some(paths: Sequence[str]) -> str:
     """The first of the paths, and the count of the rest."""
-    shown = [f"'{shortened(printable(path))}'" for path in paths[:_SHOWN]]
-    return and_more(shown, len(paths) - len(shown))
+    return listed((f"'{shortened(printable(path))}'" for path in paths), _SHOWN)

@@ -24,13 +24,13 @@ from clutchid.recordings.formats.mat.loaded import (
     NO_NUMBERS,
     SPARSE,
     BrokenMat,
-    Items,
-    Left,
+    CharArray,
+    NoChannel,
     Node,
+    NodeArray,
     Numbers,
     ReadSamples,
     Struct,
-    Text,
     class_object,
     samples,
     sound,
@@ -47,12 +47,12 @@ _LARGEST_CHUNK = 1 << 28
 
 _FORMAT = "MATLAB 7.3 (HDF5)"
 _EMPTY = Numbers((0, 0))
-_ELSEWHERE = Left("arrays whose numbers are not in the file")
-_ONE_PIECE = Left(f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB")
+_ELSEWHERE = NoChannel("arrays whose numbers are not in the file")
+_ONE_PIECE = NoChannel(f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB")
 
 
 @dataclass(slots=True)
-class _Walk:
+class _OpenFile:
     """The open file while it is looked through, its size in bytes, and the groups so far."""
 
     file: h5py.File
@@ -71,7 +71,7 @@ def contents(path: Path) -> Struct:
         If h5py is not installed.
     """
     with _file(path) as file, sound(_FORMAT):
-        walk = _Walk(file, path.stat().st_size)
+        walk = _OpenFile(file, path.stat().st_size)
         names = [name for name in file if not name.startswith("#")]
         return Struct({name: _member(walk, file, name) for name in names})
 
@@ -126,7 +126,7 @@ def _h5py() -> ModuleType:
         raise missing("reading MATLAB 7.3 files (those saved with '-v7' do without)", "h5py", "mat") from error
 
 
-def _member(walk: _Walk, group: h5py.Group, name: str) -> Node:
+def _member(walk: _OpenFile, group: h5py.Group, name: str) -> Node:
     """The node of a member of a group; links out of the group are not followed."""
     h5 = _h5py()
     if not isinstance(group.get(name, getlink=True), h5.HardLink):
@@ -134,7 +134,7 @@ def _member(walk: _Walk, group: h5py.Group, name: str) -> Node:
     return _node(walk, group[name])
 
 
-def _node(walk: _Walk, found: Any) -> Node:
+def _node(walk: _OpenFile, found: Any) -> Node:
     h5 = _h5py()
     if not isinstance(found, h5.Group | h5.Dataset):
         return NO_NUMBERS
@@ -144,7 +144,7 @@ def _node(walk: _Walk, found: Any) -> Node:
     if "MATLAB_object_decode" in found.attrs:
         return class_object(class_name)
     if _attribute(found, "MATLAB_empty") not in ("", "0") or not found.shape or not math.prod(found.shape):
-        empty: dict[str, Node] = {"char": Text(""), "cell": Items(()), "struct": Items(())}
+        empty: dict[str, Node] = {"char": CharArray(""), "cell": NodeArray(()), "struct": NodeArray(())}
         return empty.get(class_name, _EMPTY)
     return _dataset(walk, found, class_name)
 
@@ -155,7 +155,7 @@ def _attribute(found: Any, name: str) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-def _group(walk: _Walk, group: h5py.Group, class_name: str) -> Node:
+def _group(walk: _OpenFile, group: h5py.Group, class_name: str) -> Node:
     """A struct or a struct array, whose fields are references to the values of each."""
     address = hash(group.id)
     if address in walk.groups:
@@ -170,7 +170,7 @@ def _group(walk: _Walk, group: h5py.Group, class_name: str) -> Node:
     if not arrays or len(arrays) < len(columns) or len({len(column) for column in arrays}) > 1:
         return Struct({name: _member(walk, group, name) for name in columns})
     rows = zip(*arrays, strict=True)
-    return Items(
+    return NodeArray(
         tuple(
             Struct({name: _pointed(walk, reference) for name, reference in zip(columns, row, strict=True)})
             for row in rows
@@ -178,7 +178,7 @@ def _group(walk: _Walk, group: h5py.Group, class_name: str) -> Node:
     )
 
 
-def _references(walk: _Walk, group: h5py.Group, name: str) -> list[Any] | None:
+def _references(walk: _OpenFile, group: h5py.Group, name: str) -> list[Any] | None:
     """The references of a field of a struct array; None where it is the field of a single struct."""
     h5 = _h5py()
     if not isinstance(group.get(name, getlink=True), h5.HardLink):
@@ -189,27 +189,27 @@ def _references(walk: _Walk, group: h5py.Group, name: str) -> list[Any] | None:
     return _all_of(walk, found)
 
 
-def _all_of(walk: _Walk, references: h5py.Dataset) -> list[Any]:
+def _all_of(walk: _OpenFile, references: h5py.Dataset) -> list[Any]:
     if references.size is None or not _is_there(walk, references):
         raise BrokenMat("is damaged: a list of references is longer than the file; copy or save it again.")
     return list(np.asarray(references[()]).ravel())
 
 
-def _pointed(walk: _Walk, reference: Any) -> Node:
-    """What a reference points to."""
+def _pointed(walk: _OpenFile, reference: Any) -> Node:
+    """Node that a reference points to."""
     return _node(walk, walk.file[reference]) if reference else _EMPTY
 
 
-def _dataset(walk: _Walk, data: h5py.Dataset, class_name: str) -> Node:
+def _dataset(walk: _OpenFile, data: h5py.Dataset, class_name: str) -> Node:
     h5 = _h5py()
     if data.is_virtual or data.external or not _is_there(walk, data):
         return _ELSEWHERE
     if math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
         return _ONE_PIECE
     if data.dtype == h5.ref_dtype:
-        return Items(tuple(_pointed(walk, found) for found in _all_of(walk, data)), cell=True)
+        return NodeArray(tuple(_pointed(walk, found) for found in _all_of(walk, data)), cell=True)
     if class_name == "char":
-        return Text(_characters(data))
+        return CharArray(_characters(data))
     if data.dtype.names == ("real", "imag"):
         return COMPLEX
     return Numbers(data.shape[::-1], data.name) if data.dtype.kind in "fiub" else NO_NUMBERS
@@ -222,7 +222,7 @@ def _characters(data: h5py.Dataset) -> str:
     return np.asarray(data[()]).ravel().astype("<u2").tobytes().decode("utf-16-le", "replace")
 
 
-def _is_there(walk: _Walk, data: h5py.Dataset) -> bool:
+def _is_there(walk: _OpenFile, data: h5py.Dataset) -> bool:
     """Whether the file has bytes enough for the dataset, however well they are compressed."""
     stored = min(data.id.get_storage_size(), walk.size)
     return bool(math.prod(data.shape) * data.dtype.itemsize <= stored * (BEST_RATIO if data.chunks else 1))

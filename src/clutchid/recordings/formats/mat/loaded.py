@@ -71,7 +71,7 @@ class Numbers:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class CharArray:
     """A row of characters."""
 
     text: str
@@ -85,7 +85,7 @@ class Struct:
 
 
 @dataclass(frozen=True, slots=True)
-class Items:
+class NodeArray:
     """A struct array, or a cell array (`cell`): its nodes in MATLAB's order."""
 
     items: tuple[Node, ...]
@@ -93,32 +93,34 @@ class Items:
 
 
 @dataclass(frozen=True, slots=True)
-class Left:
+class NoChannel:
     """Something that is no channel: `what` it is, in the plural; of an object the name of its class."""
 
     what: str
     class_name: str = ""
 
 
-Node = Numbers | Text | Struct | Items | Left
+Node = Numbers | CharArray | Struct | NodeArray | NoChannel
 
 #: Reads samples `start` to `stop` of channel `channel` of an array.
 ReadSamples = Callable[[Numbers, int, int, int], FloatArray]
 
-COMPLEX = Left("complex numbers")
-SPARSE = Left("sparse matrices")
-FUNCTION = Left("functions")
-NO_NUMBERS = Left("arrays of an unknown kind")
+COMPLEX = NoChannel("complex numbers")
+SPARSE = NoChannel("sparse matrices")
+FUNCTION = NoChannel("functions")
+NO_NUMBERS = NoChannel("arrays of an unknown kind")
 
 
-def class_object(name: str) -> Left:
+def class_object(name: str) -> NoChannel:
     """An object of a MATLAB class, which only MATLAB can read."""
-    return {"function_handle": FUNCTION, "string": Left("texts")}.get(name) or Left("objects", name or "no class")
+    return {"function_handle": FUNCTION, "string": NoChannel("texts")}.get(name) or NoChannel(
+        "objects", name or "no class"
+    )
 
 
 @contextmanager
 def sound(form: str) -> Iterator[None]:
-    """Whatever a library raises for damaged bytes of a file of the format `form`, as one sentence.
+    """Errors of a library on damaged bytes of a file of the format `form`, as one sentence.
 
     Raises
     ------
@@ -135,7 +137,7 @@ def sound(form: str) -> Iterator[None]:
 
 
 def node(value: Any, decoded: Callable[[Any], Node | None] = lambda _: None) -> Node:
-    """What an array is: numbers, a text, a struct, a list of structs or cells, or nothing that is a channel.
+    """Node of an array: numbers, a text, a struct, a list of structs or cells, or nothing that is a channel.
 
     `decoded` gives the node of an object that it knows, None of anything else.
     """
@@ -145,13 +147,13 @@ def node(value: Any, decoded: Callable[[Any], Node | None] = lambda _: None) -> 
     if kind in "OV":  # column by column, as in MATLAB
         items, fields = list(value.ravel(order="F")), value.dtype.names or ()
         if kind == "O":
-            return Items(tuple(node(item, decoded) for item in items), cell=True)
+            return NodeArray(tuple(node(item, decoded) for item in items), cell=True)
         structs = [Struct({name: node(item[name], decoded) for name in fields}) for item in items]
-        return structs[0] if len(structs) == 1 else Items(tuple(structs))
+        return structs[0] if len(structs) == 1 else NodeArray(tuple(structs))
     if kind in "fiub":
         return Numbers(value.shape, value)
     if kind == "U":
-        return Text(str(value.item()) if value.size == 1 else "")
+        return CharArray(str(value.item()) if value.size == 1 else "")
     return COMPLEX if kind == "c" else NO_NUMBERS
 
 

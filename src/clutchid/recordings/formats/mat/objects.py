@@ -17,12 +17,12 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.recordings.formats.mat.loaded import (
     NO_NUMBERS,
-    Items,
-    Left,
+    CharArray,
+    NoChannel,
     Node,
+    NodeArray,
     Numbers,
     Struct,
-    Text,
     class_object,
     node,
 )
@@ -48,11 +48,11 @@ def with_objects(path: Path, root: Struct) -> Struct:
 
 def _has_object(found: Node) -> bool:
     match found:
-        case Left():
+        case NoChannel():
             return bool(found.class_name)
         case Struct():
             return any(map(_has_object, found.fields.values()))
-        case Items():
+        case NodeArray():
             return any(map(_has_object, found.items))
     return False
 
@@ -119,7 +119,7 @@ def _timeseries(properties: Mapping[str, Any]) -> Node | None:
 
 def _columns(data: Any, names: Any, units: Any) -> Struct:
     columns = dict(zip(_texts(names), (node(column, _decoded) for column in data.ravel()), strict=True))
-    spelled = {name: Text(unit) for name, unit in zip(columns, _texts(units), strict=False)}
+    spelled = {name: CharArray(unit) for name, unit in zip(columns, _texts(units), strict=False)}
     return Struct(columns | {"units": Struct(spelled)} if spelled and "units" not in columns else columns)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from clutchid.log import FloatArray
 from clutchid.names import printable
 from clutchid.recordings.columns import channel
-from clutchid.recordings.formats.mat.loaded import BrokenMat, Items, Left, Node, Numbers, Struct, Text
+from clutchid.recordings.formats.mat.loaded import BrokenMat, CharArray, NoChannel, Node, NodeArray, Numbers, Struct
 from clutchid.recordings.source import Raster
 
 _UNITS = ("unit", "units", "einheit", "einheiten")
@@ -29,10 +29,10 @@ _TIME = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Naming:
-    """Of a struct: units by field, and of its `only` channel besides the time the label and what else is said of it.
+class StructTexts:
+    """Texts of a struct: units by field, and label and comment of its `only` channel besides the time.
 
-    `used` are the fields that say so.
+    `used` are the fields that hold them.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -53,24 +53,24 @@ def means_time(name: str) -> bool:
     return _TIME.fullmatch(name.casefold()) is not None
 
 
-def naming(fields: Mapping[str, Node]) -> Naming:
-    """What the texts in a struct say.
+def struct_texts(fields: Mapping[str, Node]) -> StructTexts:
+    """Units, label and comment in the texts of a struct.
 
     Examples
     --------
-    >>> said = naming({"values": Numbers((900, 1)), "label": Text("stroke"), "unit": Text("mm")})
-    >>> said.only, said.label, said.units
+    >>> texts = struct_texts({"values": Numbers((900, 1)), "label": CharArray("stroke"), "unit": CharArray("mm")})
+    >>> texts.only, texts.label, texts.units
     ('values', 'stroke', {'values': 'mm'})
     """
     vectors = [name for name, node in fields.items() if isinstance(node, Numbers) and node.size > 1]
     clocks, others = [n for n in vectors if means_time(n)], [n for n in vectors if not means_time(n)]
     only = others[0] if len(others) == 1 else ""
-    texts = {name: node.text.strip() for name, node in fields.items() if isinstance(node, Text)}
+    texts = {name: node.text.strip() for name, node in fields.items() if isinstance(node, CharArray)}
     units, used = _units(fields, texts, only, clocks)
     label = _first(texts, _LABELS) if only else ""
     remark = _first(texts, _REMARKS) if only else ""
     used |= {name for name in texts if name.casefold() in (*_LABELS, *_REMARKS)}
-    return Naming(units, only, label, remark, frozenset(used))
+    return StructTexts(units, only, label, remark, frozenset(used))
 
 
 def _first(texts: Mapping[str, str], names: tuple[str, ...]) -> str:
@@ -87,13 +87,13 @@ def _units(
     for name, node in fields.items():
         key = name.casefold()
         if isinstance(node, Struct) and key in (*_UNITS, *_INFOS):
-            told = {field: child.text for field, child in node.fields.items() if isinstance(child, Text)}
+            units_by_field = {field: child.text for field, child in node.fields.items() if isinstance(child, CharArray)}
             if key in _INFOS:
                 ends = clocks if key == "timeinfo" else [only]
-                told = dict.fromkeys(ends, _first(told, _UNITS))
-            elif len(told) < len(node.fields):
+                units_by_field = dict.fromkeys(ends, _first(units_by_field, _UNITS))
+            elif len(units_by_field) < len(node.fields):
                 continue
-            units.update(told)
+            units.update(units_by_field)
             used.add(name)
         elif name in texts and key in _UNITS:
             units.setdefault(only, texts[name])
@@ -116,7 +116,7 @@ _VALUES = ("data", "values", "value", "val", "y", "x")
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class ArrayChannel:
     """A channel of the file: the array and the column (or row) of it, its path and how a label calls it instead.
 
     `time_like` says whether a name of it means time, `home` the struct that it stands in.
@@ -133,23 +133,23 @@ class Signal:
 
 
 @dataclass(slots=True)
-class Found:
-    """What a walk through the file finds: groups of signals with the index of their clock, and what is left out."""
+class ScannedChannels:
+    """Channels of a file: groups of them with the index of their clock, and what is no channel."""
 
-    groups: list[tuple[str, tuple[Signal, ...], int | None]] = field(default_factory=list)
-    left: dict[Left, list[str]] = field(default_factory=lambda: defaultdict(list))
+    groups: list[tuple[str, tuple[ArrayChannel, ...], int | None]] = field(default_factory=list)
+    left: dict[NoChannel, list[str]] = field(default_factory=lambda: defaultdict(list))
     channels: int = 0
 
     def leave(self, what: str, path: str) -> None:
         """Count something that is no channel."""
-        self.left[Left(what)].append(path)
+        self.left[NoChannel(what)].append(path)
 
 
 #: The first samples of a signal, for a look at whether it may be time.
-Peek = Callable[[Signal], FloatArray]
+Peek = Callable[[ArrayChannel], FloatArray]
 
 
-def signals_of(root: Struct, peek: Peek, *, least: int = 2) -> Found:
+def signals_of(root: Struct, peek: Peek, *, least: int = 2) -> ScannedChannels:
     """Every channel of the file, in groups that share their stamps.
 
     Parameters
@@ -166,13 +166,13 @@ def signals_of(root: Struct, peek: Peek, *, least: int = 2) -> Found:
     BrokenMat
         If the file has too many channels, or samples cannot be read.
     """
-    found = _Walk(Found(), peek, least)
+    found = _ChannelScan(ScannedChannels(), peek, least)
     for group in _by_size(found.struct(root, "", None)):
         found.without_time(group)
     return found.found
 
 
-def rasters_of(found: Found) -> tuple[Raster, ...]:
+def rasters_of(found: ScannedChannels) -> tuple[Raster, ...]:
     """The groups as rasters; a channel is called by its label where no other channel is."""
     every = [signal for _, signals, _ in found.groups for signal in signals]
     used = Counter(signal.label or signal.path for signal in every)
@@ -190,14 +190,14 @@ def rasters_of(found: Found) -> tuple[Raster, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Walk:
-    found: Found
+class _ChannelScan:
+    found: ScannedChannels
     peek: Peek
     least: int
 
-    def struct(self, node: Struct, path: str, above: str | None) -> list[Signal]:
+    def struct(self, node: Struct, path: str, above: str | None) -> list[ArrayChannel]:
         """The signals of a struct, and of all in it, that have no clock yet; labels are names in `above`."""
-        names = naming(node.fields)
+        names = struct_texts(node.fields)
         loose = [
             signal
             for name, child in node.fields.items()
@@ -216,32 +216,34 @@ class _Walk:
                 self.found.groups.append((path, tuple(group), clock))
         return kept
 
-    def other(self, node: Node, path: str, above: str) -> list[Signal]:
+    def other(self, node: Node, path: str, above: str) -> list[ArrayChannel]:
         """The signals of anything but an array, that have no clock yet; `above` is the struct that it stands in."""
         match node:
             case Struct():
                 as_item = path.endswith((")", "}")) or path.rpartition(".")[2] == "signals"
                 return self.struct(node, path, above if as_item else None)
-            case Items(items, cell):
-                if cell and items and all(isinstance(item, Text) for item in items):
+            case NodeArray(items, cell):
+                if cell and items and all(isinstance(item, CharArray) for item in items):
                     self.found.leave("cells of text", path)
                     return []
                 marks = "{}" if cell else "()"
                 paths = [f"{path}{marks[0]}{i + 1}{marks[1]}" for i in range(len(items))]
                 return [s for item, p in zip(items, paths, strict=True) for s in self.item(item, p, above)]
-            case Text():
+            case CharArray():
                 self.found.leave("texts", path)
-            case Left():
+            case NoChannel():
                 self.found.left[node].append(path)
         return []
 
-    def item(self, node: Node, path: str, above: str) -> list[Signal]:
+    def item(self, node: Node, path: str, above: str) -> list[ArrayChannel]:
         """The signals of an element of a struct array or of a cell."""
         if isinstance(node, Numbers):
-            return self.vectors(node, path.removeprefix(f"{above}."), above, Naming())
+            return self.vectors(node, path.removeprefix(f"{above}."), above, StructTexts())
         return self.other(node, path, above)
 
-    def vectors(self, numbers: Numbers, name: str, home: str, names: Naming, above: str | None = None) -> list[Signal]:
+    def vectors(
+        self, numbers: Numbers, name: str, home: str, names: StructTexts, above: str | None = None
+    ) -> list[ArrayChannel]:
         """The channels that an array is; a label is another name of it in the struct `above`."""
         path = _joined(home, name)
         if numbers.samples < self.least:
@@ -262,24 +264,24 @@ class _Walk:
         form = "({},:)" if numbers.is_wide else "(:,{})"
         return [_column(plain, i, form.format(i + 1)) for i in range(numbers.channels)]
 
-    def clock(self, group: Sequence[Signal]) -> int | None:
+    def clock(self, group: Sequence[ArrayChannel]) -> int | None:
         """The signal whose name means time, if its samples run on."""
         for index, signal in enumerate(group):
             if signal.time_like and self.runs_on(signal):
                 return index
         return None
 
-    def runs_on(self, signal: Signal) -> bool:
+    def runs_on(self, signal: ArrayChannel) -> bool:
         """Whether the first samples may be stamps: they grow, but for some repeated stamps and resets of the clock."""
         values = self.peek(signal)
         steps = np.diff(values[np.isfinite(values)])
         grow, fall = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
         return values.size < 2 or bool(grow * 100 >= max(steps.size, 1) and fall * 10 <= grow)
 
-    def without_time(self, group: Sequence[Signal]) -> None:
+    def without_time(self, group: Sequence[ArrayChannel]) -> None:
         """Signals for which no struct has a time: a matrix may have it in its first column, [t, x1, x2]."""
-        matrices: dict[Numbers, list[Signal]] = defaultdict(list)
-        rest: list[Signal] = []
+        matrices: dict[Numbers, list[ArrayChannel]] = defaultdict(list)
+        rest: list[ArrayChannel] = []
         for signal in group:
             (rest if signal.numbers.is_vector else matrices[signal.numbers]).append(signal)
         for columns in matrices.values():
@@ -293,11 +295,11 @@ class _Walk:
             self.found.groups.append((homes.pop() if len(homes) == 1 else "", tuple(rest), self.clock(rest)))
 
 
-def _signal(numbers: Numbers, name: str, home: str, names: Naming, above: str | None) -> Signal:
+def _signal(numbers: Numbers, name: str, home: str, names: StructTexts, above: str | None) -> ArrayChannel:
     said, remark = (names.label, names.comment) if name == names.only else ("", "")
     label = _joined(above, said) if said and above is not None else ""
     remarks = (remark, "" if label else said)
-    return Signal(
+    return ArrayChannel(
         numbers,
         0,
         _joined(home, name),
@@ -309,13 +311,13 @@ def _signal(numbers: Numbers, name: str, home: str, names: Naming, above: str | 
     )
 
 
-def _column(plain: Signal, column: int, mark: str) -> Signal:
+def _column(plain: ArrayChannel, column: int, mark: str) -> ArrayChannel:
     label = plain.label and plain.label + mark
     return replace(plain, column=column, path=plain.path + mark, label=label, time_like=False)
 
 
-def _by_size(signals: Iterable[Signal]) -> list[list[Signal]]:
-    groups: dict[int, list[Signal]] = defaultdict(list)
+def _by_size(signals: Iterable[ArrayChannel]) -> list[list[ArrayChannel]]:
+    groups: dict[int, list[ArrayChannel]] = defaultdict(list)
     for signal in signals:
         groups[signal.numbers.samples].append(signal)
     return list(groups.values())

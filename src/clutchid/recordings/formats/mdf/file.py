@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
-from clutchid.recordings.formats.mdf.layout import Layout, Place, comment_of, layouts, metadata_of
+from clutchid.recordings.formats.mdf.layout import ChannelPlace, GroupLayout, comment_of, layouts, metadata_of
 from clutchid.recordings.formats.mdf.numbers import converted
-from clutchid.recordings.formats.mdf.opening import Spoiled, asammdf, opened, quiet, version_of
+from clutchid.recordings.formats.mdf.opening import BrokenMdf, asammdf, opened, quiet, version_of
 from clutchid.recordings.source import BLOCK, Places, Source, Table, refused
 
 #: Bytes of records that asammdf loads at a time.
@@ -35,7 +35,7 @@ def blocks(mdf: Any, channels: Sequence[Channel], first: int, count: int) -> Ite
 
     Raises
     ------
-    Spoiled
+    BrokenMdf
         If a group has fewer records than it claims.
     """
     groups = {group for group, _ in channels}
@@ -58,7 +58,7 @@ def _samples(mdf: Any, channels: Sequence[Channel], rows: slice, mixed: bool) ->
         with quiet():
             signals = mdf.select(wanted, first, raw=True, copy_master=False, record_count=count)
     except KeyError as error:  # it found nothing that it could read
-        raise Spoiled(f"is damaged within samples {rows.start + 1:,} to {rows.stop:,}; copy it again.") from error
+        raise BrokenMdf(f"is damaged within samples {rows.start + 1:,} to {rows.stop:,}; copy it again.") from error
     found = [(signal.samples, signal.invalidation_bits) for signal in signals]
     return [(samples[rows], None) for samples, _ in found] if mixed else found
 
@@ -73,7 +73,7 @@ def _check(mdf: Any, number: int, needed: int) -> None:
     size = int(group.channel_group.samples_byte_nr) if group.uses_ld else _width(mdf, number)
     there = sum(int(block.original_size) for block in group.get_data_blocks()) // size
     if there < needed:
-        raise Spoiled(f"is cut off: group {number + 1} claims {needed} samples and holds {there}; copy it again.")
+        raise BrokenMdf(f"is cut off: group {number + 1} claims {needed} samples and holds {there}; copy it again.")
 
 
 _UNKNOWN_START = datetime.fromtimestamp(0, UTC)
@@ -108,10 +108,10 @@ def open_file(path: Path) -> Source:
             found, warnings = layouts(mdf)
             metadata = metadata_of(mdf)
             version = str(mdf.version)
-    except Spoiled as error:
+    except BrokenMdf as error:
         return refused(path, "MDF", str(error))
     rasters = tuple(layout.raster for layout in found)
-    return Source(path, f"MDF {version}", rasters, _Reader(path, found), (), warnings, metadata)
+    return Source(path, f"MDF {version}", rasters, partial(_tables, path, found), (), warnings, metadata)
 
 
 def save(log: Log, path: Path) -> None:
@@ -149,30 +149,26 @@ def save(log: Log, path: Path) -> None:
             mdf.save(file, compression=_TRANSPOSED)
 
 
-@dataclass(frozen=True, slots=True)
-class _Reader:
-    """Reads channels of one raster, block by block; the file is open while a reading goes on."""
-
-    path: Path
-    layouts: tuple[Layout, ...]
-
-    def __call__(self, raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-        layout = self.layouts[raster]
-        places = {column: layout.places[column] for column in columns}
-        size = layout.raster.size
-        try:
-            with opened(self.path) as mdf:
-                rules = {i: mdf.groups[place.group].channels[place.index].conversion for i, place in places.items()}
-                for first in range(0, size, rows or size):
-                    count = min(rows or size, size - first)
-                    numbers = _numbers(mdf, places, rules, first, count)
-                    yield Table(layout.raster.headings, numbers, count, Places("sample", first + 1))
-        except Spoiled as error:
-            raise DataError(f"{self.path}: {error}") from error
+def _tables(
+    path: Path, layouts: Sequence[GroupLayout], raster: int, columns: Sequence[int], rows: int | None = None
+) -> Iterator[Table]:
+    """Tables of one time grid, see `Tables`; the file is open while they are read."""
+    layout = layouts[raster]
+    places = {column: layout.places[column] for column in columns}
+    size = layout.raster.size
+    try:
+        with opened(path) as mdf:
+            rules = {i: mdf.groups[place.group].channels[place.index].conversion for i, place in places.items()}
+            for first in range(0, size, rows or size):
+                count = min(rows or size, size - first)
+                numbers = _numbers(mdf, places, rules, first, count)
+                yield Table(layout.raster.headings, numbers, count, Places("sample", first + 1))
+    except BrokenMdf as error:
+        raise DataError(f"{path}: {error}") from error
 
 
 def _numbers(
-    mdf: Any, places: Mapping[int, Place], rules: Mapping[int, Any], first: int, count: int
+    mdf: Any, places: Mapping[int, ChannelPlace], rules: Mapping[int, Any], first: int, count: int
 ) -> dict[int, FloatArray]:
     """Samples `first` to `first + count` of the channels at `places`, converted by their `rules`."""
     version = version_of(mdf)

@@ -1,4 +1,4 @@
-"""What the groups of an opened MDF file become: rasters, where their channels stand, and what is left out."""
+"""Time grids of an opened MDF file: its channel groups, the places of their channels, and what is left out."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _TEXTS_4, _TEXT_3 = range(6, 10), 7
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where a channel stands: its group, its number in it; `counted` if its value is the number of the sample."""
+class ChannelPlace:
+    """Place of a channel: its group, its number in it; `counted` if its value is the number of the sample."""
 
     group: int
     index: int
@@ -41,14 +41,14 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class GroupLayout:
     """A raster and the places of its channels."""
 
     raster: Raster
-    places: tuple[Place, ...]
+    places: tuple[ChannelPlace, ...]
 
 
-def layouts(mdf: Any) -> tuple[tuple[Layout, ...], tuple[str, ...]]:
+def layouts(mdf: Any) -> tuple[tuple[GroupLayout, ...], tuple[str, ...]]:
     """The rasters of a file, and a sentence for each kind of thing that was left out."""
     out: Counter[str] = Counter()
     found = []
@@ -66,7 +66,7 @@ def layouts(mdf: Any) -> tuple[tuple[Layout, ...], tuple[str, ...]]:
 
 
 def metadata_of(mdf: Any) -> dict[str, str]:
-    """What the file says of itself; of a file that clutchid wrote exactly the metadata of its log."""
+    """Metadata in the header of a file; of a file that clutchid wrote exactly the metadata of its log."""
     root = _xml(_guarded(lambda: mdf.header.comment))
     own = root.find(f".//e[@name='{KEY}']") if root is not None else None
     if own is not None and (metadata := own_metadata(own.text)) is not None:
@@ -97,7 +97,7 @@ def _families(mdf: Any) -> dict[int, list[int]]:
     return families
 
 
-def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> Layout | None:
+def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> GroupLayout | None:
     cycles = int(mdf.groups[owner].channel_group.cycles_nr)
     known, others = [], []
     for number in groups:
@@ -121,8 +121,8 @@ def _layout(mdf: Any, owner: int, groups: list[int], out: Counter[str]) -> Layou
         clock = None
     headings = tuple(_heading(mdf, i, entry[2], i == clock) for i, entry in enumerate(known))
     raster = Raster(headings, cycles, _name(mdf.groups[owner].channel_group), clock, tuple(others))
-    places = (Place(number, index, _is_counted(mdf, item)) for number, index, item in known)
-    return Layout(raster, tuple(places))
+    places = (ChannelPlace(number, index, _is_counted(mdf, item)) for number, index, item in known)
+    return GroupLayout(raster, tuple(places))
 
 
 #: What is left out besides texts, by the word that counts it, for people.
@@ -149,7 +149,7 @@ def _channels(mdf: Any, number: int) -> Iterator[tuple[int, Any, str]]:
 
 
 def _no_number(item: Any, version: int) -> str:
-    """What a channel holds if it is no number, else nothing."""
+    """Kind of the samples of a channel that are no numbers, else nothing."""
     if version == 4 and item.channel_type in _COUNTED:
         return "" if convertible(item.conversion, version) else "text"
     if item.data_type in (_TEXTS_4 if version == 4 else (_TEXT_3,)):

@@ -29,7 +29,7 @@ _FLAGS = slice(60, 62)
 MENDABLE = 1 << 30
 
 
-class Spoiled(ValueError):
+class BrokenMdf(ValueError):
     """A file that cannot be read; the text is the end of the sentence ``FILE: ...``."""
 
 
@@ -39,7 +39,7 @@ def opened(path: Path) -> Iterator[MDF]:
 
     Raises
     ------
-    Spoiled
+    BrokenMdf
         If it is no MDF file, or asammdf raises anything while it is open.
     MissingExtra
         If asammdf is not installed.
@@ -50,7 +50,7 @@ def opened(path: Path) -> Iterator[MDF]:
     with contextlib.closing(_readable(path)) as stream:
         mdf, reason = _built(library, stream)
         if mdf is None:
-            raise Spoiled(reason)
+            raise BrokenMdf(reason)
         with contextlib.closing(mdf), _explained():
             if version_of(mdf) == 3:
                 _check_end(mdf, path.stat().st_size)
@@ -100,9 +100,9 @@ def _readable(path: Path) -> IO[bytes]:
     with stream:
         size = path.stat().st_size
         if start[8:9] != b"4":
-            raise Spoiled("was not finalised by its logger, and only MDF 4 can be mended; finalise it with its tool.")
+            raise BrokenMdf("was not finalised by its logger, and only MDF 4 can be mended; finalise it with its tool.")
         if size > MENDABLE:
-            raise Spoiled(
+            raise BrokenMdf(
                 f"was not finalised by its logger and has {size >> 20} MB; finalise it with the logger's tool."
             )
         copy = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
@@ -142,22 +142,22 @@ def _drop_clocks(mdf: Any) -> None:
 def _check_end(mdf: Any, size: int) -> None:
     """Refuse an MDF 3 file whose samples end behind the file, which asammdf does not notice."""
     if mdf.identification.byte_order:
-        raise Spoiled("is an MDF 3 file in Motorola byte order, which is not read; convert it to MDF 4 first.")
+        raise BrokenMdf("is an MDF 3 file in Motorola byte order, which is not read; convert it to MDF 4 first.")
     blocks = (block for group in mdf.groups for block in group.get_data_blocks())
     end = max((block.address + block.original_size for block in blocks), default=0)
     if end > size:
-        raise Spoiled(f"is cut off: its samples end at byte {end}, the file at {size}; copy it again.")
+        raise BrokenMdf(f"is cut off: its samples end at byte {end}, the file at {size}; copy it again.")
 
 
 @contextlib.contextmanager
 def _explained() -> Iterator[None]:
-    """Whatever is raised on bytes that make no sense, as a sentence."""
+    """Errors on bytes that make no sense, as a sentence."""
     try:
         yield
     except Exception as error:
-        if isinstance(error, Spoiled | MemoryError) or _is_the_disk(error):
+        if isinstance(error, BrokenMdf | MemoryError) or _is_the_disk(error):
             raise
-        raise Spoiled(_reason(error)) from error
+        raise BrokenMdf(_reason(error)) from error
 
 
 def _is_the_disk(error: Exception) -> bool:

@@ -17,10 +17,10 @@ import numpy as np
 
 from clutchid.errors import install_command
 from clutchid.log import INPUTS, FloatArray, Log, Samples
-from clutchid.recordings.columns import Heading, headings, shortened
+from clutchid.recordings.columns import Heading, headings, listed, shortened
 from clutchid.recordings.formats.parquet.footer import EncryptedParquet, damage
-from clutchid.recordings.formats.parquet.readers import Reader, UnreadParquet, with_arrow, with_polars
-from clutchid.recordings.source import EXAMPLE, Places, Raster, Source, Table, and_more, own_metadata, refused, to_frame
+from clutchid.recordings.formats.parquet.readers import LibraryReader, UnreadParquet, with_arrow, with_polars
+from clutchid.recordings.source import EXAMPLE, Places, Raster, Source, Table, own_metadata, refused, to_frame
 
 if TYPE_CHECKING:
     import polars as pl
@@ -42,18 +42,18 @@ _HELD = {"String": "text", "Categorical": "text", "Enum": "text", "Binary": "byt
 
 
 @dataclass(frozen=True, slots=True)
-class _Opened:
+class _ReadableFile:
     """A file with the library that reads it, and why single columns cannot be read."""
 
     path: Path
-    reader: Reader
+    reader: LibraryReader
     unread: Mapping[str, str]
 
     def is_read(self, name: str, heading: Heading) -> bool:
         return name not in self.unread and _is_numeric(self.reader.kinds[name], heading)
 
     def held(self, name: str) -> str:
-        """What a column that is not read holds."""
+        """Kind of the samples of a column that is not read."""
         if name in self.unread:
             return f"numbers that cannot be read: {self.unread[name]}"
         return _HELD.get(type(self.reader.kinds[name]).__name__, "values of an unknown type")
@@ -96,7 +96,7 @@ def _damaged(reason: str) -> str:
     return f"is no complete Parquet file ({reason or 'its pages are damaged'}); copy or write it again."
 
 
-def _opened(path: Path) -> _Opened:
+def _opened(path: Path) -> _ReadableFile:
     """The file as polars reads it, or as PyArrow where polars refuses it, or columns of it.
 
     Raises
@@ -125,7 +125,7 @@ def _opened(path: Path) -> _Opened:
     return found
 
 
-def _with(path: Path, library: Callable[[Path], Reader]) -> _Opened:
+def _with(path: Path, library: Callable[[Path], LibraryReader]) -> _ReadableFile:
     """The file as a library reads it, with the columns of which it cannot read the first sample.
 
     Raises
@@ -142,11 +142,11 @@ def _with(path: Path, library: Callable[[Path], Reader]) -> _Opened:
         unread |= _unread(reader, [name])
     if names and len(unread) == len(names):
         raise UnreadParquet(next(iter(unread.values())))
-    return _Opened(path, reader, unread)
+    return _ReadableFile(path, reader, unread)
 
 
-def _unread(reader: Reader, names: Sequence[str]) -> dict[str, str]:
-    """Why the first sample of these columns cannot be read; empty where it can."""
+def _unread(reader: LibraryReader, names: Sequence[str]) -> dict[str, str]:
+    """Reason why the first sample of these columns cannot be read; empty where it can."""
     try:
         next(reader.frames(names, 1), None)
     except UnreadParquet as error:
@@ -154,13 +154,13 @@ def _unread(reader: Reader, names: Sequence[str]) -> dict[str, str]:
     return {}
 
 
-def _source(opened: _Opened) -> Source:
+def _source(opened: _ReadableFile) -> Source:
     kinds, size = opened.reader.kinds, opened.reader.size
     every = dict(zip(kinds, headings(kinds), strict=True))
     shown = [name for name, heading in every.items() if heading.name is not None or opened.is_read(name, heading)]
     others = tuple((name, opened.held(name)) for name in every if name not in shown)
-    told = [f"'{shortened(name)}' ({held})" for name, held in others[:_SHOWN]]
-    left = f"({len(others)}): {and_more(told, len(others) - len(told))}"
+    unread = listed((f"'{shortened(name)}' ({held})" for name, held in others), _SHOWN)
+    left = f"({len(others)}): {unread}"
     if not shown:
         problem = f"holds no column of numbers, only others {left}; write the channels as Float64."
         return refused(opened.path, "Parquet", problem)
@@ -182,7 +182,7 @@ def _heading(column: Heading, kind: pl.DataType) -> Heading:
     return replace(column, unit="s") if kind.is_temporal() and column.name in (None, "time") else column
 
 
-def _firsts(reader: Reader, names: Sequence[str]) -> dict[str, tuple[int, object]]:
+def _firsts(reader: LibraryReader, names: Sequence[str]) -> dict[str, tuple[int, object]]:
     """The first stamp of each of these columns, as the whole number that it is in the file and as it reads."""
     firsts: dict[str, tuple[int, object]] = {}
     frame = next(reader.frames(names, _TELLING), None) if names else None
@@ -196,7 +196,7 @@ def _firsts(reader: Reader, names: Sequence[str]) -> dict[str, tuple[int, object
 
 
 def _tables(
-    opened: _Opened,
+    opened: _ReadableFile,
     raster: Raster,
     names: Sequence[str],
     origins: Mapping[str, int],
@@ -224,7 +224,7 @@ def _tables(
         yield Table(raster.headings, problems=(_damaged(str(error)),))
 
 
-def _frames(reader: Reader, names: Sequence[str], size: int, rows: int) -> Iterator[tuple[int, pl.DataFrame]]:
+def _frames(reader: LibraryReader, names: Sequence[str], size: int, rows: int) -> Iterator[tuple[int, pl.DataFrame]]:
     """Consecutive frames of these columns with the number of their first row; of none, frames of rows alone."""
     import polars as pl
 

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, NamedTuple
 Tree = dict[int, tuple[int, Any]]
 
 
-class Kind(IntEnum):
+class ThriftKind(IntEnum):
     """Kinds of values in the compact protocol of Thrift, as far as they are named here."""
 
     STOP = 0
@@ -32,7 +32,7 @@ class Kind(IntEnum):
     STRUCT = 12
 
 
-class Compact:
+class CompactReader:
     """Values one behind the other."""
 
     def __init__(self, data: bytes) -> None:
@@ -57,26 +57,26 @@ class Compact:
         """The next structure."""
         fields: Tree = {}
         field = 0
-        while (head := self.take(1)[0]) != Kind.STOP:
-            field = field + (head >> 4) if head >> 4 else self.value(Kind.I16)
+        while (head := self.take(1)[0]) != ThriftKind.STOP:
+            field = field + (head >> 4) if head >> 4 else self.value(ThriftKind.I16)
             fields[field] = (head & 15, self.value(head & 15))
         return fields
 
     def value(self, kind: int) -> Any:
-        """The next value, which is of a `Kind`."""
-        if kind in (Kind.TRUE, Kind.FALSE):
-            return kind == Kind.TRUE
-        if kind in (Kind.BYTE, Kind.DOUBLE):
-            return self.take(1 if kind == Kind.BYTE else 8)
-        if kind == Kind.BINARY:
+        """The next value, which is of a `ThriftKind`."""
+        if kind in (ThriftKind.TRUE, ThriftKind.FALSE):
+            return kind == ThriftKind.TRUE
+        if kind in (ThriftKind.BYTE, ThriftKind.DOUBLE):
+            return self.take(1 if kind == ThriftKind.BYTE else 8)
+        if kind == ThriftKind.BINARY:
             return self.take(self.varint())
-        if kind in (Kind.LIST, Kind.SET):
+        if kind in (ThriftKind.LIST, ThriftKind.SET):
             head = self.take(1)[0]
             inner = _inner(head & 15)
             return head & 15, [self.value(inner) for _ in range(self.varint() if head >> 4 == 15 else head >> 4)]
-        if kind == Kind.STRUCT:
+        if kind == ThriftKind.STRUCT:
             return self.struct()
-        if not Kind.BYTE < kind < Kind.DOUBLE:
+        if not ThriftKind.BYTE < kind < ThriftKind.DOUBLE:
             raise ValueError(f"a value of the unknown kind {kind}")
         number = self.varint()
         return (number >> 1) ^ -(number & 1)
@@ -84,14 +84,14 @@ class Compact:
 
 def plain(kind: int, value: Any) -> Any:
     """A value without the kinds of what is in it."""
-    if kind == Kind.STRUCT:
+    if kind == ThriftKind.STRUCT:
         return {field: plain(*each) for field, each in value.items()}
-    return [plain(value[0], each) for each in value[1]] if kind in (Kind.LIST, Kind.SET) else value
+    return [plain(value[0], each) for each in value[1]] if kind in (ThriftKind.LIST, ThriftKind.SET) else value
 
 
 def _inner(kind: int) -> int:
     """The kind of the values in a list, where a truth value is a byte."""
-    return Kind.BYTE if kind in (Kind.TRUE, Kind.FALSE) else kind
+    return ThriftKind.BYTE if kind in (ThriftKind.TRUE, ThriftKind.FALSE) else kind
 
 
 def encoded(tree: Mapping[int, tuple[int, Any]]) -> bytes:
@@ -102,22 +102,22 @@ def encoded(tree: Mapping[int, tuple[int, Any]]) -> bytes:
         head = bytes([step << 4 | kind]) if 0 < step < 16 else bytes([kind]) + _integer(field)
         parts += [head, _encoded(kind, value)]
         before = field
-    return b"".join([*parts, bytes([Kind.STOP])])
+    return b"".join([*parts, bytes([ThriftKind.STOP])])
 
 
 def _encoded(kind: int, value: Any) -> bytes:
-    if kind == Kind.STRUCT:
+    if kind == ThriftKind.STRUCT:
         return value if isinstance(value, bytes) else encoded(value)
-    if kind == Kind.BINARY:
+    if kind == ThriftKind.BINARY:
         return _varint(len(value)) + bytes(value)
-    if kind == Kind.LIST:
+    if kind == ThriftKind.LIST:
         inner, values = value
         count = len(values)
         head = bytes([count << 4 | inner]) if count < 15 else bytes([15 << 4 | inner]) + _varint(count)
         return head + b"".join(_encoded(_inner(inner), one) for one in values)
-    if kind in (Kind.TRUE, Kind.FALSE):
+    if kind in (ThriftKind.TRUE, ThriftKind.FALSE):
         return b""
-    return bytes(value) if kind in (Kind.BYTE, Kind.DOUBLE) else _integer(value)
+    return bytes(value) if kind in (ThriftKind.BYTE, ThriftKind.DOUBLE) else _integer(value)
 
 
 def _integer(value: int) -> bytes:
@@ -143,7 +143,7 @@ class EncryptedParquet(ValueError):
 
 
 def damage(path: Path, columns: Collection[str] | None = None) -> str:
-    """What is wrong with the numbers of samples and bytes of these columns (None: all); empty where nothing is.
+    """Error in the numbers of samples and bytes of these columns (None: all); empty where there is none.
 
     Raises
     ------
@@ -173,22 +173,22 @@ def _footer(file: BinaryIO, size: int) -> dict[int, Any]:
     if tail[4:] != b"PAR1" or length > size - 12:
         raise ValueError("it does not end as such a file ends")
     file.seek(size - 8 - length)
-    footer: dict[int, Any] = plain(Kind.STRUCT, Compact(file.read(length)).struct())
+    footer: dict[int, Any] = plain(ThriftKind.STRUCT, CompactReader(file.read(length)).struct())
     if 8 in footer:  # how its columns are encrypted
         raise EncryptedParquet
     return footer
 
 
 def _pages(file: BinaryIO, size: int, chunk: dict[int, Any]) -> str:
-    """What is wrong with the pages of one column of one part."""
+    """Error in the pages of one column of one row group."""
     start = chunk[9] if not chunk.get(11) else min(chunk[9], chunk[11])
     samples = 0
     while samples < chunk[5]:
         if not 0 < start < size:
             return f"a page at byte {start} is not in the file"
         file.seek(start)
-        reader = Compact(file.read(_HEADER))
-        page = plain(Kind.STRUCT, reader.struct())
+        reader = CompactReader(file.read(_HEADER))
+        page = plain(ThriftKind.STRUCT, reader.struct())
         start += reader.at + page[3]
         data = page.get(5) or page.get(8)
         held = (data or page.get(7) or {1: 0})[1]
@@ -209,7 +209,7 @@ _ROWS, _GROUPS, _COLUMNS, _GROUP_OFFSET, _ORDINAL = 3, 4, 1, 5, 7
 _COLUMN_OFFSETS, _DESCRIPTION, _PAGE_OFFSETS = (2, 4, 6), 3, (9, 10, 11, 14)
 
 
-class Groups(NamedTuple):
+class RowGroups(NamedTuple):
     """Row groups that are in a file up to the byte `end`, and its footer, None before the first.
 
     Each group of the footer is encoded once, when it is added, so that a footer costs no more the longer a file grows.
@@ -219,21 +219,21 @@ class Groups(NamedTuple):
     footer: Tree | None = None
 
 
-def appended(groups: Groups, whole: bytes) -> tuple[Groups, bytes]:
+def appended(groups: RowGroups, whole: bytes) -> tuple[RowGroups, bytes]:
     """Row groups with those of another whole file behind them, and the bytes to write at ``groups.end``."""
     length = int.from_bytes(whole[-8:-4], "little")
     cut = len(whole) - 8 - length
-    new, shift = Compact(whole[cut:-8]).struct(), groups.end - len(MAGIC)
+    new, shift = CompactReader(whole[cut:-8]).struct(), groups.end - len(MAGIC)
     before = [] if groups.footer is None else groups.footer[_GROUPS][1][1]
     kind, (inner, added) = new[_GROUPS]
     moved = [encoded(_moved(group, shift, len(before) + i)) for i, group in enumerate(added)]
     rows = new[_ROWS][1] + (0 if groups.footer is None else groups.footer[_ROWS][1])
     footer = {**new, _ROWS: (new[_ROWS][0], rows), _GROUPS: (kind, (inner, [*before, *moved]))}
-    return Groups(shift + cut, footer), whole[len(MAGIC) : cut]
+    return RowGroups(shift + cut, footer), whole[len(MAGIC) : cut]
 
 
-def footer_bytes(groups: Groups) -> bytes:
-    """What stands behind the row groups in a whole file."""
+def footer_bytes(groups: RowGroups) -> bytes:
+    """Bytes behind the row groups in a whole file."""
     content = encoded(groups.footer or {})
     return content + len(content).to_bytes(4, "little") + MAGIC
 

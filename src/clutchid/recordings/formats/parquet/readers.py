@@ -23,10 +23,10 @@ class UnreadParquet(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Reader:
+class LibraryReader:
     """A file as a library reads it: types of the columns by name, samples, text of its metadata by key.
 
-    `frames` gives columns by name in consecutive frames of at most so many samples, from the start; it raises
+    `frames` gives columns by name in consecutive frames of a number of samples, from the start; it raises
     `UnreadParquet`.
     """
 
@@ -36,7 +36,7 @@ class Reader:
     frames: Callable[[Sequence[str], int], Iterator[pl.DataFrame]]
 
 
-def with_polars(path: Path) -> Reader:
+def with_polars(path: Path) -> LibraryReader:
     """The file as polars reads it.
 
     Raises
@@ -52,7 +52,7 @@ def with_polars(path: Path) -> Reader:
         metadata = pl.read_parquet_metadata(file)
         file.seek(0)
         size = int(_scan(file).select(pl.len()).collect().item()) if kinds else 0
-    return Reader(kinds, size, metadata, partial(_polars_frames, path, size))
+    return LibraryReader(kinds, size, metadata, partial(_polars_frames, path, size))
 
 
 def _polars_frames(path: Path, size: int, columns: Sequence[str], rows: int) -> Iterator[pl.DataFrame]:
@@ -69,8 +69,8 @@ def _scan(file: BinaryIO) -> pl.LazyFrame:
     return pl.scan_parquet(file, hive_partitioning=False)
 
 
-def with_arrow(path: Path) -> Reader:
-    """The file as PyArrow reads it; columns of one name are told apart by numbers.
+def with_arrow(path: Path) -> LibraryReader:
+    """The file as PyArrow reads it; columns of one name get numbers.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def with_arrow(path: Path) -> Reader:
         kinds = dict(zip(_apart(schema.names), map(_kind, schema.types), strict=True))
         size = sum(footer.row_group(i).num_rows for i in range(footer.num_row_groups))
         metadata = {key.decode(): text.decode("utf-8", "replace") for key, text in (footer.metadata or {}).items()}
-    return Reader(kinds, size, metadata, partial(_arrow_frames, path))
+    return LibraryReader(kinds, size, metadata, partial(_arrow_frames, path))
 
 
 def _arrow_frames(path: Path, columns: Sequence[str], rows: int) -> Iterator[pl.DataFrame]:
@@ -123,17 +123,17 @@ def _apart(names: Sequence[str]) -> list[str]:
     >>> _apart(["p", "t", "p"])
     ['p', 't', 'p (2)']
     """
-    seen: Counter[str] = Counter()
-    told = []
+    count: Counter[str] = Counter()
+    distinct = []
     for name in names:
-        seen[name] += 1
-        told.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
-    return told
+        count[name] += 1
+        distinct.append(name if count[name] == 1 else f"{name} ({count[name]})")
+    return distinct
 
 
 @contextmanager
 def _sound() -> Iterator[None]:
-    """Whatever the libraries raise as `UnreadParquet`, and without the standard error, where polars prints panics."""
+    """Errors of the libraries as `UnreadParquet`, and without the standard error, where polars prints panics."""
     import polars as pl
 
     try:

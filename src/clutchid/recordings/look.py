@@ -12,14 +12,14 @@ import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
 from clutchid.recordings.checks import AMBIENT, check, check_ambient, in_si
-from clutchid.recordings.columns import REQUIRED, Heading, heading_problems, ignored
-from clutchid.recordings.look.overview import ColumnLook, Look, RasterLook, TimeLook, updated
+from clutchid.recordings.columns import REQUIRED, SHOWN, Heading, heading_problems, ignored
 from clutchid.recordings.map.channel_map import Channel, ChannelMap
 from clutchid.recordings.map.picking import own_clock
 from clutchid.recordings.map.proposal import Proposal, propose
 from clutchid.recordings.opening import open_source
+from clutchid.recordings.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
 from clutchid.recordings.recording import findings, picked, scaled
-from clutchid.recordings.source import BLOCK, SHOWN, Places, Raster, Source, Table, in_contract
+from clutchid.recordings.source import BLOCK, Places, Raster, Source, Table, in_contract
 
 #: Bytes of data up to which a time grid is read in one piece, so that every problem is counted once.
 _WHOLE = 1 << 29
@@ -33,7 +33,7 @@ def look(
     ambient: float = AMBIENT,
     dbc: Sequence[str | PathLike[str]] = (),
     channels: ChannelMap | None = None,
-) -> Look:
+) -> FileOverview:
     """Contents of a recording of any format, whether or not `read` would accept it.
 
     Parameters
@@ -50,7 +50,7 @@ def look(
     Raises
     ------
     DataError
-        If the file cannot be read; problems inside it are in ``Look.problems``.
+        If the file cannot be read; problems inside it are in ``FileOverview.problems``.
     MissingExtra
         If the format needs a library that is not installed.
     ParameterError
@@ -80,19 +80,18 @@ def look(
     problems += [source.unnamed] if source.unnamed else []
     for index, raster in enumerate(source.rasters):
         clock, said = _clock(raster, proposal.channels)
-        summary = _Summary(len(raster.headings), checks)
+        summary = _Summary(checks)
         if checks is not None:
             summary.problems += heading_problems(raster.headings)
             summary.warnings += ignored(raster.headings)
         rasters.append(_raster(source, index, summary, _Axis(clock, {}, ambient)))
         problems += summary.problems
         warnings += [*([said] if said else []), *summary.warnings]
-    warnings = list(dict.fromkeys(warnings))
-    mapless = in_contract(source)
-    return Look(str(path), source.format, tuple(rasters), tuple(problems), tuple(warnings), proposal, not mapless)
+    found = tuple(rasters), tuple(problems), tuple(dict.fromkeys(warnings))
+    return FileOverview(str(path), source.format, *found, proposal, needs_map=not in_contract(source))
 
 
-def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> Look:
+def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: float) -> FileOverview:
     """Contents of a file with the quantities, the time axis and the findings of a channel map."""
     rig = "force" in channels.channels and not any(name in channels.channels for name in INPUTS)
     picks, wrong = picked(source, channels, _RIG if rig else REQUIRED)
@@ -104,7 +103,7 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
         columns = {heading.index: (heading, entry) for pick in chosen for heading, entry in pick.columns.values()}
         time = next((pick.columns["time"][0] for pick in chosen if "time" in pick.columns), own_clock(raster)[0])
         rate = chosen[0].rate if chosen else None
-        rasters.append(_raster(source, index, _Summary(len(raster.headings)), _Axis(time, columns, ambient, rate)))
+        rasters.append(_raster(source, index, _Summary(), _Axis(time, columns, ambient, rate)))
     problems = tuple(dict.fromkeys((*source.problems, *wrong, *found)))
     warnings = tuple(dict.fromkeys((*source.warnings, *warned)))
     completed = replace(
@@ -116,7 +115,7 @@ def _mapped(source: Source, proposal: Proposal, channels: ChannelMap, ambient: f
             comments=proposal.channels.comments,
         ),
     )
-    return Look(str(source.path), source.format, tuple(rasters), problems, warnings, completed, needs_map=False)
+    return FileOverview(str(source.path), source.format, tuple(rasters), problems, warnings, completed, needs_map=False)
 
 
 def _means_the_contract(source: Source) -> bool:
@@ -149,25 +148,21 @@ class _Axis:
 
 @dataclass(slots=True)
 class _Summary:
-    """Summary of the samples of a time grid so far; with `checks`, an ambient pressure, also problems as of `read`."""
+    """Summary of the samples of a time grid so far; with `checks`, an ambient pressure, also problems as of `read`.
 
-    columns: int
+    `ranges` are the lowest and highest value, and the number of finite ones, of each column that has any.
+    """
+
     checks: float | None = None
-    low: list[float] = field(init=False)
-    high: list[float] = field(init=False)
-    finite: list[int] = field(init=False)
-    time: TimeLook | None = None
+    ranges: dict[int, tuple[float, float, int]] = field(default_factory=dict)
+    time: TimeAxis | None = None
     places: Places = field(default_factory=Places)
     samples: int = 0
     problems: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        self.low, self.high = [math.inf] * self.columns, [-math.inf] * self.columns
-        self.finite = [0] * self.columns
 
-
-def _raster(source: Source, index: int, summary: _Summary, axis: _Axis) -> RasterLook:
+def _raster(source: Source, index: int, summary: _Summary, axis: _Axis) -> TimeGridOverview:
     raster = source.rasters[index]
     rows = None if raster.size * len(raster.headings) * 8 < _WHOLE else BLOCK
     for table in source.tables(index, [heading.index for heading in raster.headings], rows):
@@ -179,7 +174,7 @@ def _raster(source: Source, index: int, summary: _Summary, axis: _Axis) -> Raste
         else:
             summary.problems += [problem for problem in table.problems if problem not in summary.problems]
     columns = tuple(_column(heading, summary, axis) for heading in raster.headings)
-    return RasterLook(raster.name, summary.samples, columns, summary.time, summary.places.word, raster.others)
+    return TimeGridOverview(raster.name, summary.samples, columns, summary.time, summary.places.word, raster.others)
 
 
 def _clock(raster: Raster, proposed: ChannelMap) -> tuple[Heading | None, str]:
@@ -198,23 +193,19 @@ def _add(summary: _Summary, table: Table, axis: _Axis) -> None:
         summary.time = updated(summary.time, stamps, table.places)
     summary.samples += table.size
     summary.places = table.places
-    for position, heading in enumerate(table.headings):
-        values = table.numbers.get(heading.index, np.empty(0))
+    for index, values in table.numbers.items():
         finite = values[np.isfinite(values)]
         if finite.size:
-            summary.low[position] = min(summary.low[position], float(finite.min()))
-            summary.high[position] = max(summary.high[position], float(finite.max()))
-            summary.finite[position] += finite.size
+            low, high, count = summary.ranges.get(index, (math.inf, -math.inf, 0))
+            summary.ranges[index] = min(low, float(finite.min())), max(high, float(finite.max())), count + finite.size
 
 
-def _column(heading: Heading, summary: _Summary, axis: _Axis) -> ColumnLook:
-    position = heading.index
-    nothing = not summary.finite[position]
-    low, high = (math.nan, math.nan) if nothing else (summary.low[position], summary.high[position])
+def _column(heading: Heading, summary: _Summary, axis: _Axis) -> ColumnOverview:
+    low, high, count = summary.ranges.get(heading.index, (math.nan, math.nan, 0))
     shown = axis.columns[heading.index][0] if heading.index in axis.columns else heading
     low_si, high_si = math.nan, math.nan
     if shown.si:
         ends: FloatArray = in_si(shown, axis.written(heading.index, np.array([low, high])), axis.ambient)
         low_si, high_si = sorted(ends.tolist())
-    missing = summary.samples - summary.finite[position]
-    return ColumnLook(heading.text, shown.name, shown.unit, shown.si, low, high, low_si, high_si, missing)
+    missing = summary.samples - count
+    return ColumnOverview(heading.text, shown.name, shown.unit, shown.si, low, high, low_si, high_si, missing)

@@ -10,10 +10,11 @@ import numpy as np
 
 from clutchid.log import HOLE, FloatArray
 from clutchid.names import printable
-from clutchid.recordings.checks import intervals, usual_interval
+from clutchid.recordings.columns import SHOWN, listed, sample_count
 from clutchid.recordings.map.proposal import Proposal
-from clutchid.recordings.source import SHOWN, Places, and_more
+from clutchid.recordings.source import Places
 from clutchid.recordings.text_table import text_table
+from clutchid.recordings.time_axis import intervals, usual_interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,7 @@ class Hole:
 
 
 @dataclass(frozen=True, slots=True)
-class TimeLook:
+class TimeAxis:
     """The time axis in s: first and last sample, shortest, usual and longest interval, and the first holes.
 
     `repeated` counts time stamps equal to the previous one, `back` those below the previous one.
@@ -53,7 +54,7 @@ class TimeLook:
         return 1 / self.usual
 
 
-def updated(before: TimeLook | None, time: FloatArray, places: Places) -> TimeLook | None:
+def updated(before: TimeAxis | None, time: FloatArray, places: Places) -> TimeAxis | None:
     """Update the summary `before` with a further block of time stamps in s; None if there were none so far.
 
     The usual interval is that of the first block.
@@ -62,23 +63,21 @@ def updated(before: TimeLook | None, time: FloatArray, places: Places) -> TimeLo
     if not rows.size:
         return before
     stamps = time[rows]
+    known = before or TimeAxis(float(stamps[0]), math.nan, math.inf, usual_interval(stamps), -math.inf, 0, ())
     joined = stamps if before is None else np.r_[before.last, stamps]
     steps = intervals(joined)
-    usual = usual_interval(stamps) if before is None else before.usual
-    after = np.flatnonzero(steps > HOLE * usual)
+    after = np.flatnonzero(steps > HOLE * known.usual)
     offset = joined.size - stamps.size  # 1 if the interval to the previous block is included
     shown = tuple(
         Hole(places.number(rows[max(i - offset, 0)]) - (i < offset), float(joined[i]), float(steps[i]))
         for i in after[:SHOWN].tolist()
     )
-    ends = (float(stamps[0]) if before is None else before.first, float(stamps[-1]))
-    shortest = min(float(steps.min()) if steps.size else math.inf, math.inf if before is None else before.shortest)
-    longest = max(float(steps.max()) if steps.size else -math.inf, -math.inf if before is None else before.longest)
-    known = TimeLook(0, 0, 0, 0, 0, 0, ()) if before is None else before
-    return TimeLook(
-        *ends,
-        shortest,
-        usual,
+    longest = float(steps.max(initial=known.longest))
+    return TimeAxis(
+        known.first,
+        float(stamps[-1]),
+        float(steps.min(initial=known.shortest)),
+        known.usual,
         longest if math.isfinite(longest) else math.inf,
         known.hole_count + int(after.size),
         (*known.holes, *shown)[:SHOWN],
@@ -97,7 +96,7 @@ _TITLES = ("column", "as written", "from", "to", "in SI from", "to", "missing")
 
 
 @dataclass(frozen=True, slots=True)
-class ColumnLook:
+class ColumnOverview:
     """One channel of a file; unknown values are NaN, an unknown SI unit is None.
 
     `name` is the quantity (None: the channel is ignored by `read`), `heading` the text as written, `low` and `high` the
@@ -116,7 +115,7 @@ class ColumnLook:
 
 
 @dataclass(frozen=True, slots=True)
-class RasterLook:
+class TimeGridOverview:
     """Channels with common time stamps: name in the file, samples, channels, time axis (None: there is none).
 
     `place` is the unit of location of a sample: a line of a text, a row of a table. `others` are the channels that hold
@@ -125,14 +124,14 @@ class RasterLook:
 
     name: str
     samples: int
-    columns: tuple[ColumnLook, ...]
-    time: TimeLook | None
+    columns: tuple[ColumnOverview, ...]
+    time: TimeAxis | None
     place: str
     others: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class FileOverview:
     """Contents of a file: format, time grids, problems and warnings of `read`, and a proposed channel map.
 
     `needs_map`: the columns do not have the standard names.
@@ -140,7 +139,7 @@ class Look:
 
     source: str
     format: str
-    rasters: tuple[RasterLook, ...]
+    rasters: tuple[TimeGridOverview, ...]
     problems: tuple[str, ...]
     warnings: tuple[str, ...]
     proposal: Proposal
@@ -151,83 +150,75 @@ class Look:
 
     def table(self) -> str:
         """All contents as plain text for a terminal."""
-        return _text(self)
+        samples = max((raster.samples for raster in self.rasters), default=0)
+        lines = []
+        if len(self.rasters) < 2:
+            time = self.rasters[0].time if self.rasters else None
+            lines.append(f"{printable(self.source)}: {sample_count(samples)}{_time_text(time)}")
+        else:
+            channels = sum(len(raster.columns) for raster in self.rasters)
+            lines.append(
+                f"{printable(self.source)}: {self.format}, {len(self.rasters)} time grids with {channels} channels"
+            )
+        for raster in self.rasters:
+            lines += _raster(raster, len(self.rasters) > 1)
+        if self.needs_map and self.proposal.channels.channels:
+            lines += ["", "Proposed channel map (write it with --save, use it with --map):"]
+            lines += [
+                f"  {name:<15}  {entry.channel}" + (f" [{entry.unit}]" if entry.unit else "")
+                + (f" of {entry.group}" if entry.group else "")
+                for name, entry in self.proposal.channels.channels.items()
+            ]  # fmt: skip
+            lines += [f"  - {remark}" for remark in (*self.proposal.open, *self.proposal.notes)]
+        for title, sentences in (("Problems", self.problems), ("Warnings", self.warnings)):
+            if sentences:
+                lines += ["", f"{title}:", *(f"  - {sentence}" for sentence in sentences)]
+        return "\n".join(lines)
 
     def listing(self) -> str:
         """One line per channel with time grid, unit and range, as a basis for a channel map."""
-        return _listing(self)
+        lines = ["The file has:"]
+        for raster in self.rasters:
+            group = f" group = {json.dumps(raster.name, ensure_ascii=False)}" if len(self.rasters) > 1 else ""
+            for column in raster.columns:
+                unit = f" {column.unit}" if column.unit not in (None, "1") else ""
+                text = json.dumps(column.heading, ensure_ascii=False)
+                held = dict(raster.others).get(column.heading)
+                what = f"{_short(column.low)} to {_short(column.high)}{unit}" if held is None else f"no numbers: {held}"
+                lines.append(f"channel = {text}{group}  # {what}")
+            lines += [
+                f"{json.dumps(name, ensure_ascii=False)}{group}  # no numbers: {held}" for name, held in _hidden(raster)
+            ]
+        return "\n".join(lines)
 
 
-def _text(look: Look) -> str:
-    samples = max((raster.samples for raster in look.rasters), default=0)
-    lines = []
-    if len(look.rasters) < 2:
-        time = look.rasters[0].time if look.rasters else None
-        lines.append(f"{printable(look.source)}: {_samples(samples)}{_time_text(time)}")
-    else:
-        channels = sum(len(raster.columns) for raster in look.rasters)
-        lines.append(
-            f"{printable(look.source)}: {look.format}, {len(look.rasters)} time grids with {channels} channels"
-        )
-    for raster in look.rasters:
-        lines += _raster(raster, len(look.rasters) > 1)
-    if look.needs_map and look.proposal.channels.channels:
-        lines += ["", "Proposed channel map (write it with --save, use it with --map):"]
-        lines += [
-            f"  {name:<15}  {entry.channel}" + (f" [{entry.unit}]" if entry.unit else "")
-            + (f" of {entry.group}" if entry.group else "")
-            for name, entry in look.proposal.channels.channels.items()
-        ]  # fmt: skip
-        lines += [f"  - {remark}" for remark in (*look.proposal.open, *look.proposal.notes)]
-    for title, sentences in (("Problems", look.problems), ("Warnings", look.warnings)):
-        if sentences:
-            lines += ["", f"{title}:", *(f"  - {sentence}" for sentence in sentences)]
-    return "\n".join(lines)
-
-
-def _listing(look: Look) -> str:
-    lines = ["The file has:"]
-    for raster in look.rasters:
-        group = f" group = {json.dumps(raster.name, ensure_ascii=False)}" if len(look.rasters) > 1 else ""
-        for column in raster.columns:
-            unit = f" {column.unit}" if column.unit not in (None, "1") else ""
-            text = json.dumps(column.heading, ensure_ascii=False)
-            held = dict(raster.others).get(column.heading)
-            what = f"{_short(column.low)} to {_short(column.high)}{unit}" if held is None else f"no numbers: {held}"
-            lines.append(f"channel = {text}{group}  # {what}")
-        lines += [
-            f"{json.dumps(name, ensure_ascii=False)}{group}  # no numbers: {held}" for name, held in _hidden(raster)
-        ]
-    return "\n".join(lines)
-
-
-def _raster(raster: RasterLook, named: bool) -> list[str]:
+def _raster(raster: TimeGridOverview, named: bool) -> list[str]:
     lines = []
     if named:
-        lines += ["", f"{raster.name or '(no name)'}: {_samples(raster.samples)}{_time_text(raster.time)}"]
+        lines += ["", f"{raster.name or '(no name)'}: {sample_count(raster.samples)}{_time_text(raster.time)}"]
     if raster.columns:
         held = dict(raster.others)
         rows = [_row(column, held.get(column.heading)) for column in raster.columns]
         lines += [*([] if named else [""]), *text_table([_TITLES, *rows], 2)]
     hidden = [f"'{_narrow(name)}' ({what})" for name, what in _hidden(raster)]
     if hidden:
-        lines += ["", f"Without numbers: {and_more(hidden[:_LISTED], len(hidden[_LISTED:]))}"]
+        lines += ["", f"Without numbers: {listed(hidden, _LISTED)}"]
     time = raster.time
     if time and time.hole_count:
         shown = [f"{_short(hole.length)} s after {raster.place} {hole.place}" for hole in time.holes]
-        lines += ["", f"Holes: {and_more(shown, time.hole_count - len(shown))}"]
+        lines += ["", f"Holes: {listed(shown, total=time.hole_count)}"]
     if time and (time.repeated or time.back):
         lines += ["", f"Time stamps: {time.repeated:,} repeated, {time.back:,} decreasing"]
     return lines
 
 
-def _hidden(raster: RasterLook) -> list[tuple[str, str]]:
+def _hidden(raster: TimeGridOverview) -> list[tuple[str, str]]:
     """Channels without numbers that are no columns."""
     shown = {column.heading for column in raster.columns}
     return [other for other in raster.others if other[0] not in shown]
 
 
-def _row(column: ColumnLook, held: str | None) -> tuple[str, ...]:
+def _row(column: ColumnOverview, held: str | None) -> tuple[str, ...]:
     """The cells of one column in the table; `held` is what it holds if that is no numbers."""
     si = f" {column.si}" if column.si not in (None, "1") else ""
     in_unit = [_short(column.low), _short(column.high)]
@@ -250,11 +241,7 @@ def _narrow(name: str) -> str:
     return f"{name[: half - 1]}…{name[-half:]}"
 
 
-def _samples(count: int) -> str:
-    return f"{count:,} sample{'' if count == 1 else 's'}"
-
-
-def _time_text(time: TimeLook | None) -> str:
+def _time_text(time: TimeAxis | None) -> str:
     if time is None:
         return ", no time axis"
     if not math.isfinite(time.usual):

@@ -1,1 +1,0 @@
-"""What is in a file, even if it cannot be read as a recording."""
