@@ -281,8 +281,8 @@ def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, optio
         workflow.check_save(path)
     actuator, request = workflow.start_of(start, model_of(options.model), request)
     ambient = pressure(options.ambient, actuator.parameters.P_0)
-    reading = workflow.Reading(ambient, options.map_, tuple(options.dbc or ()))
-    read = workflow.read_recordings(logs, reading, actuator.equipment, measured=request.measure, verify=verify)
+    files = workflow.FileOptions(ambient, options.map_, tuple(options.dbc or ()))
+    read = workflow.read_recordings(logs, files, actuator.equipment, measured=request.measure, verify=verify)
     done = _fitted(read[: len(logs)], actuator, request, read[len(logs) :], options.force)
     kept = next((path for path in saves if path.suffix.lower() in ("", ".toml")), None)
     command = Command(

@@ -18,7 +18,7 @@ from clutchid.errors import ParameterError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.fleets.cluster import Place
+    from clutchid.fleets.cluster import Workers
     from clutchid.fleets.verbs import FleetRun
 
 #: Statuses in the order in which they are said.
@@ -49,7 +49,7 @@ class WorkerLimits:
 
 
 #: One worker on this machine.
-ONE_WORKER = WorkerLimits()
+ONE_PROCESS = WorkerLimits()
 
 
 def fleet(
@@ -59,7 +59,7 @@ def fleet(
     start: Path,
     out: Path,
     verb: Literal["fit", "observe", "track"] = "fit",
-    pool: Annotated[WorkerLimits, Parameter(name="*")] = ONE_WORKER,
+    pool: Annotated[WorkerLimits, Parameter(name="*")] = ONE_PROCESS,
     scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
     limit: float | None = None,
     retry: Annotated[bool, Parameter(negative="")] = False,
@@ -119,13 +119,13 @@ def fleet(
     return guarded(work, as_json=json, debug=debug)
 
 
-def _place(pool: WorkerLimits, where: Scheduler) -> Place:
+def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
     """Where the work is done, in SI."""
-    from clutchid.fleets.cluster import Place
+    from clutchid.fleets.cluster import Workers
     from clutchid.processes import check_workers
 
     check_workers(pool.workers)
-    return Place(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
+    return Workers(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
 
 
 def _say(done: FleetRun, *, as_json: bool) -> None:

@@ -13,7 +13,7 @@ from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
 from clutchid.parameters import Parameters
-from clutchid.workflow import Reading, read_recordings
+from clutchid.workflow import FileOptions, read_recordings
 
 
 def friction(
@@ -56,7 +56,7 @@ def friction(
     def work() -> int:
         outside = pressure(ambient, Parameters().P_0)
         fixed = _fixed(fix or (), inertia, law, area)
-        logs = read_recordings(files, Reading(outside, map_), required=("time", "position", "force"))
+        logs = read_recordings(files, FileOptions(outside, map_), required=("time", "position", "force"))
         text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
         if json:
             print_json({**EMPTY, "status": "warning" if content["warnings"] else "ok", **content})

@@ -12,7 +12,7 @@ from clutchid.cli.common import DONE, guarded, pressure
 from clutchid.cli.observe_live import STANDARD_INPUT, LiveOptions, is_live, observe_live
 from clutchid.cli.observe_output import Files, answer, calibration_file
 from clutchid.errors import ParameterError
-from clutchid.workflow import Reading, inspected, read_recordings
+from clutchid.workflow import FileOptions, inspected, read_recordings
 from clutchid.workflow.observing import fast_enough, observed
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def observe(
         air = pressure(ambient, content.actuator.parameters.P_0)
         if options.follow or is_live(log):
             return observe_live(files, content, replace(options, ambient=air))
-        checked = _checked(log, content, Reading(air, map_, options.dbc), force, zero)
+        checked = _checked(log, content, FileOptions(air, map_, options.dbc), force, zero)
         run = observed(checked, content, method, resume, zero)
         files.write(run, content)
         answer(run, content, files, as_json=json)
@@ -113,9 +113,9 @@ def observe(
     return guarded(work, as_json=json, debug=debug)
 
 
-def _checked(path: Path, content: ParameterFile, reading: Reading, force: bool, zero: Zero) -> Log:
+def _checked(path: Path, content: ParameterFile, files: FileOptions, force: bool, zero: Zero) -> Log:
     """A recording with the warnings of its checks; a bad one is bad input unless it is forced."""
-    read = read_recordings([path], reading, content.actuator.equipment)
+    read = read_recordings([path], files, content.actuator.equipment)
     rest = content.calibration.rest if content.calibration else None
     (checked,) = inspected(read, content.actuator, force=force, rest=rest, zero=zero)
     return fast_enough(checked, content, force=force)

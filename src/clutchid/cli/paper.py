@@ -11,7 +11,7 @@ from clutchid.cli.common import DONE, guarded, pressure, progress_bar
 from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
 from clutchid.parameters import Parameters
-from clutchid.workflow import Reading, read_recordings
+from clutchid.workflow import FileOptions, read_recordings
 
 
 def paper(
@@ -46,7 +46,7 @@ def paper(
         if fit is None or verify is None:
             fitted, verified = halves(bundled_recording())
         else:
-            fitted, verified = read_recordings([fit, verify], Reading(pressure(ambient, Parameters().P_0)))
+            fitted, verified = read_recordings([fit, verify], FileOptions(pressure(ambient, Parameters().P_0)))
         with progress_bar("paper") as show:
             paper_study(fitted, verified, out, progress=show)
         put(f"The page: {(out / 'index.html').resolve()}")

@@ -54,7 +54,7 @@ def prove(
     """
 
     def work() -> int:
-        from clutchid.fleets.cluster import Place
+        from clutchid.fleets.cluster import Workers
         from clutchid.recordings.files import write_text
         from clutchid.reports.tables import to_csv, to_text
         from clutchid.study.proving.ground import Conditions, kept
@@ -63,7 +63,7 @@ def prove(
 
         if trucks < 1 or seed < 0:
             raise ParameterError(f"--trucks {trucks} --seed {seed}: needs at least 1 truck, and a seed of at least 0.")
-        place = Place(workers, scheduler.scheduler, tls=scheduler.tls())
+        place = Workers(workers, scheduler.scheduler, tls=scheduler.tls())
         numbers, conditions = range(seed, seed + trucks), Conditions(family, tuple(change or ()))
         with progress_of("prove", "trucks") as progress:
             results = run(workflow, numbers, out, conditions, place, progress)

@@ -20,7 +20,7 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.cli.terminal import put, say
-from clutchid.workflow import Reading, inspected, read_recordings, start_file
+from clutchid.workflow import FileOptions, inspected, read_recordings, start_file
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -92,7 +92,7 @@ def simulate(
         check_outputs({"--out": out}, _inputs(log, parameters, band))
         partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
         air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
-        read = read_recordings(files, Reading(air, map_, tuple(dbc or ())), content.actuator.equipment)
+        read = read_recordings(files, FileOptions(air, map_, tuple(dbc or ())), content.actuator.equipment)
         rested = [content.from_rest(each) for each in read]
         recording, *others = inspected([one.log for one in rested], content.actuator, force=force)
         starts, notes = _starts(recording, content, partition, parameters)

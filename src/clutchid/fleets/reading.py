@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,15 +36,14 @@ _ONLY_ITS_END = "the load of an observer at the end of a recording is no measure
 UNKNOWN = HalfLoad(np.nan, np.nan, np.nan)
 
 
-class How(NamedTuple):
-    """The calibration to start from, and how recordings are read: ambient pressure in Pa, channel map, DBC files.
+class ReadingOptions(NamedTuple):
+    """Options for reading the load of a recording: ambient pressure in Pa, channel map, DBC files.
 
     The ambient pressure is P_0 of the calibration where it is NaN; `verb` is what reads the load: "observe", or "fit";
     `zero` says whether a vented rest that has moved is subtracted from the position.
     """
 
-    start: Path
-    ambient: float
+    ambient: float = np.nan
     channel_map: Path | None = None
     dbc: tuple[Path, ...] = ()
     verb: str = "fit"
@@ -62,24 +62,24 @@ class RecordingResult(NamedTuple):
     changes: tuple[str, ...] = ()
 
 
-def read_recording(how: How, path: Path) -> RecordingResult:
-    """Read the load of a recording from position alone; a fault is a status with its sentence."""
-    read = _read(how, path)
+def read_recording(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
+    """Read the load of a recording from position alone with the calibration `start`; a fault is a status."""
+    read = _read(options, start, path)
     reading = read.reading  # its sentences name the file
     return read._replace(reading=reading._replace(message=as_text(reading.message), reason=as_text(reading.reason)))
 
 
-def _read(how: How, path: Path) -> RecordingResult:
+def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
     clock = checksum = ""
     try:
         checksum = digest(path)
-        content = _calibration(how.start, digest(how.start))
+        content = _calibration(start, digest(start))
         actuator = content.actuator
-        ambient = actuator.parameters.P_0 if np.isnan(how.ambient) else how.ambient
-        reading = workflow.Reading(ambient, how.channel_map, how.dbc)
-        (log,) = workflow.read_recordings([path], reading, actuator.equipment)
+        ambient = actuator.parameters.P_0 if np.isnan(options.ambient) else options.ambient
+        files = workflow.FileOptions(ambient, options.channel_map, options.dbc)
+        (log,) = workflow.read_recordings([path], files, actuator.equipment)
         clock = str(log.metadata.get("start", ""))
-        read = (_observed if how.verb == "observe" else _fitted)(log, content, path, how.zero)
+        read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
         return RecordingResult(path, WearReading(status, str(error), "none", None), clock, checksum)
@@ -99,12 +99,19 @@ def without_file(recording: str) -> RecordingResult:
     return RecordingResult(Path(recording), WearReading("bad_input", ABSENT, "none", None))
 
 
-def counted_as(read: RecordingResult, other: str) -> RecordingResult:
-    """A recording that is the same as another one, and gives no measurement of its own."""
-    sentence = f"the same recording as {other}; it counts once."
-    return read._replace(
-        reading=read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
-    )
+def counted_once(named: Iterable[tuple[str, RecordingResult]]) -> Iterator[RecordingResult]:
+    """Recordings by name; one that was sent twice counts once: the second is a warning without a measurement."""
+    first: dict[str, str] = {}
+    for name, read in named:
+        known = read.sha256 if read.reading.has_result else ""
+        if known in first:
+            sentence = f"the same recording as {first[known]}; it counts once."
+            again = read.reading._replace(status="warning", message=sentence, measurement=None, reason=sentence)
+            yield read._replace(reading=again)
+            continue
+        if known:
+            first[known] = name
+        yield read
 
 
 def checksum_of(path: Path) -> str:

@@ -11,9 +11,8 @@ from scipy import stats
 
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.wear.alarms import Alarm, alarms, replaced
+from clutchid.wear.alarms import Alarm, RestMove, alarms, replaced, rest_moves
 from clutchid.wear.history import Axis, Dated, History, WearReading
-from clutchid.wear.rest import RestMove, rest_moves
 from clutchid.wear.trend import LIFE, Band, Function, TrendModel, WearTable, follow, growth_noise, smoothed, trend_model
 
 #: Quantiles of a forecast: its 90 % interval and its median.

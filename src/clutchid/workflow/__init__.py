@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class FileOptions:
     """Options for reading files: ambient pressure in Pa for gauge units, channel map, and DBC files of bus logs."""
 
     ambient: float
@@ -34,7 +34,7 @@ class Reading:
 
 def read_recordings(
     paths: Sequence[Path],
-    reading: Reading,
+    files: FileOptions,
     equipment: Equipment | None = None,
     required: Sequence[str] | None = None,
     measured: Sequence[str] = (),
@@ -53,10 +53,10 @@ def read_recordings(
     from clutchid.recordings import read, read_each
 
     channels = None
-    if reading.channel_map is not None:
+    if files.channel_map is not None:
         from clutchid.recordings.map.channel_map import read_map
 
-        channels = read_map(reading.channel_map)
+        channels = read_map(files.channel_map)
     needed = required or ("time", "position", *(equipment.recorded if equipment else INPUTS))
     fitted = needed
     if channels is not None:
@@ -66,7 +66,7 @@ def read_recordings(
 
     def one(item: tuple[Path, Sequence[str]]) -> Log:
         path, names = item
-        log = read(path, ambient=reading.ambient, channels=channels, dbc=reading.dbc, required=names)
+        log = read(path, ambient=files.ambient, channels=channels, dbc=files.dbc, required=names)
         return equipment.driven(log) if equipment else log
 
     return read_each([*((path, fitted) for path in paths), *((path, needed) for path in verify)], one)

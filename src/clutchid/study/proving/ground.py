@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.fleets.cluster import HERE, Place, results
-from clutchid.fleets.jobs import version_and_source
+from clutchid.fleets.cluster import ONE_WORKER, Workers, results, version_and_source
 from clutchid.log import Log
 from clutchid.processes import Lost, check_workers
 from clutchid.recordings.files import write_text
@@ -129,7 +128,7 @@ def prove(
     numbers: Iterable[int],
     out: Path,
     conditions: Conditions = Conditions(),
-    place: Place = HERE,
+    place: Workers = ONE_WORKER,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run a workflow on the trucks `numbers` and save every result in ``out/NAME/``; existing results are kept.
