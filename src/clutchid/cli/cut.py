@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from clutchid.recordings.strokes import Section
 
 
+@guarded
 def cut(
     recording: Path,
     /,
@@ -55,31 +56,27 @@ def cut(
     debug
         Show the traceback of an error.
     """
+    from clutchid.recordings import atomic_write, write
+    from clutchid.recordings.strokes import choose, joined, sections_table
+    from clutchid.recordings.strokes import cut as sections_of
 
-    def work() -> int:
-        from clutchid.recordings import atomic_write, write
-        from clutchid.recordings.strokes import choose, joined, sections_table
-        from clutchid.recordings.strokes import cut as sections_of
-
-        check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
-        counts: Counter[str] = Counter()
-        with progress_bar("cut") as show:
-            pieces = pieces_of(recording, pressure(ambient, Parameters().P_0), map_, tuple(dbc or ()), show)
-            sections = sections_of(pieces)
-            if table is None:
-                chosen = choose(_counted(sections, counts, lambda _: None), seconds)
-            else:
-                with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-                    chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
-        put(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
-        if not chosen:
-            raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
-        write(joined(chosen), out)
-        put(f"\n{sections_table(chosen)}\n")
-        print_written(out, table)
-        return DONE
-
-    return guarded(work, as_json=False, debug=debug)
+    check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
+    counts: Counter[str] = Counter()
+    with progress_bar("cut") as show:
+        pieces = pieces_of(recording, pressure(ambient, Parameters().P_0), map_, tuple(dbc or ()), show)
+        sections = sections_of(pieces)
+        if table is None:
+            chosen = choose(_counted(sections, counts, lambda _: None), seconds)
+        else:
+            with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+                chosen = choose(_counted(sections, counts, csv.writer(file).writerow), seconds)
+    put(", ".join(f"{count:,} {label}" for label, count in counts.most_common()))
+    if not chosen:
+        raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
+    write(joined(chosen), out)
+    put(f"\n{sections_table(chosen)}\n")
+    print_written(out, table)
+    return DONE
 
 
 def _counted(

@@ -14,7 +14,6 @@ from cyclopts import Parameter
 from clutchid import workflow
 from clutchid.cli.common import (
     DONE,
-    EMPTY,
     FAILED,
     bounds,
     check_outputs,
@@ -50,14 +49,14 @@ def answer_json(fit: Fit, writers: Writers) -> int:
 
     _, failures = _write(writers)
     lost = {"status": "failed", "message": f"the fit is complete, but {'; '.join(failures)}"} if failures else {}
-    print_json({**EMPTY, **fit_json(fit), **lost})
+    print_json({**fit_json(fit), **lost})
     return FAILED if failures else DONE
 
 
 def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
     from clutchid.reports.next_step import next_step
-    from clutchid.reports.summary import Row, other_warnings
+    from clutchid.reports.summary import SummaryRow, other_warnings
 
     written, failures = _write(writers)
     _complain(failures)
@@ -68,7 +67,7 @@ def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     if failures:
         return FAILED
     why, what = next_step(fit, command)
-    print_rows([Row("next", f"{why}:")])
+    print_rows([SummaryRow("next", f"{why}:")])
     put(printable(f"  {what}"))
     return DONE
 
@@ -230,6 +229,7 @@ class FitOptions:
 DEFAULTS = FitOptions()
 
 
+@guarded
 def fit(
     *logs: Path,
     measure: str = "position",
@@ -260,16 +260,12 @@ def fit(
 
 def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path | None, options: FitOptions) -> int:
     """Fit as `verb` was asked to, print and write the result; the exit code."""
-
-    def work() -> int:
-        if not logs:
-            raise ParameterError(
-                f"no recording given; clutchid {verb} LOG.csv. Options that take several values (--verify, --bounds, "
-                "--prior, --dbc) take all that follows them: put the recordings first."
-            )
-        return _work(tuple(logs), start, options.request(measure, free), options)
-
-    return guarded(work, as_json=options.json, debug=options.debug)
+    if not logs:
+        raise ParameterError(
+            f"no recording given; clutchid {verb} LOG.csv. Options that take several values (--verify, --bounds, "
+            "--prior, --dbc) take all that follows them: put the recordings first."
+        )
+    return _work(tuple(logs), start, options.request(measure, free), options)
 
 
 def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, options: FitOptions) -> int:

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, FAILED, guarded, life_limit, pressure, print_json, progress_of
-from clutchid.cli.scheduler import NO_SCHEDULER, Scheduler
+from clutchid.cli.common import DONE, FAILED, guarded, life_limit, pressure, print_json, progress_of
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.fleets.cluster import Workers
+    from clutchid.fleets.cluster import Tls, Workers
     from clutchid.fleets.verbs import FleetRun
 
 #: Statuses in the order in which they are said.
@@ -26,6 +25,54 @@ STATUSES = ("ok", "warning", "bad_input", "failed", "timed_out", "killed")
 
 #: Bytes by unit of --memory.
 _UNITS = {"GB": 1e9, "MB": 1e6}
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduler:
+    """Where a scheduler is, and by which certificates it knows this process.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler, which hands the work to workers on other machines, for example tcp://host:8786.
+        They see files under the same paths and have the same clutchid; needs the extra fleet.
+    tls_ca
+        With a scheduler at tls://host:port: PEM file with the authority whose certificates it trusts; by default these
+        three files are those of Dask's configuration.
+    tls_cert
+        PEM file with a certificate of that authority, by which the scheduler knows this process.
+    tls_key
+        PEM file with the key of that certificate.
+    """
+
+    scheduler: str = ""
+    tls_ca: Path | None = None
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+
+    def tls(self) -> Tls | None:
+        """The files of certificates, all or none.
+
+        Raises
+        ------
+        ParameterError
+            If only some are named, or there is no scheduler.
+        """
+        from clutchid.fleets.cluster import Tls
+
+        given = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
+        absent = [name for name, path in given.items() if path is None]
+        if len(absent) == len(given):
+            return None
+        if not self.scheduler:
+            raise ParameterError("--tls-ca, --tls-cert, --tls-key: belong to --scheduler tls://host:port.")
+        if self.tls_ca is None or self.tls_cert is None or self.tls_key is None:
+            raise ParameterError(f"{' and '.join(absent)}: also needed; a connection by TLS takes three files.")
+        return Tls(self.tls_ca, self.tls_cert, self.tls_key)
+
+
+#: No scheduler: processes of this machine do the work.
+NO_SCHEDULER = Scheduler()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +99,7 @@ class WorkerLimits:
 ONE_PROCESS = WorkerLimits()
 
 
+@guarded
 def fleet(
     source: Path,
     /,
@@ -102,21 +150,17 @@ def fleet(
     debug
         Show the traceback of an error.
     """
+    from clutchid.fleets import verbs
 
-    def work() -> int:
-        from clutchid.fleets import verbs
-
-        shift, place = life_limit(limit), _place(pool, scheduler)
-        with progress_of("fleet") as progress:
-            done = verbs.fleet(
-                source, start, out, verb=verb, place=place, limit=shift, retry=retry,
-                ambient=pressure(ambient, math.nan), channels=map_, dbc=dbc or (),
-                command=printable(f"clutchid {shlex.join(sys.argv[1:])}"), progress=progress,
-            )  # fmt: skip
-        _say(done, as_json=json)
-        return DONE if {"ok", "warning"} & {*done.statuses} else FAILED
-
-    return guarded(work, as_json=json, debug=debug)
+    shift, place = life_limit(limit), _place(pool, scheduler)
+    with progress_of("fleet") as progress:
+        done = verbs.fleet(
+            source, start, out, verb=verb, place=place, limit=shift, retry=retry,
+            ambient=pressure(ambient, math.nan), channels=map_, dbc=dbc or (),
+            command=printable(f"clutchid {shlex.join(sys.argv[1:])}"), progress=progress,
+        )  # fmt: skip
+    _say(done, as_json=json)
+    return DONE if {"ok", "warning"} & {*done.statuses} else FAILED
 
 
 def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
@@ -137,9 +181,7 @@ def _say(done: FleetRun, *, as_json: bool) -> None:
     if as_json:
         useful = statuses.get("ok", 0) + statuses.get("warning", 0)
         ended = "ok" if statuses.get("ok") == count else "warning" if useful else "failed"
-        print_json(
-            {**EMPTY, "status": ended, "message": message, "statuses": dict(statuses), "out": str(done.out.resolve())}
-        )
+        print_json({"status": ended, "message": message, "statuses": dict(statuses), "out": str(done.out.resolve())})
         return
     put(printable_lines(message))
     put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((done.out / 'index.html').resolve()))}")

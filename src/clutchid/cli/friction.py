@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, EMPTY, guarded, pressure, print_json
+from clutchid.cli.common import DONE, guarded, pressure, print_json
 from clutchid.cli.terminal import put, say
 from clutchid.errors import ParameterError
 from clutchid.log import Log
@@ -16,6 +16,7 @@ from clutchid.parameters import Parameters
 from clutchid.workflow import FileOptions, read_recordings
 
 
+@guarded
 def friction(
     *files: Path,
     law: Literal["coulomb", "lugre"] = "coulomb",
@@ -52,20 +53,16 @@ def friction(
     debug
         Show the traceback of an error.
     """
-
-    def work() -> int:
-        outside = pressure(ambient, Parameters().P_0)
-        fixed = _fixed(fix or (), inertia, law, area)
-        logs = read_recordings(files, FileOptions(outside, map_), required=("time", "position", "force"))
-        text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
-        if json:
-            print_json({**EMPTY, "status": "warning" if content["warnings"] else "ok", **content})
-            return DONE
-        put(text)
-        say(content["warnings"])
+    outside = pressure(ambient, Parameters().P_0)
+    fixed = _fixed(fix or (), inertia, law, area)
+    logs = read_recordings(files, FileOptions(outside, map_), required=("time", "position", "force"))
+    text, content = _lugre(logs, fixed, inertia or 0.0) if law == "lugre" else _coulomb(logs, outside, area)
+    if json:
+        print_json({"status": "warning" if content["warnings"] else "ok", **content})
         return DONE
-
-    return guarded(work, as_json=json, debug=debug)
+    put(text)
+    say(content["warnings"])
+    return DONE
 
 
 def _coulomb(logs: Sequence[Log], ambient: float, area: float | None) -> tuple[str, dict[str, Any]]:

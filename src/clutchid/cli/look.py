@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from clutchid.recordings.map.channel_map import ChannelMap
 
 
+@guarded
 def look(
     file: Path,
     /,
@@ -51,27 +52,23 @@ def look(
     debug
         Show the traceback of an error.
     """
+    from clutchid.recordings.look.look import look as look_at
+    from clutchid.recordings.map.channel_map import read_map, write_map
 
-    def work() -> int:
-        from clutchid.recordings.look.look import look as look_at
-        from clutchid.recordings.map.channel_map import read_map, write_map
-
-        check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
-        content = None if start is None else start_file(start, None)
-        at = pressure(ambient, (content.actuator.parameters if content else Parameters()).P_0)
-        given = None if map_ is None else read_map(map_)
-        contents = look_at(file, at, tuple(dbc or ()), given)
-        put(sentences(contents.table(), sys.stdout))
-        put(sentences(_checks(file, contents, given, at, content), sys.stdout))
-        if save is not None:
-            proposed = contents.proposal.channels
-            write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
-            print_written(save)
-            if not proposed.channels:
-                put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
-        return BAD_INPUT if contents.problems else DONE
-
-    return guarded(work, as_json=False, debug=debug)
+    check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
+    content = None if start is None else start_file(start, None)
+    at = pressure(ambient, (content.actuator.parameters if content else Parameters()).P_0)
+    given = None if map_ is None else read_map(map_)
+    contents = look_at(file, at, tuple(dbc or ()), given)
+    put(sentences(contents.table(), sys.stdout))
+    put(sentences(_checks(file, contents, given, at, content), sys.stdout))
+    if save is not None:
+        proposed = contents.proposal.channels
+        write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), save)
+        print_written(save)
+        if not proposed.channels:
+            put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
+    return BAD_INPUT if contents.problems else DONE
 
 
 def _checks(

@@ -12,8 +12,7 @@ from clutchid.cli.common import DONE, guarded, pressure
 from clutchid.cli.observe_live import STANDARD_INPUT, LiveOptions, is_live, observe_live
 from clutchid.cli.observe_output import Files, answer, calibration_file
 from clutchid.errors import ParameterError
-from clutchid.workflow import FileOptions, inspected, read_recordings
-from clutchid.workflow.observing import fast_enough, observed
+from clutchid.workflow import FileOptions, fast_enough, inspected, observed, read_recordings
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from clutchid.recordings.strokes.vented_rest import Zero
 
 
+@guarded
 def observe(
     log: Annotated[Path, Parameter(allow_leading_hyphen=True)],
     /,
@@ -94,23 +94,19 @@ def observe(
     """
     options = LiveOptions(method, map_, tuple(dbc or ()), resume, follow, publish, publish_every, view, json, zero=zero)
     files = Files(log, start, out, save, resume, report, options.dbc, options.bus is not None)
-
-    def work() -> int:
-        if str(log).startswith("-") and str(log) != STANDARD_INPUT:
-            raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
-        options.check(log)
-        files.check()
-        content = calibration_file(start)
-        air = pressure(ambient, content.actuator.parameters.P_0)
-        if options.follow or is_live(log):
-            return observe_live(files, content, replace(options, ambient=air))
-        checked = _checked(log, content, FileOptions(air, map_, options.dbc), force, zero)
-        run = observed(checked, content, method, resume, zero)
-        files.write(run, content)
-        answer(run, content, files, as_json=json)
-        return DONE
-
-    return guarded(work, as_json=json, debug=debug)
+    if str(log).startswith("-") and str(log) != STANDARD_INPUT:
+        raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
+    options.check(log)
+    files.check()
+    content = calibration_file(start)
+    air = pressure(ambient, content.actuator.parameters.P_0)
+    if options.follow or is_live(log):
+        return observe_live(files, content, replace(options, ambient=air))
+    checked = _checked(log, content, FileOptions(air, map_, options.dbc), force, zero)
+    run = observed(checked, content, method, resume, zero)
+    files.write(run, content)
+    answer(run, content, files, as_json=json)
+    return DONE
 
 
 def _checked(path: Path, content: ParameterFile, files: FileOptions, force: bool, zero: Zero) -> Log:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from clutchid.cli.common import BAD_INPUT, DONE, FAILED, complain
-from clutchid.cli.observe_output import Files, Kept, answer, offer
+from clutchid.cli.observe_output import Files, FileTroubles, answer, offer
 from clutchid.cli.observe_sinks import (
     Sink,
     Stopped,
@@ -35,12 +35,12 @@ from clutchid.errors import DataError, ExportError, ParameterError
 from clutchid.log import INPUTS, Log
 from clutchid.names import printable
 from clutchid.recordings.live.bus import BusName, bus_name
+from clutchid.workflow import observer_of
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.observer.live import LiveRun
-    from clutchid.observer.observer import Observer
-    from clutchid.observer.state import ObserverState, Tail
+    from clutchid.observer.state import Tail
     from clutchid.recordings.live.arrival import LiveBlock
     from clutchid.recordings.strokes.vented_rest import Zero
 
@@ -119,7 +119,7 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
         If nothing could be observed, or a file cannot be begun; nothing is written then.
     """
     _check_format(files)
-    kept, left = Kept(), offer(files)
+    kept, left = FileTroubles(), offer(files)
     with stop_signals() as stopped:
         with closing(_blocks(files.log, content, options, stopped)) as blocks:
             run, trouble = _followed(blocks, files, content, options, kept, left, stopped)
@@ -129,7 +129,7 @@ def observe_live(files: Files, content: ParameterFile, options: LiveOptions) -> 
 
 
 def _answered(
-    run: LiveRun, trouble: str, files: Files, content: ParameterFile, options: LiveOptions, kept: Kept
+    run: LiveRun, trouble: str, files: Files, content: ParameterFile, options: LiveOptions, kept: FileTroubles
 ) -> int:
     """Say what was found, and what went wrong; the exit code."""
     failed = " ".join(kept.troubles)
@@ -213,7 +213,7 @@ def _followed(
     files: Files,
     content: ParameterFile,
     options: LiveOptions,
-    kept: Kept,
+    kept: FileTroubles,
     left: Sequence[Path],
     stopped: Stopped,
 ) -> tuple[LiveRun, str]:
@@ -221,11 +221,11 @@ def _followed(
 
     `left` are files of an earlier run; what comes again is cut from them where this one goes on from it.
     """
-    from clutchid.observer.live import checked, gone_on, live_run
+    from clutchid.observer.live import after_block, checked, live_run
     from clutchid.observer.recording import no_sample
 
     first = next(blocks)
-    one, state = _start(first, content, options)
+    one, state = observer_of(first.log, content, options.method, options.resume, options.zero)
     if options.follow and options.resume is not None:
         blocks = _behind(state.tail, chain([first], blocks), options.resume)
         first = next(blocks)
@@ -243,7 +243,7 @@ def _followed(
                 trouble = str(block)
                 break
             before = run
-            run, part = gone_on(run, block.log, block.left_out._asdict())
+            run, part = after_block(run, block.log, block.left_out._asdict())
             now = run.usable and time.monotonic() - saved >= MINUTE
             add_samples(part.estimates(), now=now)
             if part.strokes or part.before is run.before or now:
@@ -258,18 +258,6 @@ def _followed(
         if not run.usable:
             raise DataError(trouble or no_sample(first.log.name))
     return checked(run), trouble
-
-
-def _start(first: LiveBlock, content: ParameterFile, options: LiveOptions) -> tuple[Observer, ObserverState]:
-    """The observer for a recording with these first samples, and the state that it starts from."""
-    from clutchid.observer.observer import observer, start
-    from clutchid.observer.recording import check_pace, spacing
-    from clutchid.observer.state_file import read_state, saved_spacing
-
-    every = spacing(first.log) if options.resume is None else saved_spacing(options.resume)
-    one = observer(content.actuator, options.method, every, content.calibration, options.zero)
-    check_pace(one, first.log)
-    return one, start(one) if options.resume is None else read_state(one, options.resume)
 
 
 def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[LiveBlock]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TextIO
 
-from clutchid.cli.common import EMPTY, check_outputs, print_json, print_written
+from clutchid.cli.common import check_outputs, print_json, print_written
 from clutchid.cli.observe_sinks import say_unhurried
 from clutchid.cli.terminal import print_rows, printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
@@ -133,7 +133,7 @@ def answer(
 
     if as_json:
         ended = dict(zip(("status", "message"), trouble, strict=True)) if trouble[1] else {}
-        print_json({**EMPTY, **observe_json(run, content.origin), **ended})
+        print_json({**observe_json(run, content.origin), **ended})
         return
     say(run.log.warnings)
     put(printable_lines(f"observed {run.log.name}: {observe_sentence(run)}"), to=to)
@@ -144,7 +144,7 @@ def answer(
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class FileTroubles:
     """What went wrong with the files, as sentences, and where those are that are elsewhere; None is nowhere."""
 
     troubles: list[str] = field(default_factory=list)

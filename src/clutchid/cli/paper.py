@@ -14,6 +14,7 @@ from clutchid.parameters import Parameters
 from clutchid.workflow import FileOptions, read_recordings
 
 
+@guarded
 def paper(
     *,
     out: Path,
@@ -37,19 +38,15 @@ def paper(
     debug
         Show the traceback of an error.
     """
+    from clutchid.study import bundled_recording, halves, paper_study
 
-    def work() -> int:
-        from clutchid.study import bundled_recording, halves, paper_study
-
-        if (fit is None) != (verify is None):
-            raise ParameterError("--fit and --verify: give both recordings, or neither.")
-        if fit is None or verify is None:
-            fitted, verified = halves(bundled_recording())
-        else:
-            fitted, verified = read_recordings([fit, verify], FileOptions(pressure(ambient, Parameters().P_0)))
-        with progress_bar("paper") as show:
-            paper_study(fitted, verified, out, progress=show)
-        put(f"The page: {(out / 'index.html').resolve()}")
-        return DONE
-
-    return guarded(work, as_json=False, debug=debug)
+    if (fit is None) != (verify is None):
+        raise ParameterError("--fit and --verify: give both recordings, or neither.")
+    if fit is None or verify is None:
+        fitted, verified = halves(bundled_recording())
+    else:
+        fitted, verified = read_recordings([fit, verify], FileOptions(pressure(ambient, Parameters().P_0)))
+    with progress_bar("paper") as show:
+        paper_study(fitted, verified, out, progress=show)
+    put(f"The page: {(out / 'index.html').resolve()}")
+    return DONE

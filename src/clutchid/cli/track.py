@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from clutchid.fleets.tracking import Tracked
 
 
+@guarded
 def track(
     *logs: Path,
     start: Path,
@@ -82,23 +83,19 @@ def track(
     debug
         Show the traceback of an error.
     """
+    from clutchid.fleets import tracking, verbs
 
-    def work() -> int:
-        from clutchid.fleets import tracking, verbs
-
-        shift, results = life_limit(limit), (out, tracking.curves_path(out))
-        _check(out, report, start, table, wear_table, logs)
-        outside = None if ambient is None else pressure(ambient, math.nan)
-        with progress_of("track") as progress:
-            found = verbs.track(
-                logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
-                channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
-            )  # fmt: skip
-        _write(found, out, report)
-        _say(found, (*results, report), as_json=json)
-        return DONE
-
-    return guarded(work, as_json=json, debug=debug)
+    shift, results = life_limit(limit), (out, tracking.curves_path(out))
+    _check(out, report, start, table, wear_table, logs)
+    outside = None if ambient is None else pressure(ambient, math.nan)
+    with progress_of("track") as progress:
+        found = verbs.track(
+            logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
+            channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
+        )  # fmt: skip
+    _write(found, out, report)
+    _say(found, (*results, report), as_json=json)
+    return DONE
 
 
 def _write(found: Tracked, out: Path, report: Path | None) -> None:

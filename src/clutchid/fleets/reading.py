@@ -143,16 +143,14 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recordi
 def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
     from clutchid.estimation.assess.observed import indicators, observed_verdict
-    from clutchid.observer.observer import observer
-    from clutchid.observer.recording import observe_recording, spacing, too_slow
+    from clutchid.observer.recording import too_slow
     from clutchid.reports.observe_text import loads, observe_sentence
 
     rest = content.calibration.rest if content.calibration else None
     (checked,) = workflow.inspected([log], content.actuator, rest=rest, zero=zero)
     if slow := too_slow(checked, content.actuator):
         raise DataError(slow)
-    one = observer(content.actuator, "joint", spacing(checked), content.calibration, zero)
-    run = observe_recording(one, checked)
+    run = workflow.observed(checked, content, zero=zero)
     after = loads(run).after
     half = half_load_band(after, float(np.nanmax(checked["position"])))
     status = "warning" if checked.warnings or any(run.health.values()) else "ok"

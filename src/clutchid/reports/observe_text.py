@@ -16,7 +16,7 @@ from clutchid.observer.observer import start
 from clutchid.observer.recording import ObservedRecording
 from clutchid.reports.fit_json import curve_json, errors_json
 from clutchid.reports.style import MM
-from clutchid.reports.summary import POSITIONS, Row, with_interval
+from clutchid.reports.summary import POSITIONS, SummaryRow, with_interval
 
 #: Points of a load curve.
 POINTS = 101
@@ -60,14 +60,18 @@ def load_sentence(run: ObservedRecording) -> str:
     )
 
 
-def end_rows(run: ObservedRecording) -> list[Row]:
+def end_rows(run: ObservedRecording) -> list[SummaryRow]:
     """The load at the end of a recording where the clutch engages, with its 95 % band, and the trust in it."""
     at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS])
     halves = ((at.high - at.low) / 2).tolist()
     shown = ", ".join(with_interval(force, half) for force, half in zip(at.force.tolist(), halves, strict=True))
     load = f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"
     judged = observed_verdict(indicators(run))
-    return [Row("load", load), Row("trust", judged.trust, judged.trust), *(Row("", text) for text in judged.reasons)]
+    return [
+        SummaryRow("load", load),
+        SummaryRow("trust", judged.trust, judged.trust),
+        *(SummaryRow("", text) for text in judged.reasons),
+    ]
 
 
 def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Read, inspect, fit, report: the workflow from files to a result, shared by the command line, pages and fleets."""
+"""Read, inspect, fit, observe, report: the workflow from files to a result, for the command line, pages and fleets."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from clutchid.model.compiled import Model
     from clutchid.model.equipment import Equipment
     from clutchid.numerics.least_squares import Progress
+    from clutchid.observer.observer import Observer
+    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.state import ObserverState
     from clutchid.recordings.strokes.vented_rest import VentedRest, Zero
 
 
@@ -159,6 +162,60 @@ def fit_recordings(
     return fit_request(checked[: len(logs)], actuator, request, checked[len(logs) :], progress).raised()
 
 
+def fast_enough(log: Log, content: ParameterFile, *, force: bool = False) -> Log:
+    """The recording with warnings about its rate and its supply pressure.
+
+    Raises
+    ------
+    DataError
+        If it is too slow for an observer, unless with `force`.
+    """
+    from clutchid.observer.prior import unused_supply
+    from clutchid.observer.recording import too_slow
+
+    slow = too_slow(log, content.actuator)
+    if slow and not force:
+        raise DataError(f"{slow} Or go on with --force.")
+    found = (slow, unused_supply(log, content.actuator, content.calibration))
+    return replace(log, warnings=(*log.warnings, *filter(None, found)))
+
+
+def observer_of(
+    log: Log, content: ParameterFile, method: str, resume: Path | None, zero: Zero
+) -> tuple[Observer, ObserverState]:
+    """The observer of a calibration for a recording, of which the first samples suffice, and the state to start from.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `observed`.
+    """
+    from clutchid.observer.observer import observer, start
+    from clutchid.observer.recording import check_pace, spacing
+    from clutchid.observer.state_file import read_state, saved_spacing
+
+    every = spacing(log) if resume is None else saved_spacing(resume)
+    one = observer(content.actuator, method, every, content.calibration, zero)
+    check_pace(one, log)
+    return one, start(one) if resume is None else read_state(one, resume)
+
+
+def observed(
+    log: Log, content: ParameterFile, method: str = "joint", resume: Path | None = None, zero: Zero = "subtract"
+) -> ObservedRecording:
+    """Follow a recording with the observer of a calibration, from its first sample or from a saved state.
+
+    Raises
+    ------
+    DataError, ParameterError
+        If recording, calibration, method and state do not fit each other.
+    """
+    from clutchid.observer.recording import observe_recording
+
+    one, state = observer_of(log, content, method, resume, zero)
+    return observe_recording(one, log, state)
+
+
 def check_save(path: Path) -> None:
     """Check, before a long computation, that `save` can write a file with this name.
 
@@ -180,6 +237,14 @@ def check_save(path: Path) -> None:
         )
 
 
+def parameter_file(fit: Fit) -> ParameterFile:
+    """Contents of a parameter file for a fit, with the trust of its verdict."""
+    from clutchid.estimation.assess.verdict import verdict
+    from clutchid.estimation.parameter_file import parameter_file as with_trust
+
+    return with_trust(fit, verdict(fit).trust)
+
+
 def save(fit: Fit, path: Path) -> None:
     """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat`` or ``.m``.
 
@@ -190,7 +255,6 @@ def save(fit: Fit, path: Path) -> None:
     """
     from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, write_parameters
     from clutchid.reports.matlab import write_matlab
-    from clutchid.workflow.verbs import parameter_file
 
     check_save(path)
     if path.suffix.lower() in MATLAB_SUFFIXES:

@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from clutchid.errors import DataError
-from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.fit import LogOrPath, MethodName, fit, fit_any, recordings_of
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
-from clutchid.estimation.parameter_file import parameter_file as with_trust
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -23,7 +21,7 @@ from clutchid.parameters import Parameters
 from clutchid.recordings import AMBIENT
 from clutchid.recordings.strokes.vented_rest import Zero
 from clutchid.simulation.partition import Partition
-from clutchid.workflow.observing import fast_enough, observed
+from clutchid.workflow import fast_enough, observed, parameter_file
 
 if TYPE_CHECKING:
     from clutchid.observer.recording import ObservedRecording
@@ -158,11 +156,6 @@ def _content(start: Fit | ParameterFile | str | PathLike[str]) -> ParameterFile:
     if isinstance(start, ParameterFile):
         return start
     return parameter_file(start) if isinstance(start, Fit) else read_parameters(start)
-
-
-def parameter_file(fit: Fit) -> ParameterFile:
-    """Contents of a parameter file for a fit, with the trust of its verdict."""
-    return with_trust(fit, verdict(fit).trust)
 
 
 def observe(
