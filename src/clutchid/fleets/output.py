@@ -26,6 +26,7 @@ from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page
 from clutchid.reports.wear_text import alarm_words
 from clutchid.wear.history import WearReading
+from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
     import polars as pl
@@ -140,8 +141,8 @@ WEAR, VEHICLES, INDEX, PAGES, MADE = "wear.parquet", "vehicles.parquet", "index.
 #: What a sentence says of one recording only: names in quotes, paths, and numbers.
 _PARTICULAR = re.compile(r"'[^']*'|\S*[/\\]\S*|\b\d[\d.,]*\b")
 
-#: A value with its band, of which nothing is known.
-UNKNOWN = (float("nan"), float("nan"), float("nan"))
+#: A value of which nothing is known.
+UNKNOWN = Interval(np.nan, np.nan, np.nan)
 
 #: Bytes of the name of a page, beside its mark and its suffix: most systems have 255 for all, some fewer.
 _LONGEST_NAME = 120
@@ -237,11 +238,11 @@ def _same(name: str) -> str:
 
 
 def _write_page(
-    tracked: Tracked, table: object, before: Mapping[str, str], command: str, out: Path, address: str
+    tracked: Tracked, table: pl.DataFrame, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
     """Write the page of a vehicle, unless its content is that of before; hash of the content."""
     make_folder(out / PAGES)
-    content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)  # type: ignore[attr-defined]
+    content = json.dumps([version_and_source(), table.to_dicts(), repr(tracked.wear.left)], default=str)
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
         wear_page(tracked.wear, tracked.curves, command, out / address, home=f"../{INDEX}")
@@ -252,33 +253,30 @@ def _row(one: FleetVehicle, page: str) -> VehicleRow:
     """The state of a vehicle at its last recording."""
     wear = one.tracked.wear
     counted = sum(wear.counted)
-
-    def now(name: str) -> tuple[float, float, float]:
-        band = wear.then.get(name)
-        return (float(band.value[-1]), float(band.low[-1]), float(band.high[-1])) if band and counted else UNKNOWN
-
+    now = {name: band.last for name, band in wear.then.items() if counted}
     rates = wear.rate.get("wear") or wear.rate["shift"]
-    rate = float(rates.value[-1]) if counted else float("nan")
+    rate = rates.last.value if counted else np.nan
+    left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN
     last = next((dated.begin for dated in reversed(wear.dated) if dated.begin), None)
     return VehicleRow(
         wear.vehicle, one.type, len(wear.dated), counted, Counter(reading.status for reading in wear.readings), last,
-        *now("shift"), *now("load"), *now("wear"), rate, *(wear.left or UNKNOWN), wear.axis,
-        tuple(map(alarm_words, wear.alarms)), page, float("nan") if wear.limit is None else wear.limit,
+        now.get("shift", UNKNOWN), now.get("load", UNKNOWN), now.get("wear", UNKNOWN), rate, left,
+        wear.axis, tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
     )  # fmt: skip
 
 
 def _listed(row: VehicleRow) -> Mapping[str, object]:
     """A vehicle as a row of a table."""
-    lengths = {f"{name}{side}_mm": 1e3 * getattr(row, f"{name}{side}") for name in ("shift", "wear") for side in _SIDES}
+
+    def columns(name: str, one: Interval, factor: float = 1.0, unit: str = "") -> Mapping[str, float]:
+        return {f"{name}{side}{unit}": factor * value for side, value in zip(("", "_low", "_high"), one, strict=True)}
+
     return {
         "vehicle": row.name, "type": row.type, "recordings": row.recordings, "counted": row.counted,
-        "last": row.last.isoformat() if row.last else None, "axis": row.axis, **lengths,
-        **{f"load_change{side}": getattr(row, f"load{side}") for side in _SIDES},
-        **{f"left{side}": getattr(row, f"left{side}") for side in _SIDES}, "alarms": "; ".join(row.alarms),
+        "last": row.last.isoformat() if row.last else None, "axis": row.axis,
+        **columns("shift", row.shift, 1e3, "_mm"), **columns("wear", row.wear, 1e3, "_mm"),
+        **columns("load_change", row.load), **columns("left", row.left), "alarms": "; ".join(row.alarms),
     }  # fmt: skip
-
-
-_SIDES = ("", "_low", "_high")
 
 
 def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) -> None:

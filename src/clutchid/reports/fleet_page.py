@@ -58,9 +58,9 @@ class Panel(NamedTuple):
 
 def panels_of(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Panel]:
     """Wear where it is known, shift where a vehicle has only that, and what is left, where there is a limit."""
-    wear = np.array([one.wear for one in vehicles]) / MM
-    shift = np.array([one.shift for one in vehicles]) / MM
-    left = np.array([left_shown(one, spans)[1] for one in vehicles])
+    wear = np.array([one.wear.value for one in vehicles]) / MM
+    shift = np.array([one.shift.value for one in vehicles]) / MM
+    left = np.array([left_shown(one, spans).value for one in vehicles])
     panels = [
         Panel("wear of the facing [mm]", wear),
         Panel("shift of the half-load position [mm]", np.where(np.isfinite(wear), np.nan, shift)),
@@ -162,7 +162,7 @@ def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], comm
     known = any(map(has_reading, vehicles))
     sections = [PageSection("Wear", _wear(vehicles, spans))]
     if known:
-        limited = any(not np.isnan(one.left) for one in vehicles)
+        limited = any(not np.isnan(one.left.value) for one in vehicles)
         heading = "Soonest at their limit" if limited else "Most worn"
         sections.append(PageSection(heading, (worst_table(vehicles, spans),)))
     sections.append(PageSection("Odd vehicles", _odd(odd)))
@@ -188,7 +188,7 @@ def _wear(vehicles: Sequence[VehicleRow], spans: Spans) -> tuple[Block, ...]:
         return (Notice("No recording determines the wear of a vehicle.", "failed"),)
     words = f"{len(known):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch. {_spread(known)}"
     what = "their wear" if quantity_of(known) == "wear" else "the shift of their half-load position"
-    more = " and by what is left until their limit" if any(np.isfinite(one.left) for one in vehicles) else ""
+    more = " and by what is left until their limit" if any(np.isfinite(one.left.value) for one in vehicles) else ""
     caption = f"Vehicles by {what} now{more}. In all figures and tables, changes are since the calibration of the type."
     picture = Picture(svg(distribution_figure(vehicles, spans)), caption, "Histograms of wear and of what is left")
     return Text(escape(words)), picture, types_table(vehicles, spans)
@@ -201,7 +201,7 @@ def _spread(known: Sequence[VehicleRow]) -> str:
     shares = (0.0, 0.5, 1.0) if few else (0.05, 0.5, 0.95)
     low, median, high = (
         f"{value / MM:.3f}".replace("-", "−")
-        for value in quantiles([getattr(one, name) for one in known], shares)
+        for value in quantiles([getattr(one, name).value for one in known], shares)
         if value is not None
     )
     if len(known) < 3:

@@ -17,7 +17,7 @@ from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_f
 from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, escape, provenance, render
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, Link, ReportTable
-from clutchid.reports.wear_text import AXIS, alarm_words, change_words, left_words, recordings_words
+from clutchid.reports.wear_text import alarm_words, change_words, left_words, recordings_words
 from clutchid.wear.life import Wear
 from clutchid.wear.trend import FALSE_ALARMS
 
@@ -40,7 +40,7 @@ def trend_figure(wear: Wear) -> Figure:
     """Every quantity over the axis: measurements, trend with band given all recordings, alarms, and the limit."""
     names = [name for name in _SHOWN if name in wear.now]
     figure, axes = new_figure([2.0] * len(names))
-    s, unit = _scaled(wear.s, AXIS[wear.axis])
+    s, unit = _scaled(wear.s, wear.axis)
     jumps = [k for k, outcome in enumerate(wear.outcomes) if outcome == "jump"]
     apart = np.insert(s, jumps, s[jumps])  # another clutch is another line
     for axis, name in zip(axes, names, strict=True):

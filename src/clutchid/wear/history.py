@@ -14,6 +14,7 @@ from clutchid.estimation.assess.comparison import Measurement, change_of, compar
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.log import FloatArray
+from clutchid.names import natural
 from clutchid.recordings.strokes.vented_rest import RestShift
 
 Axis = Literal["strokes", "km", "days", "recordings"]
@@ -132,9 +133,8 @@ def _date_in(name: str) -> datetime | None:
 
 
 def _place(one: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
-    """Sorts by time, those without one last, and then by name, where numbers count as such."""
-    parts = [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in re.split(r"(\d+)", one.name)]
-    return one.begin is None, one.begin.timestamp() if one.begin else 0.0, parts
+    """Sorts by time, those without one last, and then by name."""
+    return one.begin is None, one.begin.timestamp() if one.begin else 0.0, natural(one.name)
 
 
 def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray]:

@@ -77,12 +77,25 @@ Function = Callable[[FloatArray], FloatArray]
 CHANNELS = ("shift", "load")
 
 
+class Interval(NamedTuple):
+    """A value with its interval; NaN is unknown."""
+
+    value: float
+    low: float
+    high: float
+
+
 class Band(NamedTuple):
     """A quantity by recording with its 95 % band, arrays (n,)."""
 
     value: FloatArray
     low: FloatArray
     high: FloatArray
+
+    @property
+    def last(self) -> Interval:
+        """The quantity at the last recording."""
+        return Interval(*(float(side[-1]) for side in self))
 
 
 class WearTable(NamedTuple):
