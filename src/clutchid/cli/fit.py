@@ -33,8 +33,6 @@ from clutchid.names import listed_names, printable
 if TYPE_CHECKING:
     from clutchid.estimation import Fit
     from clutchid.estimation.request import FitRequest
-    from clutchid.log import Log
-    from clutchid.model.actuator import Actuator
     from clutchid.reports.next_step import Command
 
 #: Most warnings of a summary.
@@ -56,11 +54,14 @@ def answer_json(fit: Fit, writers: Writers) -> int:
 def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. Neither costs the other where it fails, or stalls."""
     from clutchid.reports.next_step import next_step
-    from clutchid.reports.summary import SummaryRow, other_warnings
+    from clutchid.reports.summary import SummaryRow, fit_text, other_warnings, summary
 
     written, failures = _write(writers)
-    _complain(failures)
-    _print_result(fit, verbose)
+    for failure in failures:
+        put(f"clutchid: the fit is complete, but {printable_lines(failure)}", to=sys.stderr)
+    print_rows(summary(fit, in_full=verbose))
+    if verbose:
+        put(f"\n{printable_lines(fit_text(fit, WIDTH))}")
     warnings = other_warnings(fit)
     _warn(warnings, len(warnings) if verbose else MOST_WARNINGS)
     print_written(*written)
@@ -70,19 +71,6 @@ def answer(fit: Fit, writers: Writers, command: Command, verbose: bool) -> int:
     print_rows([SummaryRow("next", f"{why}:")])
     put(printable(f"  {what}"))
     return DONE
-
-
-def _print_result(fit: Fit, verbose: bool) -> None:
-    from clutchid.reports.summary import fit_text, summary
-
-    print_rows(summary(fit, in_full=verbose))
-    if verbose:
-        put(f"\n{printable_lines(fit_text(fit, WIDTH))}")
-
-
-def _complain(failures: Sequence[str]) -> None:
-    for failure in failures:
-        put(f"clutchid: the fit is complete, but {printable_lines(failure)}", to=sys.stderr)
 
 
 def _write(writers: Writers) -> tuple[list[Path], list[str]]:
@@ -265,25 +253,29 @@ def fitted(verb: str, logs: Sequence[Path], measure: str, free: str, start: Path
             f"no recording given; clutchid {verb} LOG.csv. Options that take several values (--verify, --bounds, "
             "--prior, --dbc) take all that follows them: put the recordings first."
         )
-    return _work(tuple(logs), start, options.request(measure, free), options)
-
-
-def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, options: FitOptions) -> int:
     from clutchid.reports.next_step import Command
 
-    saves, verify = tuple(options.save or ()), tuple(options.verify or ())
-    check_outputs({"--save": saves, "--report": options.report}, _inputs(logs, verify, start))
+    request, saves, verify = options.request(measure, free), tuple(options.save or ()), tuple(options.verify or ())
+    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
+    inputs += [("a recording to verify with", path) for path in verify]
+    check_outputs({"--save": saves, "--report": options.report}, [*inputs, ("the start file itself", start)])
     for path in saves:
         workflow.check_save(path)
     actuator, request = workflow.start_of(start, model_of(options.model), request)
     ambient = pressure(options.ambient, actuator.parameters.P_0)
     files = workflow.FileOptions(ambient, options.map_, tuple(options.dbc or ()))
     read = workflow.read_recordings(logs, files, actuator.equipment, measured=request.measure, verify=verify)
-    done = _fitted(read[: len(logs)], actuator, request, read[len(logs) :], options.force)
+    with progress_bar("fit") as show:
+
+        def shown(stage: str, count: int) -> None:
+            show(f"{stage} search, {count} simulations", -1.0)
+
+        fit_logs, others = read[: len(logs)], read[len(logs) :]
+        done = workflow.fit_recordings(fit_logs, actuator, request, others, shown, force=options.force)
     kept = next((path for path in saves if path.suffix.lower() in ("", ".toml")), None)
     command = Command(
         tuple(sys.argv[1:]),
-        logs,
+        tuple(logs),
         start,
         kept,
         options.report,
@@ -296,18 +288,3 @@ def _work(logs: tuple[Path, ...], start: Path | None, request: FitRequest, optio
         options.report: lambda path: workflow.report(done, command.with_options(), path),
     }
     return answer_json(done, writers) if options.json else answer(done, writers, command, options.verbose)
-
-
-def _fitted(logs: Sequence[Log], actuator: Actuator, request: FitRequest, verify: Sequence[Log], force: bool) -> Fit:
-    with progress_bar("fit") as show:
-
-        def shown(stage: str, count: int) -> None:
-            show(f"{stage} search, {count} simulations", -1.0)
-
-        return workflow.fit_recordings(logs, actuator, request, verify, shown, force=force)
-
-
-def _inputs(logs: Sequence[Path], verify: Sequence[Path], start: Path | None) -> list[tuple[str, Path | None]]:
-    inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in logs]
-    inputs += [("a recording to verify with", path) for path in verify]
-    return [*inputs, ("the start file itself", start)]

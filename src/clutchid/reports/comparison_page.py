@@ -12,9 +12,9 @@ from clutchid.estimation.assess.comparison import ENGAGING, Comparison, HalfLoad
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.log import FloatArray
+from clutchid.names import capital
 from clutchid.reports.changes import assumed_sentences, since_calibration
-from clutchid.reports.figures import draw, label, legend, mark_span, new_figure, svg
+from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
 from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text, escape
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.reports.summary import POSITIONS, of_the_paper
@@ -45,7 +45,7 @@ def comparison_sections(fit: Fit) -> list[PageSection]:
         return [PageSection("Since the calibration", (Notice(_ASSUMED),))] if assumed else []
     found = comparison(fit)
     sentences = since_calibration(fit) or ["Besides the load no change was found."]
-    sentences += [f"{sentence[0].upper()}{sentence[1:]}." for sentence in assumed_sentences(fit)]
+    sentences += [f"{capital(sentence)}." for sentence in assumed_sentences(fit)]
     changed = Bullets(tuple(map(escape, sentences)))
     blocks: list[Block] = [Text(_baseline(fit.baseline))]
     if found is not None:
@@ -95,7 +95,7 @@ def comparison_figure(found: Comparison) -> Figure:
         mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM)
     _draw_load(loads, found.calibrated, found.half_before, found.reach, Line(STYLE.orange, "at the calibration", 2.0))
     _draw_load(loads, found.present, found.half_now, found.reach, Line(STYLE.blue, "now", 2.0))
-    _band(difference, x, change.low[inside], change.high[inside], STYLE.red)
+    fill(difference, x, change.low[inside], change.high[inside], Line(STYLE.red, opacity=0.2, layer=1))
     draw(difference, x, change.force[inside], Line(STYLE.red, "now less calibration", 1.6))
     difference.axhline(0.0, color=STYLE.ink, linewidth=0.7)
     label(loads, y="load [N]")
@@ -110,16 +110,11 @@ def comparison_figure(found: Comparison) -> Figure:
 def _draw_load(axis: Axes, curve: LoadCurve, half: HalfLoad, reach: float, line: Line) -> None:
     inside = curve.position <= reach
     x = curve.position[inside] / MM
-    _band(axis, x, curve.low[inside], curve.high[inside], line.colour)
+    fill(axis, x, curve.low[inside], curve.high[inside], Line(line.colour, opacity=0.2, layer=1))
     draw(axis, x, curve.force[inside], line)
     if np.isfinite(half.position):
         force = float(np.interp(half.position, curve.position, curve.force))
         axis.plot([half.position / MM], [force], "o", color=line.colour, markersize=5, zorder=4)
-
-
-def _band(axis: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str) -> None:
-    known = np.isfinite(low) & np.isfinite(high)
-    axis.fill_between(x, low, high, where=known.tolist(), color=colour, alpha=0.2, linewidth=0)
 
 
 def change_table(found: Comparison) -> ReportTable:

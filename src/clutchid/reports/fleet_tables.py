@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.names import natural, printable
+from clutchid.names import capital, natural, printable
 from clutchid.reports.style import MM
 from clutchid.reports.tables import Cell, Column, Link, ReportTable
 from clutchid.wear.history import Axis
@@ -188,8 +188,7 @@ def _misses(one: VehicleRow) -> bool:
 
 
 def _sentence(words: str) -> str:
-    words = printable(words).rstrip(".")
-    return f"{words[:1].upper()}{words[1:]}."
+    return f"{capital(printable(words).rstrip('.'))}."
 
 
 #: Rows of the tables of the worst, of one kind of the odd, of types and of reasons, at most.
@@ -247,7 +246,7 @@ def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
         rows = tuple((_link(one.vehicle), printable(one.vehicle.type), one.reason) for one in members[:ODD])
         number = f"{len(rows)} of {len(members):,}" if len(members) > ODD else f"{len(rows)}"
         if rows:
-            found.append(ReportTable(f"{mark[:1].upper()}{mark[1:]}, {meaning}: {number}", columns, rows))
+            found.append(ReportTable(f"{capital(mark)}, {meaning}: {number}", columns, rows))
     return found
 
 

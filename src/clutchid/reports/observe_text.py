@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
@@ -41,10 +42,14 @@ def loads(run: ObservedRecording) -> Loads:
 
 def observe_sentence(run: ObservedRecording) -> str:
     """The load at half stroke before and after, its change, strokes, flags, and what is assumed, on one line."""
-    raised = [f"{name} {seconds:.3g} s" for name, seconds in run.health.items() if seconds > 0.0]
-    flags = f"flags: {', '.join(raised)}" if raised else "no flags"
     assumed = "; supply pressure assumed" if run.assumes_supply else ""
-    return f"{load_sentence(run)}; {flags}{assumed}"
+    return f"{load_sentence(run)}; {flags_words(run.health)}{assumed}"
+
+
+def flags_words(health: Mapping[str, float]) -> str:
+    """Flags with their seconds, those that were raised."""
+    raised = [f"{name} {seconds:.3g} s" for name, seconds in health.items() if seconds > 0.0]
+    return f"flags: {', '.join(raised)}" if raised else "no flags"
 
 
 def load_sentence(run: ObservedRecording) -> str:

@@ -12,6 +12,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
+from clutchid.names import capital
 from clutchid.recordings.files import write_text
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
 from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, escape, provenance, render
@@ -158,21 +159,17 @@ def page_of(wear: Wear, curves: Sequence[tuple[str, LoadCurve]], command: str, h
 
 
 def _result(wear: Wear) -> tuple[Block, ...]:
-    blocks: list[Block] = [Notice(_capital(warning)) for warning in wear.warnings]
+    blocks: list[Block] = [Notice(capital(warning)) for warning in wear.warnings]
     if not any(wear.counted):
         return (*blocks, Notice("No recording determines the wear.", "failed"))
-    blocks += [Notice(f"{_capital(words)}.") for words in map(alarm_words, wear.alarms)]
+    blocks += [Notice(f"{capital(words)}.") for words in map(alarm_words, wear.alarms)]
     if not wear.alarms:
         blocks.append(Notice("No sudden change of the load was found, and no leak.", "ok"))
     blocks.append(Text(f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."))
     words, left = change_words(wear), left_words(wear)
-    blocks.append(Text(escape(f"{_capital(words)}.{f' Left: {left}.' if left else ''}")))
+    blocks.append(Text(escape(f"{capital(words)}.{f' Left: {left}.' if left else ''}")))
     caption = f"{_TREND}{_ALARMS if wear.alarms else ''}"
     return (*blocks, Picture(svg(trend_figure(wear)), caption, "Trend of the wear with its band"))
-
-
-def _capital(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}"
 
 
 def recordings_table(wear: Wear) -> ReportTable:
