@@ -12,7 +12,9 @@ from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, TextIO
+
+from cyclopts import Parameter
 
 from clutchid.cli.terminal import OutputLost, printable_lines, put, say, sentences
 from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError
@@ -26,6 +28,11 @@ if TYPE_CHECKING:
     from clutchid.simulation import Partition
 
 P = ParamSpec("P")
+
+#: Options of several commands: a flag, a channel map, and DBC files.
+Flag = Annotated[bool, Parameter(negative="")]
+MapOption = Annotated[Path | None, Parameter(name="--map")]
+DbcOption = Annotated[list[Path] | None, Parameter(consume_multiple=True)]
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 

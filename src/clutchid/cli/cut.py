@@ -7,11 +7,20 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from clutchid.cli.common import DONE, check_outputs, guarded, pieces_of, pressure, print_written, progress_bar
+from clutchid.cli.common import (
+    DONE,
+    DbcOption,
+    Flag,
+    MapOption,
+    check_outputs,
+    guarded,
+    pieces_of,
+    pressure,
+    print_written,
+    progress_bar,
+)
 from clutchid.cli.terminal import put
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
@@ -28,10 +37,10 @@ def cut(
     out: Path,
     table: Path | None = None,
     seconds: float = 60.0,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
     ambient: str | None = None,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """Cut a recording of any length into strokes and rests, and write those with the most information about the load.
 

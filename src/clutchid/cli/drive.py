@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, guarded, print_json, print_written, progress_of
+from clutchid.cli.common import DONE, Flag, guarded, print_json, print_written, progress_of
 from clutchid.errors import ParameterError
 
 
@@ -75,15 +75,15 @@ def drive(
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     truth: Path | None = None,
     pressure: bool = True,
-    conditions: Annotated[bool, Parameter(negative="")] = False,
-    bus: Annotated[bool, Parameter(negative="")] = False,
+    conditions: Flag = False,
+    bus: Flag = False,
     dropouts: int = 0,
     offset: float = 0.0,
     zero: Literal["learned", "kept"] = "learned",
     late: float = 0.0,
     service: Annotated[FleetOptions, Parameter(name="*")] = SINGLE,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Simulate a virtual truck, more detailed than the model, and write a recording and, separately, its truth.
 

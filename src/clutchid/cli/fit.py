@@ -15,6 +15,9 @@ from clutchid import workflow
 from clutchid.cli.common import (
     DONE,
     FAILED,
+    DbcOption,
+    Flag,
+    MapOption,
     bounds,
     check_outputs,
     guarded,
@@ -169,13 +172,13 @@ class FitOptions:
     save: Annotated[list[Path] | None, Parameter(negative="")] = None
     report: Path | None = None
     ambient: str | None = None
-    map_: Annotated[Path | None, Parameter(name="--map")] = None
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None
+    map_: MapOption = None
+    dbc: DbcOption = None
     zero: Literal["subtract", "keep"] = "subtract"
-    force: Annotated[bool, Parameter(negative="")] = False
-    verbose: Annotated[bool, Parameter(negative="")] = False
-    json: Annotated[bool, Parameter(negative="")] = False
-    debug: Annotated[bool, Parameter(negative="")] = False
+    force: Flag = False
+    verbose: Flag = False
+    json: Flag = False
+    debug: Flag = False
 
     def request(self, measure: str, free: str) -> FitRequest:
         """The request of a fit with these options.

@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, guarded, life_limit, pressure, print_json, progress_of
+from clutchid.cli.common import (
+    DONE,
+    FAILED,
+    DbcOption,
+    Flag,
+    MapOption,
+    guarded,
+    life_limit,
+    pressure,
+    print_json,
+    progress_of,
+)
 from clutchid.cli.terminal import printable_lines, put
 from clutchid.errors import ParameterError
 from clutchid.names import printable
@@ -29,7 +40,7 @@ _UNITS = {"GB": 1e9, "MB": 1e6}
 
 @dataclass(frozen=True, slots=True)
 class Scheduler:
-    """Where a scheduler is, and by which certificates it knows this process.
+    """Address of a scheduler, and the certificates by which it knows this process.
 
     Parameters
     ----------
@@ -110,12 +121,12 @@ def fleet(
     pool: Annotated[WorkerLimits, Parameter(name="*")] = ONE_PROCESS,
     scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
     limit: float | None = None,
-    retry: Annotated[bool, Parameter(negative="")] = False,
+    retry: Flag = False,
     ambient: str | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Read the load of every recording of a fleet, and follow the wear of its vehicles.
 
@@ -164,7 +175,7 @@ def fleet(
 
 
 def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
-    """Where the work is done, in SI."""
+    """Workers with their limits in SI."""
     from clutchid.fleets.cluster import Workers
     from clutchid.processes import check_workers
 

@@ -5,11 +5,19 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from clutchid.cli.common import BAD_INPUT, DONE, check_outputs, guarded, pressure, print_written
+from clutchid.cli.common import (
+    BAD_INPUT,
+    DONE,
+    DbcOption,
+    Flag,
+    MapOption,
+    check_outputs,
+    guarded,
+    pressure,
+    print_written,
+)
 from clutchid.cli.terminal import put, sentences
 from clutchid.errors import DataError
 from clutchid.parameters import Parameters
@@ -27,11 +35,11 @@ def look(
     /,
     *,
     save: Path | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
     ambient: str | None = None,
     start: Path | None = None,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """List the channels of a recording with unit, time grid, range and holes, all problems, and a channel map.
 

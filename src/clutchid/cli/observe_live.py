@@ -239,7 +239,7 @@ def _until_trouble(first: LiveBlock, blocks: Iterator[LiveBlock]) -> Iterator[Li
 
 @contextmanager
 def _sinks(options: ObserveOptions, stopped: Stopped) -> Iterator[list[Sink]]:
-    """What takes the results of each block besides the files."""
+    """Sinks of the results of each block, besides the files."""
     with ExitStack() as stack:
         sinks = []
         every = None if options.publish_every is None else 1e-3 * options.publish_every

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TextIO
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import check_outputs, print_json, print_written
+from clutchid.cli.common import DbcOption, Flag, MapOption, check_outputs, print_json, print_written
 from clutchid.cli.observe_sinks import say_unhurried
 from clutchid.cli.terminal import print_rows, printable_lines, put, say
 from clutchid.errors import ExportError, ParameterError
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from clutchid.recordings.spool import Add
 
 
-#: What stands for standard input, and for standard output.
+#: Name of standard input, and of standard output.
 STANDARD_INPUT = STANDARD_OUTPUT = "-"
 
 
@@ -89,16 +89,16 @@ class ObserveOptions:
     resume: Path | None = None
     report: Path | None = None
     ambient: str | None = None
-    map_: Annotated[Path | None, Parameter(name="--map")] = None
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None
+    map_: MapOption = None
+    dbc: DbcOption = None
     zero: Literal["subtract", "keep"] = "subtract"
-    follow: Annotated[bool, Parameter(negative="")] = False
+    follow: Flag = False
     publish: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     publish_every: float | None = None
-    view: Annotated[bool, Parameter(negative="")] = False
-    force: Annotated[bool, Parameter(negative="")] = False
-    json: Annotated[bool, Parameter(negative="")] = False
-    debug: Annotated[bool, Parameter(negative="")] = False
+    view: Flag = False
+    force: Flag = False
+    json: Flag = False
+    debug: Flag = False
 
     @property
     def by_stroke(self) -> Path:
@@ -117,7 +117,7 @@ class ObserveOptions:
 
     @property
     def messages(self) -> TextIO:
-        """Where sentences go: standard output, unless lines are published there."""
+        """Stream for sentences: standard output, unless lines are published there."""
         return sys.stderr if self.publish == STANDARD_OUTPUT else sys.stdout
 
     def check(self, log: Path) -> None:
@@ -233,7 +233,7 @@ def answer(
 
 @dataclass(frozen=True, slots=True)
 class FileTroubles:
-    """What went wrong with the files, as sentences, and where those are that are elsewhere; None is nowhere."""
+    """Faults of the files, as sentences, and the places of those that are elsewhere; None is nowhere."""
 
     troubles: list[str] = field(default_factory=list)
     moved: dict[Path, Path | None] = field(default_factory=dict)
@@ -328,7 +328,7 @@ def _number(path: Path) -> int | None:
 
 
 def offer(options: ObserveOptions) -> list[Path]:
-    """What an earlier run left that ended without writing its files; says so, and how to go on from it."""
+    """Files of an earlier run that ended without writing its own; says so, and how to go on from it."""
     from clutchid.recordings.spool import recovered
 
     found = [path for each in (options.out, options.by_stroke) for path in recovered(each)]

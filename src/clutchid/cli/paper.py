@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from clutchid.cli.common import DONE, guarded, pressure, progress_bar
+from clutchid.cli.common import DONE, Flag, guarded, pressure, progress_bar
 from clutchid.cli.terminal import put
 from clutchid.errors import ParameterError
 from clutchid.parameters import Parameters
@@ -21,7 +18,7 @@ def paper(
     fit: Path | None = None,
     verify: Path | None = None,
     ambient: str | None = None,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """Repeat the paper's study: Eq. (21), Tables 1 and 2, Figures 2 to 8, verification, as one HTML page.
 

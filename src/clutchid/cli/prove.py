@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from clutchid.cli.common import DONE, FAILED, guarded, print_written, progress_of
+from clutchid.cli.common import DONE, FAILED, Flag, guarded, print_written, progress_of
 from clutchid.cli.fleet import NO_SCHEDULER, Scheduler
 from clutchid.cli.terminal import WIDTH, put
 from clutchid.errors import ParameterError
@@ -25,7 +25,7 @@ def prove(
     change: Annotated[list[str] | None, Parameter(negative="")] = None,
     workers: int = 1,
     scheduler: Annotated[Scheduler, Parameter(name="*")] = NO_SCHEDULER,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    debug: Flag = False,
 ) -> int:
     """Evaluate a workflow on virtual trucks: one calibration recording with pressure, two worn ones with position only.
 

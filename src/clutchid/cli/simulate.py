@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from clutchid.cli.common import (
     DONE,
+    DbcOption,
+    Flag,
+    MapOption,
     check_outputs,
     guarded,
     model_of,
@@ -41,11 +42,11 @@ def simulate(
     carry: Literal["p", "q"] | None = None,
     band: Path | None = None,
     ambient: str | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
-    force: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
+    force: Flag = False,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Simulate an actuator with the inputs of a recording and write all states.
 

@@ -1,4 +1,4 @@
-"""What commands print: one way to standard output, one to standard error; wrapped at words on a terminal."""
+"""Output of the commands: one way to standard output, one to standard error; wrapped at words on a terminal."""
 
 from __future__ import annotations
 

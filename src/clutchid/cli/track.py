@@ -7,12 +7,13 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Literal
 
 from clutchid.cli.common import (
     DONE,
+    DbcOption,
+    Flag,
+    MapOption,
     check_outputs,
     guarded,
     life_limit,
@@ -40,11 +41,11 @@ def track(
     report: Path | None = None,
     workers: int = 1,
     ambient: str | None = None,
-    map_: Annotated[Path | None, Parameter(name="--map")] = None,
-    dbc: Annotated[list[Path] | None, Parameter(consume_multiple=True)] = None,
+    map_: MapOption = None,
+    dbc: DbcOption = None,
     zero: Literal["subtract", "keep"] = "subtract",
-    json: Annotated[bool, Parameter(negative="")] = False,
-    debug: Annotated[bool, Parameter(negative="")] = False,
+    json: Flag = False,
+    debug: Flag = False,
 ) -> int:
     """Follow the wear of one clutch through its recordings: trend with bands, replaced clutches, what is left.
 

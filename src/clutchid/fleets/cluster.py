@@ -152,7 +152,7 @@ BATCH = 100
 #: Time in s that a scheduler, its first worker, and then all of its workers have to answer.
 ANSWER = 4.0
 
-#: How often an item is given out whose worker of Dask was lost, which is not ended by the item but from outside.
+#: Attempts at an item whose worker of Dask was lost, which is not ended by the item but from outside.
 ATTEMPTS = 5
 
 #: Files in which Linux says what memory the processes of a container may have together.

@@ -138,7 +138,7 @@ def _peak(curve: LoadCurve) -> tuple[float, float, float]:
 #: Files of a run, and the folder of the pages of its vehicles, with what each was made from.
 WEAR, VEHICLES, INDEX, PAGES, MADE = "wear.parquet", "vehicles.parquet", "index.html", "vehicles", "made.json"
 
-#: What a sentence says of one recording only: names in quotes, paths, and numbers.
+#: Parts of a sentence that belong to one recording only: names in quotes, paths, and numbers.
 _PARTICULAR = re.compile(r"'[^']*'|\S*[/\\]\S*|\b\d[\d.,]*\b")
 
 #: A value of which nothing is known.

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
 
-#: What is wrong with a row of a table without a file.
+#: Problem of a row of a table without a file.
 ABSENT = "the table names it, but its file is not there, or several have its name."
 
 #: Why a recording that was observed gives no measurement.

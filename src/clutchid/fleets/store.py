@@ -55,11 +55,11 @@ _COLUMNS = (
     "checksum",
 )
 
-#: What is said of the run, beside what it is about: the checksum of that.
+#: Key of the checksum of what the run is about.
 _CHECKSUM = "checksum"
 
 #: A row of what is done, without and with its checksum.
-_Row = tuple[str | float | bytes | None, ...]
+_StoredRow = tuple[str | float | bytes | None, ...]
 
 
 class StoredResult(NamedTuple):
@@ -197,9 +197,9 @@ def _check_integrity(base: sqlite3.Connection) -> None:
         raise sqlite3.DatabaseError(fault)
 
 
-def _readable(path: Path) -> list[_Row]:
+def _readable(path: Path) -> list[_StoredRow]:
     """The rows of a damaged file that are whole: those before its first fault, and those behind its last one."""
-    found: dict[object, _Row] = {}
+    found: dict[object, _StoredRow] = {}
     for order in ("ASC", "DESC"):
         with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=1.0)) as base:
             base.text_factory = _text
@@ -271,16 +271,16 @@ def _checksum(values: Iterable[object]) -> str:
     return total.hexdigest()
 
 
-def _is_whole(row: _Row) -> bool:
+def _is_whole(row: _StoredRow) -> bool:
     """Whether a row is as it was kept."""
     return row[-1] == _checksum(row[:-1])
 
 
-def _insert(base: sqlite3.Connection, rows: Iterable[_Row]) -> None:
+def _insert(base: sqlite3.Connection, rows: Iterable[_StoredRow]) -> None:
     base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(_COLUMNS))})", rows)
 
 
-def _row(kept: StoredResult) -> _Row:
+def _row(kept: StoredResult) -> _StoredRow:
     read = kept.read
     row = (
         kept.vehicle, kept.recording, kept.inputs, kept.file, read.reading.status, read.reading.message,

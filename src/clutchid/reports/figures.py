@@ -96,7 +96,7 @@ def _figure_of(axis: Axes) -> Figure:
 
 
 def _in_columns(axis: Axes, columns: int, entries: Entries, place: Callable[..., Legend]) -> None:
-    """A legend with at most so many columns that it is not wider than the panels."""
+    """A legend in as many of the columns as fit the width of the panels."""
     if not entries[0]:
         return
     figure = _figure_of(axis)

@@ -123,7 +123,7 @@ ODD_SHARE = 0.5
 _MAD = 0.6745
 
 
-#: What a vehicle can stand out by, and what that means.
+#: Marks of a vehicle that stands out, and their meanings.
 MARKS = {
     "alarm": "a clutch replaced, a sudden change, a leak, a departure",
     "fast": "wears faster than others of its type",

@@ -30,7 +30,7 @@ class RestMove(NamedTuple):
     sudden: bool = False
 
 
-#: Where a recording has no known rest.
+#: Move of a rest that is not known.
 NOT_KNOWN = RestMove(float("nan"), "")
 
 

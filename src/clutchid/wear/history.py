@@ -25,7 +25,7 @@ CLOCKS = datetime(2000, 1, 1, tzinfo=UTC)
 #: Difference between the clock of a file and the table that is not warned of: time zones, and the end of a drive.
 TOLERANCE = timedelta(days=1)
 
-#: What a date without a time of day stands for.
+#: Length of a date without a time of day.
 DAY = timedelta(days=1)
 
 #: A date in the name of a file, with or without the time of day.

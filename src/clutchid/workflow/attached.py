@@ -1,4 +1,4 @@
-"""What results can do that belongs to higher rooms: ``fit.plot()``, ``fit.verdict``, a picture in a notebook.
+"""Methods of results that belong to higher rooms: ``fit.plot()``, ``fit.verdict``, a picture in a notebook.
 
 The classes of lower rooms only declare it. Whoever takes a name from `clutchid` has it attached to them.
 """
