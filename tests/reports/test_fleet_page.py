@@ -9,11 +9,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from clutchid.reports.fleet_page import ReasonCount, VehicleRow, distribution_figure, fleet_page, page_of, panels_of
+from clutchid.reports.fleet_page import distribution_figure, fleet_page, page_of, panels_of
 from clutchid.reports.fleet_tables import (
     ODD,
     ODD_AT_LEAST,
     ODD_SCORE,
+    ReasonCount,
+    VehicleRow,
     all_table,
     odd_vehicles,
     reasons_table,

@@ -95,9 +95,8 @@ def _counted(
     for number, section in enumerate(sections, 1):
         summary = asdict(section.summary)
         if number == 1:
-            write_row(
-                ["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *_headings(summary)]
-            )
+            heads = [name + _UNITS.get(name, "") for name in summary]
+            write_row(["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *heads])
         ends = (section.start, section.departure, section.end)
         write_row([number, section.kind, section.label, section.first, *ends, *summary.values()])
         counts[section.label] += 1
@@ -109,7 +108,3 @@ _UNITS = {
     **dict.fromkeys(("opening_speed", "closing_speed"), "_m_s"),
     "vented_rest": "_s",
 }
-
-
-def _headings(names: Iterable[str]) -> Iterator[str]:
-    return (name + _UNITS.get(name, "") for name in names)

@@ -31,7 +31,7 @@ from clutchid.cli.common import (
 )
 from clutchid.cli.terminal import WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError, ParameterError
-from clutchid.names import listed_names, printable
+from clutchid.names import printable
 
 if TYPE_CHECKING:
     from clutchid.estimation import Fit
@@ -188,20 +188,11 @@ class FitOptions:
         ParameterError
             If an option cannot be understood.
         """
-        from clutchid.estimation.request import FitRequest
+        from clutchid.estimation.fit import request_of
 
-        return FitRequest(
-            listed_names(measure),
-            listed_names(free),
-            bounds(self.bounds_ or ()),
-            partition_of(self.every, self.parts, self.carry, self.take),
-            self.method,
-            priors(self.prior or ()),
-            None,
-            listed_names(self.profile),
-            self.bootstrap,
-            zero=self.zero,
-        )
+        partition = partition_of(self.every, self.parts, self.carry, self.take)
+        limits, prior = bounds(self.bounds_ or ()), priors(self.prior or ())
+        return request_of(measure, free, limits, partition, self.method, prior, self.profile, self.bootstrap, self.zero)
 
     @property
     def reading(self) -> tuple[str, ...]:

@@ -87,7 +87,12 @@ def simulate(
     from clutchid.inference.uncertainty.switching_band import switching_band
     from clutchid.recordings import write
 
-    check_outputs({"--out": out}, _inputs(log, parameters, band))
+    inputs = [
+        ("the recording itself", log),
+        ("the parameter file itself", parameters),
+        ("the recording of --band", band),
+    ]
+    check_outputs({"--out": out}, inputs)
     partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
     air, files = pressure(ambient, content.actuator.parameters.P_0), [log] if band is None else [log, band]
     read = read_recordings(files, FileOptions(air, map_, tuple(dbc or ())), content.actuator.equipment)
@@ -127,10 +132,6 @@ def _answer(recording: Log, done: Simulation, warnings: Sequence[str], out: Path
     if errors is not None:
         put(f"simulated {recording.name}: {errors_text(errors)}")
     print_written(out)
-
-
-def _inputs(log: Path, parameters: Path, band: Path | None) -> list[tuple[str, Path | None]]:
-    return [("the recording itself", log), ("the parameter file itself", parameters), ("the recording of --band", band)]
 
 
 def _simulated(log: Log, content: ParameterFile, partition: Partition | None) -> tuple[Simulation, bool]:

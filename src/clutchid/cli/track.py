@@ -27,7 +27,7 @@ from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from clutchid.fleets.tracking import Tracked
+    pass
 
 
 @guarded
@@ -85,6 +85,8 @@ def track(
         Show the traceback of an error.
     """
     from clutchid.fleets import tracking, verbs
+    from clutchid.reports.wear_page import wear_page
+    from clutchid.reports.wear_text import wear_json, wear_lines
 
     shift, results = life_limit(limit), (out, tracking.curves_path(out))
     _check(out, report, start, table, wear_table, logs)
@@ -94,30 +96,16 @@ def track(
             logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers, ambient=outside,
             channels=map_, dbc=dbc or (), zero=zero, results=results, progress=progress,
         )  # fmt: skip
-    _write(found, out, report)
-    _say(found, (*results, report), as_json=json)
-    return DONE
-
-
-def _write(found: Tracked, out: Path, report: Path | None) -> None:
-    from clutchid.fleets.tracking import write_tracked
-    from clutchid.reports.wear_page import wear_page
-
-    write_tracked(found, out)
+    tracking.write_tracked(found, out)
     if report is not None:
         wear_page(found.wear, found.curves, printable(f"clutchid {shlex.join(sys.argv[1:])}"), report)
-
-
-def _say(found: Tracked, written: Sequence[Path | None], *, as_json: bool) -> None:
-    """Print the result, warnings apart."""
-    from clutchid.reports.wear_text import wear_json, wear_lines
-
-    if as_json:
+    if json:
         print_json(wear_json(found.wear))
-        return
+        return DONE
     say(found.wear.warnings)
     put(*map(printable_lines, wear_lines(found.wear)))
-    print_written(*written)
+    print_written(*results, report)
+    return DONE
 
 
 def _check(

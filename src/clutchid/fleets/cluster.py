@@ -220,7 +220,7 @@ def connected(workers: Workers) -> Iterator[Client]:
     """
     try:
         import dask
-        import distributed  # noqa: F401
+        import distributed
     except ImportError as error:
         raise missing("sharing the work between machines", "Dask", "fleet") from error
     settings = {
@@ -228,27 +228,20 @@ def connected(workers: Workers) -> Iterator[Client]:
         "distributed.comm.retry.count": 0,
         "distributed.admin.tick.limit": "1h",
     }
-    with _quiet(), dask.config.set(settings), _client(workers) as client:
-        check_scheduler(client, workers.scheduler, ANSWER)
-        yield client
-
-
-@contextmanager
-def _client(workers: Workers) -> Iterator[Client]:
-    from distributed import Client
-
-    security = security_of(workers.scheduler, workers.tls)
-    try:
-        asyncio.run(answered(workers.scheduler, security, ANSWER))
-        client = Client(workers.scheduler, timeout=f"{ANSWER:g}s", security=security)
-    except Exception as error:  # whatever listens there may answer anything
-        raise ParameterError(
-            f"--scheduler {workers.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an "
-            "address is like tcp://host:8786, or tls://host:8786 for one with certificates, and the scheduler is "
-            "started with `dask scheduler`."
-        ) from error
-    with client:
-        yield client
+    with _quiet(), dask.config.set(settings):
+        security = security_of(workers.scheduler, workers.tls)
+        try:
+            asyncio.run(answered(workers.scheduler, security, ANSWER))
+            client = distributed.Client(workers.scheduler, timeout=f"{ANSWER:g}s", security=security)
+        except Exception as error:  # whatever listens there may answer anything
+            raise ParameterError(
+                f"--scheduler {workers.scheduler}: does not answer within {ANSWER:g} s ({type(error).__name__}); an "
+                "address is like tcp://host:8786, or tls://host:8786 for one with certificates, and the scheduler is "
+                "started with `dask scheduler`."
+            ) from error
+        with client:
+            check_scheduler(client, workers.scheduler, ANSWER)
+            yield client
 
 
 def _spread(

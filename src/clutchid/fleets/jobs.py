@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.fleets.cluster import Workers, results, version_and_source
-from clutchid.fleets.reading import ABSENT, ReadingOptions, RecordingResult, checksum_of, read_recording, without_result
+from clutchid.fleets.reading import ABSENT, ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import SUFFIXES, name_of, recording_files
 from clutchid.names import as_text
-from clutchid.processes import Done, Lost, Pool
+from clutchid.processes import Done, Pool
 from clutchid.recordings.files import digest, is_there
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
@@ -253,9 +253,8 @@ def _work(options: ReadingOptions, task: Task) -> RecordingResult:
 
 
 def _result(done: Done[Task, RecordingResult]) -> StoredResult:
-    task, read = done.item, done.result
-    if isinstance(read, Lost):
-        read = without_result(task.path, read)
+    task = done.item
+    read = unless_lost(task.path, done.result)
     return StoredResult(task.vehicle, task.recording, task.inputs, task.file, read, done.seconds)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import Fleet, Job
-from clutchid.fleets.reading import RecordingResult, counted_once, without_file
+from clutchid.fleets.reading import ABSENT, RecordingResult, counted_once, without_result
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.fleets.tracking import LifeLimits, Tracked, load_table, table_of, tracked
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -25,7 +25,6 @@ from clutchid.reports.fleet_page import fleet_page
 from clutchid.reports.fleet_tables import ReasonCount, VehicleRow
 from clutchid.reports.wear_page import wear_page
 from clutchid.reports.wear_text import alarm_words
-from clutchid.wear.history import WearReading
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -58,9 +57,9 @@ def rows_of(fleet: Fleet, kept: Store) -> Iterator[RecordingRow]:
 
 def _without_result(job: Job) -> RecordingResult:
     if job.path is None:
-        return without_file(job.recording)
+        return without_result(Path(job.recording), "bad_input", ABSENT)
     message = job.problem or "was not read; run the same command again to go on."
-    return RecordingResult(job.path, WearReading("bad_input" if job.problem else "failed", message, "none", None))
+    return without_result(job.path, "bad_input" if job.problem else "failed", message)
 
 
 def _merged(jobs: Iterable[Job], results: Iterator[StoredResult]) -> Iterator[tuple[Job, StoredResult | None]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from clutchid import workflow
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_load_band
+from clutchid.estimation.assess.comparison import HalfLoad, comparison, half_load_band, measured
 from clutchid.estimation.assess.reasons import departs
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
@@ -20,7 +20,7 @@ from clutchid.names import as_text
 from clutchid.processes import Lost
 from clutchid.recordings.files import digest
 from clutchid.recordings.strokes.vented_rest import Zero, from_rest
-from clutchid.wear.history import WearReading, leak_of, measured, unmeasured
+from clutchid.wear.history import WearReading, leak_of, unmeasured
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -82,21 +82,21 @@ def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
         read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
-        return RecordingResult(path, WearReading(status, str(error), "none", None), clock, checksum)
+        return without_result(path, status, str(error), clock, checksum)
     except Exception as error:  # a fleet goes on
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
-        return RecordingResult(path, WearReading("failed", sentence, "none", None), clock, checksum)
+        return without_result(path, "failed", sentence, clock, checksum)
     return read._replace(clock=clock, sha256=checksum)
 
 
-def without_result(path: Path, lost: Lost) -> RecordingResult:
-    """A recording whose process was lost."""
-    return RecordingResult(path, WearReading(lost.status, lost.message, "none", None), "", checksum_of(path))
+def without_result(path: Path, status: str, message: str, clock: str = "", sha256: str = "") -> RecordingResult:
+    """A recording that gives no load, with the reason."""
+    return RecordingResult(path, WearReading(status, message, "none", None), clock, sha256)
 
 
-def without_file(recording: str) -> RecordingResult:
-    """A row of a table whose file is not there."""
-    return RecordingResult(Path(recording), WearReading("bad_input", ABSENT, "none", None))
+def unless_lost(path: Path, read: RecordingResult | Lost) -> RecordingResult:
+    """A recording as a worker process read it; without a result if the process was lost."""
+    return without_result(path, *read, sha256=checksum_of(path)) if isinstance(read, Lost) else read
 
 
 def counted_once(named: Iterable[tuple[str, RecordingResult]]) -> Iterator[RecordingResult]:

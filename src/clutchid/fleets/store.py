@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from clutchid.errors import ExportError
-from clutchid.estimation.assess.comparison import HalfLoad
+from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.fleets.reading import RecordingResult
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.recordings.files import atomic_write, make_folder
 from clutchid.recordings.strokes.vented_rest import RestShift
-from clutchid.wear.history import Leak, Measurement, WearReading
+from clutchid.wear.history import Leak, WearReading
 
 #: The file in the folder of a run.
 STORE = "run.sqlite"
@@ -31,29 +31,19 @@ COMMIT = 0.5
 #: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
 _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
 
-_SCHEMA = """
+#: Columns of what is done, with their types.
+_COLUMNS = {
+    "vehicle": "TEXT", "recording": "TEXT", "inputs": "TEXT NOT NULL", "file": "TEXT NOT NULL",
+    "status": "TEXT NOT NULL", "message": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "content": "TEXT NOT NULL",
+    "curve": "BLOB", "seconds": "REAL NOT NULL", "checksum": "TEXT NOT NULL DEFAULT ''",
+}  # fmt: skip
+
+_SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS done (
-    vehicle TEXT, recording TEXT, inputs TEXT NOT NULL, file TEXT NOT NULL, status TEXT NOT NULL, message TEXT NOT NULL,
-    sha256 TEXT NOT NULL, content TEXT NOT NULL, curve BLOB, seconds REAL NOT NULL, checksum TEXT NOT NULL DEFAULT '',
-    PRIMARY KEY (vehicle, recording)
+    {", ".join(map(" ".join, _COLUMNS.items()))}, PRIMARY KEY (vehicle, recording)
 );
 """
-
-
-_COLUMNS = (
-    "vehicle",
-    "recording",
-    "inputs",
-    "file",
-    "status",
-    "message",
-    "sha256",
-    "content",
-    "curve",
-    "seconds",
-    "checksum",
-)
 
 #: Key of the checksum of what the run is about.
 _CHECKSUM = "checksum"
@@ -216,9 +206,9 @@ def _text(content: bytes) -> str:
 
 def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
     names = [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description]
-    if names == list(_COLUMNS[:-1]):  # of an earlier version, whose results are read again
-        base.execute("ALTER TABLE done ADD COLUMN checksum TEXT NOT NULL DEFAULT ''")
-        names.append(_COLUMNS[-1])
+    if [*names, "checksum"] == list(_COLUMNS):  # of an earlier version, whose results are read again
+        base.execute(f"ALTER TABLE done ADD COLUMN checksum {_COLUMNS['checksum']}")
+        names.append("checksum")
     if names != list(_COLUMNS):
         raise ExportError(f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder.")
 

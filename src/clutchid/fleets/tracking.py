@@ -12,17 +12,18 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.fleets.reading import (
+    ABSENT,
     ReadingOptions,
     RecordingResult,
     counted_once,
     read_recording,
-    without_file,
+    unless_lost,
     without_result,
 )
 from clutchid.fleets.store import STORE
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import as_text
-from clutchid.processes import Lost, check_workers, results
+from clutchid.processes import check_workers, results
 from clutchid.recordings.files import write_frame
 from clutchid.wear.history import Listed, arranged
 from clutchid.wear.life import Wear, wear_of
@@ -168,13 +169,15 @@ def track(
     check_workers(workers)
     found: dict[Path, RecordingResult] = {}
     for done in results(partial(read_recording, options, start), paths, workers):
-        read = done.result
-        found[done.item] = without_result(done.item, read) if isinstance(read, Lost) else read
+        found[done.item] = unless_lost(done.item, done.result)
         if progress:
             progress(len(found), len(paths))
     names = [name_of(path) for path in paths]
     absent = sorted(name for name, row in table.items() if row.vehicle == vehicle and name not in set(names))
-    reads = [*counted_once((as_text(path.name), found[path]) for path in paths), *map(without_file, absent)]
+    reads = [
+        *counted_once((as_text(path.name), found[path]) for path in paths),
+        *(without_result(Path(name), "bad_input", ABSENT) for name in absent),
+    ]
     return tracked(vehicle, [*names, *absent], reads, table, limits, () if table else _several_folders(paths))
 
 

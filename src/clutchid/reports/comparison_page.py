@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,9 +16,9 @@ from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import capital
 from clutchid.reports.changes import assumed_sentences, since_calibration
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
-from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text, escape
+from clutchid.reports.html import Block, Bullets, Notice, PageSection, Picture, Text
 from clutchid.reports.style import MM, STYLE, Line
-from clutchid.reports.summary import POSITIONS, of_the_paper
+from clutchid.reports.summary import POSITIONS, interval_words, of_the_paper
 from clutchid.reports.tables import STEP, Cell, Column, ReportTable
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ _ASSUMED = (
     "There is no calibration: without --start everything that is not fitted is taken from the truck of the paper "
     "(Appendix A). On another truck the load has errors that its interval does not include."
 )
+
+_AT_95 = " mm at 95 %"
 
 _CAPTION = (
     "Load at the calibration and now, each with its pointwise 95 % band, and the present load less the calibrated one. "
@@ -76,14 +79,11 @@ def _shift(found: Comparison) -> str:
     shift = found.shift
     if not np.isfinite(shift.position):
         return "One of the loads does not reach half of its peak, so that its position cannot be compared."
-    now, before = (f"{at.position / MM:.2f} mm{_interval(at)}" for at in (found.half_now, found.half_before))
-    moved = f"<b>{shift.position / MM:+z.2f} mm</b>{_interval(shift, '+')}"
+    now, before = (
+        f"{at.position / MM:.2f} mm{interval_words(at, behind=_AT_95)}" for at in (found.half_now, found.half_before)
+    )
+    moved = f"<b>{shift.position / MM:+z.2f} mm</b>{interval_words(shift, '+', _AT_95)}"
     return f"The load reaches half of its peak at {now}, at the calibration at {before}: {moved}."
-
-
-def _interval(at: HalfLoad, sign: str = "") -> str:
-    known = np.isfinite(at.low + at.high)
-    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f} mm at 95 %)" if known else ""
 
 
 def comparison_figure(found: Comparison) -> Figure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from html import escape
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import FloatArray
 from clutchid.names import capital
 from clutchid.reports.figures import label, new_figure, png, shared_legend
-from clutchid.reports.html import Block, Bullets, Details, Notice, Picture, Text, escape
+from clutchid.reports.html import Block, Bullets, Details, Notice, Picture, Text
 from clutchid.reports.style import MM, STYLE
 from clutchid.reports.tables import Cell, Column, ReportTable
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from html import escape
 from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -33,7 +34,7 @@ from clutchid.reports.fleet_tables import (
     types_table,
     worst_table,
 )
-from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Sortable, Text, escape, provenance, render
+from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Sortable, Text, provenance, render
 from clutchid.reports.style import MM, STYLE
 
 if TYPE_CHECKING:
@@ -134,8 +135,6 @@ def _name_types(axis: Axes, names: Sequence[str]) -> None:
 #: Vehicles below which the range of all is said in place of that of nine in ten.
 FEW = 20
 
-__all__ = ["ReasonCount", "VehicleRow", "fleet_page", "page_of"]
-
 
 def fleet_page(
     vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], command: str, path: str | PathLike[str]
@@ -160,13 +159,14 @@ def page_of(vehicles: Sequence[VehicleRow], reasons: Sequence[ReasonCount], comm
     spans = spans_of(vehicles)
     odd = odd_vehicles(vehicles, spans)
     known = any(map(has_reading, vehicles))
+    failures = reasons_table(reasons) if reasons else Notice("Every recording counts.", "ok")
     sections = [PageSection("Wear", _wear(vehicles, spans))]
     if known:
         limited = any(not np.isnan(one.left.value) for one in vehicles)
         heading = "Soonest at their limit" if limited else "Most worn"
         sections.append(PageSection(heading, (worst_table(vehicles, spans),)))
     sections.append(PageSection("Odd vehicles", _odd(odd)))
-    sections.append(PageSection("Recordings that do not count", _failures(reasons)))
+    sections.append(PageSection("Recordings that do not count", (failures,)))
     if vehicles:
         sections.append(PageSection("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
     return Page("Wear of a fleet", _subtitle(vehicles), tuple(sections), provenance([], command))
@@ -221,10 +221,6 @@ def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
         f"their median and median absolute deviation, is beyond {ODD_SCORE}."
     )
     return Text(f"All of them, in the table of all vehicles: {links}. {rule}"), *odd_tables(odd)
-
-
-def _failures(reasons: Sequence[ReasonCount]) -> tuple[Block, ...]:
-    return (reasons_table(reasons),) if reasons else (Notice("Every recording counts.", "ok"),)
 
 
 def _number(number: int, noun: str) -> str:

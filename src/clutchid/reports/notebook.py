@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clutchid.log import Log
 from clutchid.reports.figures import draw, fill, label, legend, new_figure, svg
-from clutchid.reports.html import escape
 from clutchid.reports.style import BAR, MM, STYLE, Line
 
 if TYPE_CHECKING:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ from clutchid.observer.recording import ObservedRecording
 from clutchid.recordings.files import write_text
 from clutchid.reports.diagnosis_page import verdict_blocks
 from clutchid.reports.figures import BINS, draw, draw_duties, fill, label, legend, mark_span, new_figure, png, svg
-from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, escape, provenance, render
+from clutchid.reports.html import Block, Details, Notice, Page, PageSection, Picture, Text, provenance, render
 from clutchid.reports.observe_text import Loads, load_sentence, loads
 from clutchid.reports.style import BAR, MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, ReportTable

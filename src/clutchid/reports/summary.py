@@ -131,8 +131,13 @@ def _force(fit: Fit, at: int) -> str:
 def _half(at: HalfLoad, fitted: bool) -> str:
     if not isfinite(at.position):
         return ""
-    interval = f" ({at.low / MM:.2f} to {at.high / MM:.2f})" if fitted and isfinite(at.low + at.high) else ""
-    return f"; half of it at {at.position / MM:.2f} mm{interval}"
+    return f"; half of it at {at.position / MM:.2f} mm{interval_words(at) if fitted else ''}"
+
+
+def interval_words(at: HalfLoad, sign: str = "", behind: str = "") -> str:
+    """Interval of a half-load position or of its shift in mm, in brackets, with some words; nothing if infinite."""
+    known = isfinite(at.low + at.high)
+    return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f}{behind})" if known else ""
 
 
 def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> str:
@@ -183,8 +188,7 @@ def _since(fit: Fit, compared: Comparison | None, in_full: bool) -> list[Summary
     parts = []
     if compared and isfinite(compared.shift.position):
         at = compared.shift
-        interval = f" ({at.low / MM:+z.2f} to {at.high / MM:+z.2f})" if isfinite(at.low + at.high) else ""
-        parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval}")
+        parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval_words(at, '+')}")
     if compared is None and fit.load_is_fitted:
         parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
     if not in_full:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 from os import PathLike
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from clutchid.log import FloatArray
 from clutchid.names import capital
 from clutchid.recordings.files import write_text
 from clutchid.reports.figures import draw, fill, label, legend, mark_span, new_figure, svg
-from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, escape, provenance, render
+from clutchid.reports.html import Block, Notice, Page, PageSection, Picture, Text, provenance, render
 from clutchid.reports.style import MM, STYLE, Line
 from clutchid.reports.tables import Cell, Column, Link, ReportTable
 from clutchid.reports.wear_text import alarm_words, change_words, left_words, recordings_words

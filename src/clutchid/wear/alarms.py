@@ -9,10 +9,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import stats
 
+from clutchid.estimation.assess.comparison import Measurement
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.recordings.strokes.vented_rest import RestShift
-from clutchid.wear.history import Dated, Leak, Measurement, WearReading
+from clutchid.wear.history import Dated, Leak, WearReading
 from clutchid.wear.trend import AGED, AS_NEW, DEPARTED, FALL, FALSE_ALARMS, FASTER, LEAKING, LEAKS, Band, Step
 
 Cause = Literal["", "sensor", "wear", "new clutch"]

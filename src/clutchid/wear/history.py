@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.assess.comparison import Measurement, change_of, comparison, measured
+from clutchid.estimation.assess.comparison import Measurement, change_of, comparison
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.log import FloatArray
@@ -161,9 +161,6 @@ def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray
 def _some(names: Sequence[str]) -> str:
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     return ", ".join(names[:3]) + more
-
-
-__all__ = ["Leak", "Measurement", "WearReading", "leak_of", "measured", "unmeasured"]
 
 
 class Leak(NamedTuple):

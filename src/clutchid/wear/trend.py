@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from clutchid.estimation.assess.comparison import SHARES, WORTH
+from clutchid.estimation.assess.comparison import SHARES, WORTH, Measurement
 from clutchid.log import FloatArray
-from clutchid.wear.history import Measurement
 
 
 class Growth(NamedTuple):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from html import escape
 
 import numpy as np
 
 from clutchid.estimation import Fit
 from clutchid.log import Log
-from clutchid.reports.html import Bullets, Notice, Page, PageSection, Picture, Text, escape, provenance
+from clutchid.reports.html import Bullets, Notice, Page, PageSection, Picture, Text, provenance
 from clutchid.reports.style import BAR, MM
 from clutchid.reports.tables import ReportTable
 from clutchid.study.paper.figures import CLOSE, SLOW

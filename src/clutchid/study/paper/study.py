@@ -60,7 +60,7 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | N
     ----------
     Section 3 of the paper; every deviation is listed on the page.
     """
-    report, out = progress or _silent, Path(out)
+    report, out = progress or (lambda _text, _fraction: None), Path(out)
     with _folder(out):
         found = find(fit_log, verify_log, report)
         tables = {stem: make(found) for stem, make in TABLES.items()}
@@ -81,10 +81,6 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | N
 def _names() -> list[str]:
     """Names of all files of the study, in the order in which they are written."""
     return [*(f"{stem}.csv" for stem in TABLES), *(f"figure_{number}.png" for number in FIGURES), "index.html"]
-
-
-def _silent(_text: str, _fraction: float) -> None:
-    pass
 
 
 @contextmanager
